@@ -8,6 +8,7 @@ differences of the oracle in long double. Pinocchio's `computeConstraintDynamics
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -150,10 +151,10 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
     except NotMeasuredError as why:
         nothing = math.nan
         out.append(Point(what, case, "pinocchio", "", 0, 0, nothing, nothing, nothing, str(why)))
-    times = interleaved(calls, rounds)
-    for (name, words, samples, off), time in zip(rows, times, strict=True):
+    times = interleaved(calls, rounds, clock=time.process_time)
+    for (name, words, samples, off), taken in zip(rows, times, strict=True):
         us = 1e6 / samples
-        out.append(Point(what, case, name, words, samples, 1, off, us * time.least, us * time.median, ""))
+        out.append(Point(what, case, name, words, samples, 1, off, us * taken.least, us * taken.median, ""))
     return out
 
 

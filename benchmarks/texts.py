@@ -46,12 +46,12 @@ every method.
 """
 
 DERIVATIVES = """\
-Time of one sample [us]: `idm_jacobian` and `ddm_jacobian`, and Pinocchio's derivatives. Times of
+Processor time of one sample [us]: `idm_jacobian`, `ddm_jacobian`, and Pinocchio's derivatives. Times of
 `computeConstraintDynamicsDerivatives` leave out `constraintDynamics`, which it needs. "Given arrays" are
-filled again by each call, as Pinocchio's data are. Operations are those of one sample, beside the model's own.
-Dense products are those that grow with the square of the number of modules, as the result does. The error is
-that of the change along a random motion that keeps the loops closed, against differences of the oracle in
-long double. In Pinocchio 4.1.0 the derivatives over q of robots with loops differ from differences of its
+filled again by each call, as Pinocchio's data are. Operations are those of one sample, beside the model's;
+dense products grow with the square of the number of modules, as the result does. The error is that of
+the change along a random motion that keeps the loops closed, against differences of the oracle in long
+double. In Pinocchio 4.1.0 the derivatives over q of robots with loops differ from differences of its
 own `constraintDynamics`, which agree with the oracle: for these robots the ratio compares times alone.
 """
 

@@ -13,6 +13,9 @@ from typing import NamedTuple
 LEAST = 2e-3
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
+#: A clock that counts seconds.
+Clock = Callable[[], float]
+
 
 class Time(NamedTuple):
     """Time per call over the rounds.
@@ -26,7 +29,12 @@ class Time(NamedTuple):
 
 
 def interleaved(
-    calls: Sequence[Callable[[], object]], rounds: int, least: float = LEAST, *, warm: bool = False
+    calls: Sequence[Callable[[], object]],
+    rounds: int,
+    least: float = LEAST,
+    *,
+    warm: bool = False,
+    clock: Clock | None = None,
 ) -> list[Time]:
     """Time calls in turn, in a new order every round.
 
@@ -36,6 +44,7 @@ def interleaved(
         least: Shortest measurement [s].
         warm: Whether each measurement of repeated calls follows one like it that is not timed, so that all
             cores are awake.
+        clock: The clock, None for the wall's; processor time leaves out what others use of a busy machine.
 
     Returns:
         Least and median time of each call.
@@ -50,20 +59,21 @@ def interleaved(
             shuffled.shuffle(order)
             for i in order:
                 if warm and repeats[i] > 1:
-                    timed(calls[i], repeats[i])
-                found[i][turn] = timed(calls[i], repeats[i])
+                    timed(calls[i], repeats[i], clock)
+                found[i][turn] = timed(calls[i], repeats[i], clock)
     finally:
         if was_on:
             gc.enable()
     return [Time(min(one), sorted(one)[len(one) // 2]) for one in found]
 
 
-def timed(call: Callable[[], object], repeats: int) -> float:
+def timed(call: Callable[[], object], repeats: int, clock: Clock | None = None) -> float:
     """Return the time of one of some calls in a row [s]."""
-    started = time.perf_counter()
+    clock = clock or time.perf_counter
+    started = clock()
     for _ in range(repeats):
         call()
-    return (time.perf_counter() - started) / repeats
+    return (clock() - started) / repeats
 
 
 def _repeats(call: Callable[[], object], least: float) -> int:

@@ -128,6 +128,9 @@ def prepared(robot: HybridRobot, model: str, effects: Choice = None, parameters:
         CompileError: As `Derivatives`.
     """
     robot.check_model()
+    latest = _latest.get((model, parameters)) if effects is None else None
+    if latest and latest.robot is robot:
+        return latest
     with as_compile_error(robot):
         on = choose(robot, effects)
         key = model, robot_key(robot, on), parameters
@@ -135,11 +138,17 @@ def prepared(robot: HybridRobot, model: str, effects: Choice = None, parameters:
     _prepared[key] = found
     if len(_prepared) > KEPT:
         del _prepared[next(iter(_prepared))]
+    if effects is None:
+        _latest[model, parameters] = found
     return found
 
 
 class Derivatives:
-    """The derivatives of one model of one robot, prepared once and evaluated often."""
+    """The derivatives of one model of one robot, prepared once and evaluated often.
+
+    Attributes:
+        robot: The robot.
+    """
 
     def __init__(
         self, robot: HybridRobot, model: str, effects: Choice = None, *, parameters: bool = False
@@ -165,7 +174,7 @@ class Derivatives:
             raise ModelError(
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
-        self._robot, self._model, self._parameters = robot, model, parameters
+        self.robot, self._model, self._parameters = robot, model, parameters
         with as_compile_error(robot):
             self.library = self._built()
             about = self.program if self.library is None else self.library.programs[f"{model}_jacobian"]
@@ -186,19 +195,19 @@ class Derivatives:
         except CompileError:
             return None
         scalar = Scalar("float64", best_lanes())
-        key = f"{self._model}_jacobian {self._parameters} {robot_key(self._robot, self._effects)} {scalar!r}"
+        key = f"{self._model}_jacobian {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
         return loaded(lambda: cached(key, lambda: library_source([self.program], scalar)))
 
     @cached_property
     def program(self) -> Program:
         """The model and its derivatives as a program."""
-        asked = request(self._robot, self._effects, parameters=self._parameters)
+        asked = request(self.robot, self._effects, parameters=self._parameters)
         return direct_derivatives(asked) if self._model == "ddm" else inverse_derivatives(asked)
 
     @cached_property
     def _flat(self) -> ca.Function:
         """The program as one CasADi function."""
-        with as_compile_error(self._robot):
+        with as_compile_error(self.robot):
             return function_of(self.program)
 
     @cached_property
@@ -306,7 +315,7 @@ class Derivatives:
     @cached_property
     def _numbers(self) -> Array:
         """The inertial parameters of the bodies, shape (10 bodies,)."""
-        bodies = self._robot.bodies.bodies
+        bodies = self.robot.bodies.bodies
         return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in bodies])
 
     def _check_doubtful(self, arrays: dict[str, Array], values: Array, doubtful: list[int]) -> None:
@@ -315,7 +324,7 @@ class Derivatives:
         Raises:
             HybridynError: The general path cannot compute them either, or the model differs from it there.
         """
-        wanted = general(self._robot, self._effects, self._model, arrays)
+        wanted = general(self.robot, self._effects, self._model, arrays)
         for t in doubtful:
             off = np.abs(values[t] - wanted[t]).max() / np.abs(wanted[t]).max(initial=1e-300)
             if not off <= DERIVATIVE_AGREES:
@@ -346,3 +355,5 @@ class _Allocated(Jacobians):
 
 
 _prepared: dict[tuple[str, str, bool], Derivatives] = {}
+#: The last derivatives of each model with default effects: found without hashing the robot's description.
+_latest: dict[tuple[str, bool], Derivatives] = {}

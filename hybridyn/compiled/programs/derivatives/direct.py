@@ -30,7 +30,7 @@ from .columns import Coordinates, collect, coordinates_of, parameters_of
 from .dense import Term, by_columns, matrix, sources_of, sum_of
 from .groups import BASE, Group, groups_of
 from .memory import compacted
-from .motion import Motion, Motions
+from .motion import Motion, Motions, rows_of
 from .nodes import Joiner
 from .relations import Builder, Relations
 from .responses import Responses
@@ -125,7 +125,7 @@ class _Results:
         w, group, count = self._w, x.group, len(x.inputs[name])
         sizes = [(A.size, V.size) for A, V, _ in map(group.output, group.children)]
         total, n = sum(map(sum, sizes)), group.mobility
-        pattern = np.array([row.any() for row in x.patterns.get(name, np.zeros((total, 0)))], dtype=bool)
+        pattern = rows_of(x.patterns.get(name, np.zeros((total, 0), dtype=bool)))
         over_u = x.patterns["u"]
         own: list[Source] = [Turned(x.outputs[name].start, count, total)] if pattern.any() else []
         sources: list[Source] = [Shared(x.S_u.start, total * n), *own]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ...equations.direct import write_motion
 from ...equations.stages import Stage
 from ...program import Call, Each, Own, Shared, Target
@@ -61,8 +63,8 @@ class Motions:
         read = [parts for u in motions for parts in adjoints.parts(u)]
         Psi = replace(Psi, pattern=add_up(adjoints, read, [Psi.all]))
         q, v = w.own(rows, rows), w.own(rows, rows)
-        over_q = q, collect(adjoints, "q", at.q, [q], at).any(axis=1)
-        over_v = v, collect(adjoints, "v", at.v, [v]).any(axis=1)
+        over_q = q, rows_of(collect(adjoints, "q", at.q, [q], at))
+        over_v = v, rows_of(collect(adjoints, "v", at.v, [v]))
         return Motion(nodes, motions, Psi, over_q, over_v)
 
     def through(self, adjoints: Adjoints, nodes: list[Node], motions: list[Shared], at: Coordinates) -> None:
@@ -93,3 +95,8 @@ class Motions:
         wrists = [step for step in w.steps[middle:] if isinstance(step, Call)]
         del w.steps[start:]
         return [*core, *calls.leg_calls, *wrists]
+
+
+def rows_of(pattern: Pattern) -> Pattern:
+    """Return which rows have an entry that is not always zero."""
+    return np.array([row.any() for row in pattern], dtype=bool)
