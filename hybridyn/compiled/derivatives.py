@@ -274,7 +274,7 @@ class Derivatives:
             given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
         if len(given) != len(wanted):
             raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
-        arguments = named(self._robot, dict(zip(wanted, given, strict=True))).values()
+        arguments = named(self.robot, dict(zip(wanted, given, strict=True))).values()
         pairs = zip(arguments, wanted.items(), strict=True)
         checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
         arrays = {name: array for name, (array, _) in checked.items()}
