@@ -58,17 +58,20 @@ def cross(a: Array, b: Array) -> Array:
 
 def compose(A: Array, B: Array) -> Array:
     """Compute A B for matrices (..., 3, 3); einsum keeps the memory order, matmul would not."""
-    return np.einsum("...ij,...jk->...ik", A, B)
+    out: Array = np.einsum("...ij,...jk->...ik", A, B)
+    return out
 
 
 def rotate(R: Array, x: Array) -> Array:
     """Compute R x for matrices (..., 3, 3) and vectors (..., 3)."""
-    return np.einsum("...ij,...j->...i", R, x)
+    out: Array = np.einsum("...ij,...j->...i", R, x)
+    return out
 
 
 def rotate_back(R: Array, x: Array) -> Array:
     """Compute R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
-    return np.einsum("...ji,...j->...i", R, x)
+    out: Array = np.einsum("...ji,...j->...i", R, x)
+    return out
 
 
 def hat(x: Array) -> Array:
@@ -177,7 +180,8 @@ def quaternion_from_rotation(R: Array) -> Array:
     best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
     quat = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
-    return np.where(quat[..., 3:] < 0, -quat, quat)
+    out: Array = np.where(quat[..., 3:] < 0, -quat, quat)
+    return out
 
 
 def rotation_vector(R: Array) -> Array:

@@ -295,4 +295,5 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
     _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)), anchored=True)
-    return q[1]
+    posture: Array = q[1]
+    return posture

@@ -269,4 +269,5 @@ def _reached(task: Task, q: Array) -> Array:
         if not len(active):
             break
     result = task.solve(q[there], np.zeros(there.sum(), dtype=int))
-    return result.q[task.closed(result)]
+    closed: Array = result.q[task.closed(result)]
+    return closed

@@ -103,7 +103,8 @@ def _first_posture(task: Task, guess: Array) -> Array:
         good = np.flatnonzero(task.closed(result))
         if len(good):
             away = tree.difference(np.tile(guess, (len(good), 1)), result.q[good]) / task.problem.col_scale
-            return result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
+            nearest: Array = result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
+            return nearest
         if result.residual.min() < best.residual.min():
             best = result
     raise unreachable(task, best, 0, iterations)
@@ -245,7 +246,8 @@ def _at_once(task: Task, q: Array, sample: int) -> Array:
     result = task.solve(q[None], np.array([sample + 1]))
     if not task.closed(result)[0]:
         raise unreachable(task, result, sample + 1, result.iterations)
-    return result.q[0]
+    posture: Array = result.q[0]
+    return posture
 
 
 def _lost(task: Task, q: Array, sample: int) -> AssemblyError:

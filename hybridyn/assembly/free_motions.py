@@ -115,7 +115,8 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
         motion: Motion of its tree, T samples.
     """
     effects = np.matmul(_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
-    return np.linalg.norm(effects, axis=(1, 2)) <= IDLE
+    out: Mask = np.linalg.norm(effects, axis=(1, 2)) <= IDLE
+    return out
 
 
 def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:
@@ -146,14 +147,16 @@ def _null_space(A: Array, tolerance: float) -> Array:
         return np.zeros((0, 0))
     _, s, Vt = np.linalg.svd(A, full_matrices=True)
     rank = int(np.sum(s > tolerance))
-    return Vt[rank:].T
+    out: Array = Vt[rank:].T
+    return out
 
 
 def _complement(Q: Array) -> Array:
     """Compute an orthonormal basis of the complement of orthonormal columns Q."""
     if not Q.shape[1]:
         return np.eye(len(Q))
-    return np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
+    out: Array = np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
+    return out
 
 
 def _named(motions: Array, names: list[str]) -> tuple[str, ...]:

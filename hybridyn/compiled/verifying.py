@@ -282,4 +282,5 @@ def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) 
 def difference(result: Numbers, reference: Array) -> Array:
     """Compute the difference of each sample, relative to its largest entry, shape (T,)."""
     scale = np.abs(reference).max(axis=1, initial=0.0)
-    return np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
+    out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
+    return out

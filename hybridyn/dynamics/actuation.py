@@ -58,7 +58,8 @@ class Need:
 
 def motor_units(module: Module) -> Array:
     """Return the factor that converts each motor's effort to work per scaled coordinate, shape (motors,)."""
-    return module.mechanism.reduction.col_scale[module.motor_columns]
+    out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
+    return out
 
 
 def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sharing: Sharing) -> Array:
@@ -143,7 +144,8 @@ def _least_norm(
             sample=sample,
         )
     y = np.where(keep, np.einsum("tji,tj->ti", U, Q) / np.where(keep, s, 1.0), 0.0)
-    return np.einsum("tji,tj->ti", Vt, y) * share
+    out: Array = np.einsum("tji,tj->ti", Vt, y) * share
+    return out
 
 
 def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Index) -> Array:

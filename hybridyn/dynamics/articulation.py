@@ -169,14 +169,16 @@ def _slips(s: ModuleState, basis: Basis) -> Array:
     if not m.closures.rows:
         return np.zeros(basis.Psi.shape[::2])
     largest_rate = np.abs(basis.Psi / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
-    return 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
+    out: Array = 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
+    return out
 
 
 def _inertia_of_slips(s: ModuleState, legs: LegTerms, slips: Array, I_star: Array) -> Array:
     """Compute the inertia that rates of rounding bring into each motion, shape (T, N)."""
     joints = np.einsum("tii,i->t", legs.M[:, 6:, 6:], s.mechanism.reduction.col_scale**2)
     outputs = np.einsum("toii,i->t", I_star, np.repeat([s.mechanism.length**2, 1.0], 3))
-    return np.square(slips) * (joints + outputs)[:, None]
+    out: Array = np.square(slips) * (joints + outputs)[:, None]
+    return out
 
 
 def _force_of_slips(s: ModuleState, legs: LegTerms, slips: Array, tau: Array, beta_star: Array) -> Array:
@@ -184,7 +186,8 @@ def _force_of_slips(s: ModuleState, legs: LegTerms, slips: Array, tau: Array, be
     unit = s.mechanism.reduction.col_scale
     joints = (np.abs(legs.f) + np.abs(legs.h)) @ unit + np.abs(tau) @ unit[s.module.motor_columns]
     outputs = np.abs(beta_star).sum(axis=1) @ np.repeat([s.mechanism.length, 1.0], 3)
-    return slips.max(axis=1, initial=0.0) * (joints + outputs)
+    out: Array = slips.max(axis=1, initial=0.0) * (joints + outputs)
+    return out
 
 
 def _onto_base(
@@ -225,7 +228,8 @@ def _cancelled_inertia(inertia: Array, terms: Array, freedoms: int) -> Array:
     """
     root = np.sqrt(np.abs(np.diagonal(inertia, axis1=1, axis2=2)))
     slip = (freedoms + 2) * EPS * np.einsum("ti,tij->tj", root, terms)
-    return np.square(slip)[:, :, None] * np.eye(6)
+    out: Array = np.square(slip)[:, :, None] * np.eye(6)
+    return out
 
 
 def _rounding(inertia: Array) -> Array:
@@ -235,7 +239,8 @@ def _rounding(inertia: Array) -> Array:
     bounds all these errors.
     """
     diagonal = np.diagonal(inertia, axis1=2, axis2=3)
-    return 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
+    out: Array = 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
+    return out
 
 
 def accelerate(

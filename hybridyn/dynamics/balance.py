@@ -101,19 +101,23 @@ def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
     resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
     kept = largest(x.Q_0)
     terms = largest(y) * np.maximum(x.size / np.where(kept > 0, kept, np.inf), 1.0)
-    return np.maximum(terms, x.size / np.where(resisted > 0, resisted, np.inf))
+    out: Array = np.maximum(terms, x.size / np.where(resisted > 0, resisted, np.inf))
+    return out
 
 
 def congruence(B: Array, M: Array) -> Array:
     """Compute B^T M B for B of shape (T, n, N) and M of shape (T, n, n)."""
-    return np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
+    out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
+    return out
 
 
 def largest(x: Array) -> Array:
     """Compute the largest absolute entry of each sample, shape (T,)."""
-    return np.abs(x).max(axis=1, initial=0.0)
+    out: Array = np.abs(x).max(axis=1, initial=0.0)
+    return out
 
 
 def _size(B: Array, force: Array) -> Array:
     """Compute the largest entry of abs(B)^T abs(force), shape (T,)."""
-    return np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
+    out: Array = np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
+    return out

@@ -81,9 +81,11 @@ class Guards:
             size = size + _work(F_p, m.length) + _work(F_e, m.length) + self._summed[k][:, o]
         if s.module.parent >= 0:
             self._summed[s.module.parent][:, s.module.parent_output] += size
-        return size
+        out: Array = size
+        return out
 
 
 def _work(W: Array, length: float) -> Array:
     """Compute the size of a wrench as work per scaled coordinate, shape (T,), [N m]."""
-    return np.linalg.norm(W[:, :3], axis=1) * length + np.linalg.norm(W[:, 3:], axis=1)
+    out: Array = np.linalg.norm(W[:, :3], axis=1) * length + np.linalg.norm(W[:, 3:], axis=1)
+    return out

@@ -129,7 +129,8 @@ class Loads:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))
         state.mechanism.cut.to_tree(self.rotors[None, state.module.v_index], out)
-        return out[0]
+        diagonal: Array = out[0]
+        return diagonal
 
 
 def all_loads(

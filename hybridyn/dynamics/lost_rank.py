@@ -147,4 +147,5 @@ def possible_motions(module: Module, K: Array) -> Array:
     r = module.mechanism.reduction
     _, s, Vt = np.linalg.svd(r.scaled(K))
     kept = min(int(np.sum(s > 10 * LOST_PIVOT * s[0])), r.rank - 1)
-    return Vt[kept:].T * r.col_scale[:, None]
+    out: Array = Vt[kept:].T * r.col_scale[:, None]
+    return out

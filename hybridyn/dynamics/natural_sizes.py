@@ -59,7 +59,8 @@ class NaturalSizes:
         Args:
             length: Length of the pendulum [m].
         """
-        return np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
+        out: Array = np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
+        return out
 
     def acceleration(self, length: float) -> Array:
         """Compute the reference acceleration for the rounding of accelerations, shape (T,), [rad/s^2].
@@ -67,7 +68,8 @@ class NaturalSizes:
         Args:
             length: Length of the pendulum in `rate` [m].
         """
-        return np.maximum(self.stated, self.rate(length) ** 2)
+        out: Array = np.maximum(self.stated, self.rate(length) ** 2)
+        return out
 
 
 def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:

@@ -132,13 +132,16 @@ class Stop:
         low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
         push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
         push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
-        return p[0] * (push_low - push_high)
+        out: Array = p[0] * (push_low - push_high)
+        return out
 
     def energy(self, p: Numerals, x: Array) -> Array:
         """Compute k d^2 / 2."""
-        return 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
+        out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
+        return out
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""
         elastic = p[0] * (np.maximum(p[1] - x, 0.0) - np.maximum(x - p[2], 0.0))
-        return (elastic - self.effort(p, x, v)) * v
+        out: Array = (elastic - self.effort(p, x, v)) * v
+        return out

@@ -191,7 +191,8 @@ class GroundContact:
         touches = [
             self._touch(motions[link], point) for link, points in self._points.items() for point in points
         ]
-        return np.sum([0.5 * self.stiffness * depth**2 for _, _, depth, _ in touches], axis=0)
+        out: Array = np.sum([0.5 * self.stiffness * depth**2 for _, _, depth, _ in touches], axis=0)
+        return out
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
         """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""

@@ -25,7 +25,8 @@ def page_of_chart(chart: Chart) -> str:
 
 def page_of_figure(figure: Figure) -> str:
     """Return a plotly figure as the text of a self-contained HTML file."""
-    return figure.to_html(include_plotlyjs=True, full_html=True)
+    text: str = figure.to_html(include_plotlyjs=True, full_html=True)
+    return text
 
 
 def subplots(rows: int, columns: int, **options: Any) -> Figure:

@@ -195,7 +195,8 @@ class _Group:
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:
     """Return the mask of freedoms that move frame B relative to frame A, shape (nv,)."""
-    return tree.support[closure.body_a] ^ tree.support[closure.body_b]
+    out: Mask = tree.support[closure.body_a] ^ tree.support[closure.body_b]
+    return out
 
 
 class Closures:
@@ -251,7 +252,8 @@ class Closures:
                 total += coefficient * x[:, 0]
         # Cosine and sine of a continuous joint determine its angle up to whole turns.
         period = 2 * np.pi * common_measure(endless)
-        return total - period * np.round(total / period) if period else total
+        out: Array = total - period * np.round(total / period) if period else total
+        return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
         """Compute the constraint rows K over the tree's freedoms, shape (T, rows, nv).

@@ -54,7 +54,8 @@ def pivot_ratio(R: Array, rank: int) -> Array:
         return np.ones(len(R))
     pivots = np.abs(np.diagonal(R[:, :rank, :rank], axis1=1, axis2=2))
     largest = pivots.max(axis=1)
-    return pivots.min(axis=1) / np.where(largest > 0, largest, 1.0)
+    out: Array = pivots.min(axis=1) / np.where(largest > 0, largest, 1.0)
+    return out
 
 
 def back_substitute(R: Array, rhs: Array) -> Array:
@@ -104,4 +105,5 @@ def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | No
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     keep = s > relative * s[:, :1] if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
     y = np.where(keep, np.einsum("bji,bj->bi", U, b) / np.where(keep, s, 1.0), 0.0)
-    return np.einsum("bji,bj->bi", Vt, y)
+    x: Array = np.einsum("bji,bj->bi", Vt, y)
+    return x

@@ -24,7 +24,8 @@ def is_locked(S: Array) -> Mask:
         Mask, shape (T,).
     """
     s = np.linalg.svd(S, compute_uv=False)
-    return s[:, -1] <= GIMBAL_LOCK * s[:, 0]
+    out: Mask = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
+    return out
 
 
 def warn_of_gimbal_lock(S: Array) -> None:

@@ -135,14 +135,16 @@ class TreeJoint:
 
 def _turned(x: Array, y: Array) -> Array:
     """Compute the signed angles from unit vectors x to y, shape (T,)."""
-    return np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
+    out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
+    return out
 
 
 def _turn(cos_sin: Array, angle: Array) -> Array:
     """Rotate unit vectors (T, 2) by angles (T,)."""
     cos, sin = np.cos(angle), np.sin(angle)
     out = np.stack([cos_sin[:, 0] * cos - cos_sin[:, 1] * sin, cos_sin[:, 0] * sin + cos_sin[:, 1] * cos], -1)
-    return out / np.linalg.norm(out, axis=-1, keepdims=True)
+    unit: Array = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return unit
 
 
 def _compose(quat: Array, turn: Array) -> Array:
@@ -154,4 +156,5 @@ def _compose(quat: Array, turn: Array) -> Array:
     out = np.concatenate(
         [w * u + c * x + cross(x, u), w * c - np.sum(x * u, axis=-1, keepdims=True)], axis=-1
     )
-    return out / np.linalg.norm(out, axis=-1, keepdims=True)
+    unit: Array = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return unit

@@ -171,7 +171,8 @@ def _turned(J: Array, change: Array, rank: int) -> Array:
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     top = np.maximum(s[:, :rank, None], SMALLEST_SINGULAR_VALUE)
     part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
-    return np.linalg.norm(part, 2, axis=(1, 2))
+    out: Array = np.linalg.norm(part, 2, axis=(1, 2))
+    return out
 
 
 def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None, tolerance: float) -> Array:
@@ -186,7 +187,8 @@ def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None, tolerance
         else (np.arange(s.shape[1]) < rank) & (s > 0)
     )
     gain = np.where(keep, s / np.where(keep, s * s + damping[:, None] * top**2, 1.0), 0.0)
-    return np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
+    x: Array = np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
+    return x
 
 
 def close(

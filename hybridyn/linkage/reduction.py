@@ -91,7 +91,8 @@ def size_of_rows(s: Array, tolerance: float) -> Array:
         s: Singular values, largest first, shape (T, values).
         tolerance: Singular values below this are rounding.
     """
-    return np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
+    out: Array = np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
+    return out
 
 
 def decide_rank(K: Array, tolerance: float) -> RankReport:
@@ -113,7 +114,8 @@ def decide_rank(K: Array, tolerance: float) -> RankReport:
 def _medians(x: Array) -> Array:
     """Return the median of each column, shape (samples, n); `np.median` first imports masked arrays."""
     x, middle = np.sort(x, axis=0), len(x) // 2
-    return x[middle] if len(x) % 2 else (x[middle - 1] + x[middle]) / 2
+    out: Array = x[middle] if len(x) % 2 else (x[middle - 1] + x[middle]) / 2
+    return out
 
 
 class Reduction:

@@ -129,7 +129,8 @@ def _right_jacobian(r: Array) -> Array:
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
         return np.asarray(np.eye(3) - S / 2 + S @ S / 6)
-    return np.eye(3) - (1 - np.cos(angle)) / angle**2 * S + (angle - np.sin(angle)) / angle**3 * S @ S
+    out: Array = np.eye(3) - (1 - np.cos(angle)) / angle**2 * S + (angle - np.sin(angle)) / angle**3 * S @ S
+    return out
 
 
 def _right_jacobian_inverse(r: Array) -> Array:

@@ -152,7 +152,8 @@ class CoordinateTarget:
         J = tree.jacobian(motion, self.body)
         linear = J[:, :3] - np.matmul(hat(offset), J[:, 3:])
         turned = np.concatenate([np.matmul(self.R.T, linear), np.matmul(self.R.T, J[:, 3:])], axis=1)
-        return np.matmul(_coordinate_map(R), turned)[:, self._rows()]
+        rows: Array = np.matmul(_coordinate_map(R), turned)[:, self._rows()]
+        return rows
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, rows)."""

@@ -92,7 +92,8 @@ class Gear:
         total = self.given[samples + 1] - self.given[samples]
         for term in self.terms:
             total = total + term.weight * step[:, term.to]
-        return np.abs(total) < self.period / 2
+        out: Mask = np.abs(total) < self.period / 2
+        return out
 
     def near(self, q: Array) -> Gear:
         """Return the gear with its unknown turns fixed as in a posture, shape (nq,)."""
@@ -213,12 +214,14 @@ class Winding:
         )
 
     def _at(self, joint: int) -> int:
-        return self.closures.tree.q_slices[joint].start
+        start: int = self.closures.tree.q_slices[joint].start
+        return start
 
 
 def _nearest(angle: Array, near: Array) -> Array:
     """Add to angles the whole turns that bring them nearest to others."""
-    return angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
+    out: Array = angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
+    return out
 
 
 def turns_decide(unknown: Sequence[float], known: Sequence[float]) -> bool:

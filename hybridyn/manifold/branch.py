@@ -120,7 +120,8 @@ def branch_of(
 def derivative(f: Callable[[float], Array]) -> Array:
     """Compute f'(0) by fourth-order central differences."""
     h = BRANCH_DIFFERENCE
-    return (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
+    out: Array = (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
+    return out
 
 
 def along_branch(state: ModuleState, basis: Basis) -> Basis:
@@ -162,7 +163,8 @@ class _Path:
         """Compute the rows at a displacement from a posture, shape (rows, n)."""
         m = self._m
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
-        return m.reduction.scaled(m.closures.matrix(m.tree.sweep(x)))[0]
+        out: Array = m.reduction.scaled(m.closures.matrix(m.tree.sweep(x)))[0]
+        return out
 
     def gamma(self, q: Array, moved: Array, rate: Array) -> Array:
         """Compute the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
@@ -170,14 +172,16 @@ class _Path:
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
         rates = rate * m.reduction.col_scale
         at = np.repeat(x, len(rates), axis=0)
-        return m.closures.rates(m.tree.sweep(at, rates), rates)[1] * m.reduction.row_scale
+        out: Array = m.closures.rates(m.tree.sweep(at, rates), rates)[1] * m.reduction.row_scale
+        return out
 
     def strong_drift(self, s: float, parts: tuple[Array, ...], strong: int) -> Array:
         """Compute the drift that the strong rows determine at path length s, (n,), from their U, s, Vt."""
         U, size, Vt = parts
         q, v = self.at(s)
         wanted = U[:, :strong].T @ self.gamma(q, 0 * v, v[None])[0]
-        return -Vt[:strong].T @ (wanted / size[:strong])
+        out: Array = -Vt[:strong].T @ (wanted / size[:strong])
+        return out
 
     def slopes(self, s: float) -> tuple[Array, Array, Array]:
         """Compute K', K' + gamma_v and gamma' at path length s, shapes (rows, n), (rows, n), (rows,)."""

@@ -175,4 +175,5 @@ class ModuleChart:
         right = self.U.T @ (self.K @ along)
         inverse = np.linalg.pinv(self.G, rcond=HELD) if self.lost else None
         dependent = np.linalg.solve(self.G, right) if inverse is None else inverse @ right
-        return along - self.V @ dependent
+        out: Array = along - self.V @ dependent
+        return out

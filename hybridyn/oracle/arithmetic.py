@@ -25,11 +25,13 @@ class Factor(NamedTuple):
 
     def least_norm(self, b: Numbers) -> Numbers:
         """Compute the least-norm least-squares solution of `A x = b`."""
-        return self.V @ (self.inverse @ (self.U.T @ b))
+        x: Numbers = self.V @ (self.inverse @ (self.U.T @ b))
+        return x
 
     def least_norm_normal(self, b: Numbers) -> Numbers:
         """Compute the least-norm solution of `A^T A x = b`."""
-        return self.V @ (self.inverse @ (self.inverse.T @ (self.V.T @ b)))
+        x: Numbers = self.V @ (self.inverse @ (self.inverse.T @ (self.V.T @ b)))
+        return x
 
 
 class Float64:

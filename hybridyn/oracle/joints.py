@@ -27,7 +27,8 @@ def quaternion_matrix(xyzw: Numbers) -> Numbers:
     """Build the rotation of a quaternion (x, y, z, w) of any norm."""
     u, w = xyzw[:3], xyzw[3]
     skew = np.array([cross(u, e) for e in np.eye(3)]).T
-    return ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * skew) / (xyzw @ xyzw)
+    R: Numbers = ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * skew) / (xyzw @ xyzw)
+    return R
 
 
 def rotation_about_z(c: Any, s: Any) -> Numbers:

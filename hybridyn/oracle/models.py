@@ -253,7 +253,8 @@ class Oracle:
             raise ValueError(
                 f"a motion without mass is forced by {left:.1e} (largest effort: {all_efforts:.1e})"
             )
-        return a_p + self.unit * (Z @ C.least_norm_normal(along))
+        a: Numbers = a_p + self.unit * (Z @ C.least_norm_normal(along))
+        return a
 
     def _inertia(self, posture: Posture, Z: Numbers) -> Factor:
         """Factor C for motions along Z, with a tolerance relative to the robot's total mass."""
@@ -265,4 +266,5 @@ class Oracle:
         """Compute a basis of the allowed tree accelerations without inertia, shape (nv, massless)."""
         posture = self.posture(q)
         C = self._inertia(posture, posture.Z)
-        return self.unit[:, None] * (posture.Z @ C.Z)
+        basis: Numbers = self.unit[:, None] * (posture.Z @ C.Z)
+        return basis

@@ -80,7 +80,8 @@ class EffortTable:
         """
         times = np.array([t])
         self._pieces.check("efforts: its table", times)
-        return self._pieces.at(times)[0][0]
+        tau: Array = self._pieces.at(times)[0][0]
+        return tau
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the table for steps in C."""
@@ -107,7 +108,8 @@ class Pd:
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
         x, x_dot, _ = self._reference.at(t)
-        return self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
+        out: Array = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
+        return out
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the control for steps in C."""
@@ -147,7 +149,8 @@ class ComputedTorque:
         a = np.zeros(self._robot.nv)
         a[self._axes.columns] = x_ddot + feedback
         found = inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
-        return found.tau[0]
+        tau: Array = found.tau[0]
+        return tau
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the control for steps in C; None if motors do not determine the motion.

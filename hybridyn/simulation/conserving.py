@@ -252,7 +252,8 @@ class Conserving:
     def _force(self, end: _End, B: Array, drift: Array) -> Array:
         """Compute B^T (M drift + c + gravity - elastic), shape (N,)."""
         force = pin.rnea(self._model, self._data, end.q, end.v, drift) + self._rotors * drift - end.elastic
-        return B.T @ force
+        out: Array = B.T @ force
+        return out
 
 
 def _mean_basis(B0: Array, B1: Array) -> Array:
@@ -264,7 +265,8 @@ def _mean_basis(B0: Array, B1: Array) -> Array:
 def _orthonormal(B: Array) -> Array:
     """Compute B (B^T B)^-1/2, the closest orthonormal basis of the same space."""
     square, turn = np.linalg.eigh(B.T @ B)
-    return B @ (turn / np.sqrt(square)) @ turn.T
+    out: Array = B @ (turn / np.sqrt(square)) @ turn.T
+    return out
 
 
 def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
@@ -273,7 +275,8 @@ def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
     scale = dz @ moved
     if scale == 0.0 or not np.isfinite(scale):
         return inverse
-    return inverse + np.outer(dz - moved, dz @ inverse) / scale
+    out: Array = inverse + np.outer(dz - moved, dz @ inverse) / scale
+    return out
 
 
 def _check_inertia(end: _End) -> None:

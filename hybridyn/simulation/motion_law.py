@@ -167,7 +167,8 @@ class MotionLaw:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Compute the accelerations at one state, shape (nv,), after placing a prescribed base in q and v."""
-        return self.accelerations(np.array([t]), q[None], v[None])[0]
+        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
+        return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
         """Compute the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).

@@ -115,7 +115,8 @@ class System:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Compute the accelerations at one state, shape (nv,)."""
-        return self.accelerations(np.array([t]), q[None], v[None])[0]
+        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
+        return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
         """Compute the accelerations at many states, with Baumgarte's stabilisation if set, shape (T, nv).

@@ -72,7 +72,8 @@ class WristMotion:
         linear, angular = (c[:, cols] for c in spanning.columns(motion))
         shift = cross(angular, motion.p[:, end, None] - motion.p[:, spanning.dof_body[cols]])
         S = np.swapaxes(np.concatenate([(linear + shift) / self._length, angular], axis=-1), 1, 2)
-        return S * self._col_scale[cols]
+        out: Array = S * self._col_scale[cols]
+        return out
 
     def link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
         """Compute the Jacobian from x_dot to the twist of a link inside a wrist, in the link's frame.
@@ -120,7 +121,8 @@ class WristMotion:
         U, s, Vt = np.linalg.svd(self.jacobian(spanning, wrist), full_matrices=False)
         keep = (s > GIMBAL_LOCK * s[:, :1])[..., None]
         y = np.where(keep, np.matmul(np.swapaxes(U, 1, 2), miss) / np.where(keep, s[..., None], 1.0), 0.0)
-        return np.matmul(np.swapaxes(Vt, 1, 2), y) * self._col_scale[self.columns(wrist), None]
+        out: Array = np.matmul(np.swapaxes(Vt, 1, 2), y) * self._col_scale[self.columns(wrist), None]
+        return out
 
     def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
         """Compute, in place, the least-norm rates of the wrists for which their ends follow their targets.

@@ -145,7 +145,8 @@ class Worth:
         model = None if self._compiled is None else self._compiled.model(on)
         if model is None:
             return self._general(on)
-        return model.idm(*self._motion)
+        efforts: Array = model.idm(*self._motion)
+        return efforts
 
     def contributions(self) -> tuple[list[Contribution], float]:
         """Compute the difference that each effect makes; inertia is removed with the effects that need it.

@@ -112,7 +112,8 @@ class Picture:
     @property
     def centre(self) -> Array:
         """Centre of the robot at home, shape (3,), [m]."""
-        return self.corners.mean(axis=0)
+        middle: Array = self.corners.mean(axis=0)
+        return middle
 
     @property
     def floor(self) -> float:

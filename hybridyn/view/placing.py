@@ -28,7 +28,8 @@ class Placement(NamedTuple):
         if not points:
             return np.zeros((0, 3))
         at = np.array([point.body for point in points])
-        return self.p[at] + rotate(self.R[at], np.array([point.at for point in points]))
+        placed: Array = self.p[at] + rotate(self.R[at], np.array([point.at for point in points]))
+        return placed
 
 
 def place_bodies(robot: HybridRobot, q: Array) -> Placement:

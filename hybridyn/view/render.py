@@ -58,7 +58,8 @@ def render(picture: Picture, placement: Placement, camera: Camera, *, own_colour
     light = AMBIENT + DIFFUSE * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0)
     _fill(raster, fine, corners[seen], np.clip(colours * light[:, None], 0, 1)[seen])
     mean = raster.colour.reshape(camera.height, FINER, camera.width, FINER, 3).mean(axis=(1, 3))
-    return np.round(255 * mean).astype(np.uint8)
+    image: Image = np.round(255 * mean).astype(np.uint8)
+    return image
 
 
 def _fill(raster: Raster, camera: Camera, corners: Array, colours: Array) -> None:

@@ -55,7 +55,8 @@ def _turned(source: Turned, copies: Index, lanes: int) -> Index:
     """Return where own numbers that are read by columns are, in single numbers, shape (rows, copies)."""
     rows = np.arange(source.rows)
     first = source.start + (rows // lanes) * source.size + source.first
-    return (first[:, None] + copies) * lanes + (rows % lanes)[:, None]
+    at: Index = (first[:, None] + copies) * lanes + (rows % lanes)[:, None]
+    return at
 
 
 def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Block) -> str:
@@ -122,7 +123,8 @@ class _Pack:
 
     def _lanes(self, values: Array | Index) -> Array | Index:
         """Return the copies' rows as columns, shape (entries, lanes)."""
-        return values[self.copies].T
+        rows: Array | Index = values[self.copies].T
+        return rows
 
     def _source(self, n: int, source: Source, block: Block) -> str:
         """Return an argument that is read; the copies' numbers are first gathered into their lanes."""

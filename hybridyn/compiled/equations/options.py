@@ -155,7 +155,8 @@ def _locked(robot: HybridRobot) -> Array:
     postures = [robot.home] + [
         pin.integrate(robot.unchanged_model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
     ]
-    return np.max([np.diag(pin.crba(robot.unchanged_model, data, q)) for q in postures], axis=0)
+    out: Array = np.max([np.diag(pin.crba(robot.unchanged_model, data, q)) for q in postures], axis=0)
+    return out
 
 
 def _share(robot: HybridRobot, module: Module) -> Array:

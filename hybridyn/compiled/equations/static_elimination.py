@@ -116,7 +116,8 @@ def _score(size: Array) -> Array:
 
 def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
     """Convert pivots to the units of the unscaled matrix."""
-    return pivot / (row_scale * col_scale)
+    out: Array = pivot / (row_scale * col_scale)
+    return out
 
 
 def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Trust]:

@@ -225,12 +225,14 @@ class Calls:
         if not hasattr(self._memory, "array"):
             self._memory.array = np.zeros(self._work + 64, np.uint8)
             self._memory.at = -(-self._memory.array.ctypes.data // 64) * 64
-        return self._memory.at
+        at: int = self._memory.at
+        return at
 
 
 def _address(array: Numbers) -> int:
     """Return the address of an array's numbers; `array.ctypes.data` takes five times as long."""
-    return array.__array_interface__["data"][0]
+    at: int = array.__array_interface__["data"][0]
+    return at
 
 
 @cache

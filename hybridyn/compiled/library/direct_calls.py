@@ -33,7 +33,8 @@ class Method(ctypes.Structure):
         new = ctypes.pythonapi.PyCFunction_NewEx
         new.restype = ctypes.py_object
         new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
-        return new(ctypes.byref(self), None, None)
+        made: Callable[..., int] = new(ctypes.byref(self), None, None)
+        return made
 
 
 def knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:

@@ -218,7 +218,8 @@ class JointChart:
 
     def independent(self, x: Array) -> Array:
         """Return the independent entries of rates, accelerations or displacements, (nv,) or (nv, k)."""
-        return x[self._independent]
+        out: Array = x[self._independent]
+        return out
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
         """Compute posture and rates, like `Chart.lift`.

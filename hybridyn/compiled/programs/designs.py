@@ -37,7 +37,10 @@ class AtDesign:
 
     def batch(self, name: str, *inputs: Array) -> tuple[tuple[Any, ...], Any]:
         """Compute outputs, shapes (T, n), and guards, shape (T,)."""
-        return self._library.batch(name, *inputs, np.tile(self._numbers, (len(inputs[0]), 1)))
+        out: tuple[tuple[Any, ...], Any] = self._library.batch(
+            name, *inputs, np.tile(self._numbers, (len(inputs[0]), 1))
+        )
+        return out
 
 
 def designs_to_verify(

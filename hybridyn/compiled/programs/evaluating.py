@@ -182,7 +182,8 @@ class DesignEvaluator:
         out.tau[at] = tau.reshape(len(own), T, -1)
         out.reached[at] = True
         certain = trusted.reshape(len(own), T).all(axis=1) & found.certain
-        return np.flatnonzero(~certain) + at.start
+        left: Index = np.flatnonzero(~certain) + at.start
+        return left
 
     def _efforts(self, given: list[Array]) -> tuple[Array, Mask]:
         """Compute efforts in C, and where they can be trusted."""

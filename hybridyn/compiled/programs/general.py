@@ -112,4 +112,5 @@ def general(robot: HybridRobot, effects: Effects, name: str, given: Mapping[str,
     if name == "kinematics":
         as_positions(robot, inputs["q"])
         return body_rows(robot, *inputs.values())
-    return GENERAL[name](robot, *inputs.values(), effects=effects, **more)
+    found: Array = GENERAL[name](robot, *inputs.values(), effects=effects, **more)
+    return found

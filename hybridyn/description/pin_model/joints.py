@@ -180,7 +180,8 @@ def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
     """Return the axis of a joint with one freedom, shape (3,), by its motion subspace."""
     letter = joint.shortname()[-1]
     if letter in "XYZ":
-        return np.eye(3)["XYZ".index(letter)]
+        aligned: Array = np.eye(3)["XYZ".index(letter)]
+        return aligned
     inner = joint.extract()
     if hasattr(inner, "axis"):
         return np.array(inner.axis, dtype=float).reshape(3)
@@ -193,4 +194,5 @@ def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
 
 
 def _unit(vector: Array) -> Array:
-    return vector / np.linalg.norm(vector)
+    out: Array = vector / np.linalg.norm(vector)
+    return out

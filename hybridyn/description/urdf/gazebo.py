@@ -112,7 +112,8 @@ def _direction(node: Node, at: Array, poses: dict[str, Array]) -> Array:
     unit: Array = value / length
     if not stated:
         return unit
-    return at[:3, :3].T @ _frame(node, stated, poses)[:3, :3] @ unit
+    turned_: Array = at[:3, :3].T @ _frame(node, stated, poses)[:3, :3] @ unit
+    return turned_
 
 
 def _frame(node: Node, name: str, poses: dict[str, Array]) -> Array:

@@ -139,4 +139,5 @@ def _nearest_rotation(axes: Array) -> Array:
     if np.array_equal(axes.T @ axes, np.eye(3)):
         return axes
     u, _, vt = np.linalg.svd(axes)
-    return u @ vt
+    out: Array = u @ vt
+    return out

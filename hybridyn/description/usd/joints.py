@@ -215,7 +215,8 @@ def _unit(prim: Prim, axis: str) -> float:
 
 def direction(axis: str) -> Array:
     """Return the unit vector of an axis, shape (3,)."""
-    return np.eye(3)["XYZ".index(axis[-1])]
+    out: Array = np.eye(3)["XYZ".index(axis[-1])]
+    return out
 
 
 def relative(bodies: Bodies, joint: UsdJoint) -> Array:
@@ -224,4 +225,5 @@ def relative(bodies: Bodies, joint: UsdJoint) -> Array:
         (np.eye(4) if body is None else bodies.pose(body).frame) @ frame
         for body, frame in zip(joint.bodies, joint.frames, strict=True)
     )
-    return inverse(first) @ second
+    out: Array = inverse(first) @ second
+    return out

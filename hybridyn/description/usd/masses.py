@@ -91,7 +91,8 @@ def _mass(bodies: Bodies, body: Prim, colliders: list[Prim]) -> Mass:
 
 def _steiner(arm: Array) -> Array:
     """Return the inertia of a unit mass at the end of an arm, shape (3, 3)."""
-    return arm @ arm * np.eye(3) - np.outer(arm, arm)
+    out: Array = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    return out
 
 
 def _without_shape(body: Prim, mass: float, com: Array | None, inertia: Array | None) -> Mass:

@@ -94,7 +94,8 @@ def _asked(file: str, request: dict[str, Any]) -> dict[str, Any]:
                 raise
     if header["status"] or not text:
         raise ModelError(_reason(header["status"]), file=file)
-    return json.loads(text)
+    answer: dict[str, Any] = json.loads(text)
+    return answer
 
 
 def _reason(status: int) -> str:

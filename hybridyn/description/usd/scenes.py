@@ -45,7 +45,8 @@ def _of_scene(scene: Prim) -> Array:
 
 
 def _down(stage: Stage) -> Array:
-    return -np.eye(3)["XYZ".index(stage.up)]
+    down: Array = -np.eye(3)["XYZ".index(stage.up)]
+    return down
 
 
 def _tuple(vector: Array) -> tuple[float, float, float]:

@@ -96,6 +96,8 @@ def _relative(s: ModuleState, motions: ModuleMotions, body: int) -> Array:
     """Compute the twist of a body relative to its module's base, in its own axes, over u_k, (T, 6, m)."""
     m = s.mechanism
     if body in m.spec.tree_body:
-        return np.matmul(m.jacobian(s.motion, m.spec.tree_body.index(body)), motions.basis.Psi)
+        out: Array = np.matmul(m.jacobian(s.motion, m.spec.tree_body.index(body)), motions.basis.Psi)
+        return out
     J = to_body_axes(s.spanning.R[:, body], m.spanning.jacobian(s.spanning, body))
-    return np.matmul(J, motions.E)
+    of_wrist: Array = np.matmul(J, motions.E)
+    return of_wrist

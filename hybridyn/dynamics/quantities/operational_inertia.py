@@ -134,7 +134,8 @@ def inverse_of(
         )
     out = np.empty_like(D)
     np.put_along_axis(out, order[:, :, None], back_substitute(R[:, :, :rows], R[:, :, rows:]), axis=1)
-    return (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
+    inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
+    return inertia
 
 
 def _pushed(

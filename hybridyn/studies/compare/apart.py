@@ -41,7 +41,8 @@ def judged_apart(names: tuple[str, str], way: str, task: tuple[Any, ...]) -> Ver
         except subprocess.TimeoutExpired:
             return Verdict(*names, way, refusal=f"it did not end within {LONGEST} s")
         if found.is_file():
-            return pickle.loads(found.read_bytes())
+            verdict: Verdict = pickle.loads(found.read_bytes())
+            return verdict
         said = done.stderr.decode(errors="replace").strip().splitlines()
         how = f"signal {-done.returncode}" if done.returncode < 0 else f"status {done.returncode}"
         last = f": {said[-1][:200]}" if said else ""

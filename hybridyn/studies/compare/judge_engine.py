@@ -60,4 +60,5 @@ def judge_way(
 
 
 def _ways(name: str) -> Ways:
-    return importlib.import_module(f"{__package__}.engines.{name}_engine").ways
+    ways: Ways = importlib.import_module(f"{__package__}.engines.{name}_engine").ways
+    return ways

@@ -127,7 +127,8 @@ def _draw(
 
 def _kept(K: Array, x: Array) -> Array:
     """Return the part of x that the rows leave free."""
-    return x - np.linalg.lstsq(K, K @ x, rcond=DEPENDENT)[0] if len(K) else x
+    out: Array = x - np.linalg.lstsq(K, K @ x, rcond=DEPENDENT)[0] if len(K) else x
+    return out
 
 
 def closure_rows(robot: HybridRobot, q: Array) -> Array:

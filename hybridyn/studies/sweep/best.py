@@ -92,7 +92,8 @@ def _chosen(
     found.considered += int(keep.sum())
     by_name = {**shard, **{aim.text: values[:, i] for i, aim in enumerate(aims)}}
     cells = np.column_stack([by_name[name] for name in found.columns]).astype(float)
-    return np.column_stack([values, cells])[keep]
+    rows: Array = np.column_stack([values, cells])[keep]
+    return rows
 
 
 def _leave(found: Best, why: str, count: int) -> None:
@@ -102,7 +103,8 @@ def _leave(found: Best, why: str, count: int) -> None:
 def _ranked(rows: Array, aims: int) -> Array:
     """Sort rows by their objectives, the first of them first, then by design."""
     keys = [rows[:, aims], *(rows[:, i] for i in reversed(range(aims)))]
-    return rows[np.lexsort(keys)]
+    out: Array = rows[np.lexsort(keys)]
+    return out
 
 
 def _front(rows: Array, aims: int) -> Array:
@@ -115,4 +117,5 @@ def _front(rows: Array, aims: int) -> Array:
         no_worse, better = (others <= one).all(axis=1), (others < one).any(axis=1)
         if not (no_worse & better).any() and not math.isnan(one[0]):
             kept.append(i)
-    return rows[kept]
+    out: Array = rows[kept]
+    return out

@@ -116,17 +116,20 @@ def _axis(one: ParameterTable) -> Array:
         return np.array(one.values)
     assert one.range is not None
     assert one.steps is not None
-    return np.linspace(one.range[0], one.range[1], one.steps)
+    out: Array = np.linspace(one.range[0], one.range[1], one.steps)
+    return out
 
 
 def _quantile(unit: Array, one: ParameterTable) -> Array:
     """Map numbers of the unit interval to a parameter's distribution."""
     if one.values is not None:
         values = np.array(one.values)
-        return values[np.minimum((unit * len(values)).astype(int), len(values) - 1)]
+        drawn: Array = values[np.minimum((unit * len(values)).astype(int), len(values) - 1)]
+        return drawn
     if one.normal is not None:
         mean, deviation = one.normal
-        return mean + deviation * ndtri(np.clip(unit, LEAST, 1 - LEAST))
+        out: Array = mean + deviation * ndtri(np.clip(unit, LEAST, 1 - LEAST))
+        return out
     assert one.range is not None
     lower, upper = one.range
     return lower + (upper - lower) * unit

@@ -46,7 +46,8 @@ class JointLimits:
         positions = q[:, self.columns]
         outside = np.maximum(self.lower - positions, positions - self.upper)
         worst = outside.argmax(axis=1)
-        return np.where(outside.max(axis=1) > LIMIT_SLACK, self.joints[worst], REACHED)
+        out: Index = np.where(outside.max(axis=1) > LIMIT_SLACK, self.joints[worst], REACHED)
+        return out
 
 
 class Closing:

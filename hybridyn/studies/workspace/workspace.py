@@ -183,7 +183,8 @@ def _at_start(close: Closing, start: Array, home: Array) -> Array:
     for parts in WALK:
         reached, state = close(parts, sweep.home[None], start[None], q[None])
         if state[0] != OUT_OF_REACH:
-            return reached[0]
+            out: Array = reached[0]
+            return out
     there = ", ".join(f"{name} {value:.4g}" for name, value in zip(sweep.names, start, strict=True))
     raise AssemblyError(
         f"link '{sweep.link}' does not reach the workspace's origin ({there}) from home; choose another "

@@ -29,7 +29,8 @@ class Parent:
     def request(self) -> dict[str, Any] | None:
         """Read a request of the parent, one line; None at the end."""
         line = self.answers.readline()
-        return json.loads(line) if line else None
+        request: dict[str, Any] | None = json.loads(line) if line else None
+        return request
 
     def answer(self, header: dict[str, Any], text: bytes) -> None:
         """Send a line of JSON and a text to the parent."""
@@ -64,4 +65,5 @@ class Parent:
 
     def glob(self, pattern: str) -> list[str]:
         """Return the files that match a pattern."""
-        return json.loads(self.ask("glob", pattern))
+        found: list[str] = json.loads(self.ask("glob", pattern))
+        return found

@@ -80,7 +80,8 @@ class DrakeEngine:
                 context, self.map.rates(force, plant.num_velocities())
             )
             derivatives = plant.EvalTimeDerivatives(context).CopyToVector()
-            return np.asarray(derivatives)[plant.num_positions() :]
+            out: Array = np.asarray(derivatives)[plant.num_positions() :]
+            return out
 
         def discrete() -> Array:
             plant.get_applied_generalized_force_input_port().FixValue(
@@ -88,7 +89,8 @@ class DrakeEngine:
             )
             values = plant.EvalUniquePeriodicDiscreteUpdate(context)
             after = np.asarray(values.get_vector(0).CopyToVector())[plant.num_positions() :][: len(now)]
-            return (after - now) / SHORT_STEP
+            out: Array = (after - now) / SHORT_STEP
+            return out
 
         return discrete if self.discrete else continuous
 

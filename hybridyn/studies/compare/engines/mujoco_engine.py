@@ -99,7 +99,8 @@ class MujocoEngine:
     def forward(self, q: Array, v: Array, force: Array) -> Array:
         """Compute accelerations by `mj_forward`."""
         self.call(q, v, force)()
-        return self._turns(q) @ self.data.qacc + self._drift(q, v)
+        out: Array = self._turns(q) @ self.data.qacc + self._drift(q, v)
+        return out
 
     def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
         """Return `mj_forward` at a state."""
@@ -115,7 +116,8 @@ class MujocoEngine:
         self.data.qacc[:] = T.T @ (a - self._drift(q, v))
         out = np.zeros(self.model.nv)
         self._mujoco.mj_rne(self.model, self.data, 1, out)
-        return T @ out
+        forces: Array = T @ out
+        return forces
 
     def freedoms(self, q: Array) -> int:
         """Count freedoms by the rank of the equalities' Jacobian."""

@@ -60,7 +60,8 @@ class PinocchioEngine:
 
     def forward(self, q: Array, v: Array, force: Array) -> Array:
         """Compute accelerations by `constraintDynamics`."""
-        return np.asarray(self.call(q, v, force)())[self.v_at]
+        out: Array = np.asarray(self.call(q, v, force)())[self.v_at]
+        return out
 
     def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
         """Return `constraintDynamics` at a state (`aba` where there is no constraint)."""
@@ -73,7 +74,8 @@ class PinocchioEngine:
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:
         """Compute forces by `rnea`."""
-        return np.array(pin.rnea(self.model, self.data, *self._theirs(q, v, a)))[self.v_at]
+        out: Array = np.array(pin.rnea(self.model, self.data, *self._theirs(q, v, a)))[self.v_at]
+        return out
 
     def freedoms(self, q: Array) -> int:
         """Count freedoms by the rank of the constraints' Jacobian."""
