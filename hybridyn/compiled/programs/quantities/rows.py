@@ -129,7 +129,8 @@ class QuantityRows:
         """Return efforts along u, shape (T, N, c), from columns of those on driven entries, (T, k, c)."""
         if self.by_motors:
             return tau
-        return np.matmul(np.swapaxes(E[:, self.driven], 1, 2), tau)
+        out: Array = np.matmul(np.swapaxes(E[:, self.driven], 1, 2), tau)
+        return out
 
 
 def link_rows(run: Run, moves: Following, q: Array, links: Sequence[str], axes: str) -> Computed:
@@ -156,7 +157,8 @@ def _link_jacobian(robot: HybridRobot, x: Numbers, E: Numbers, link: str, axes: 
     twists = [np.matmul(turned[:, :-1], linear[..., None])[..., 0] + np.cross(w, arm), w]
     if axes == "link":
         twists = [np.matmul(part, turned[:, -1] @ R) for part in twists]
-    return np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
+    out: Array = np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
+    return out
 
 
 def delassus_rows(run: Run, moves: Following, q: Array, links: Sequence[str], axes: str) -> Computed:
