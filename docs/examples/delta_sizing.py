@@ -1,8 +1,8 @@
 """Which arms and which height should a Delta have that picks and places 0.3 m apart in 0.6 s?
 
-A sweep draws designs, lets each follow the path, and measures what its motors need. The best designs trade
-torque for speed: `hybridyn sweep` prints them with `--best "peak_effort, peak_speed"`. The picture is of 64
-designs; `--designs 100000` is for a cluster.
+A sweep draws designs, lets each follow the path, and measures what its motors need. The study states
+lengths as expressions, so that compiled models compute thousands of designs at once. The best designs trade
+torque for speed: `hybridyn sweep` prints them with `--best "peak_effort, peak_speed"`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from delta_pick_and_place import half
-from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
+from pictures import COLOURS, INK, Options, figure, options, plain, row, save, snapshots
 
 import hybridyn
 from hybridyn.studies.sweep.best import find_best
@@ -30,13 +30,50 @@ file = "delta"
 [designs]
 method = "sobol"
 count = {count}
+check = 100
 seed = 1
 [parameters]
 {parameters}
+[numbers]
+{numbers}
 [tasks.pick]
 trajectory = "path.csv"
 measure = {measures}
 """
+ARM_PITCH, ROD_SPACING = np.radians(20.0), 0.09  # at home; between the two rods of an arm [m]
+ROD = (
+    f"sqrt((base_radius + {float(np.cos(ARM_PITCH))!r} * arm_length - platform_radius)**2"
+    f" + (height - {float(np.sin(ARM_PITCH))!r} * arm_length)**2)"
+)
+
+
+def cylinder(link: str, mass: float, radius: float, length: str) -> dict[str, str]:
+    """Return the numbers of a cylinder along x."""
+    across = f"{mass!r} * ({3 * radius**2!r} + ({length})**2) / 12"
+    inertia = {f"inertia:{link}.{axis}": across for axis in ("yy", "zz")}
+    return {f"centre:{link}.x": f"{length} / 2", **inertia}
+
+
+def numbers() -> dict[str, str]:
+    """Return the numbers of a Delta as expressions of the parameters, as in `urdf/modules/delta.xacro`."""
+    out = {"position:m1_arm1_rod_a_wrist_mount.x": "-platform_radius"}
+    for i in (1, 2, 3):
+        arm, angle = f"m1_arm{i}", 2 * np.pi * (i - 1) / 3
+        c, s = float(np.cos(angle)), float(np.sin(angle))
+        out[f"position:{arm}_drive.x"] = f"{c!r} * base_radius"
+        out[f"position:{arm}_drive.y"] = f"{s!r} * base_radius"
+        out |= cylinder(f"{arm}_link", 0.8, 0.018, "arm_length")
+        for side, letter in ((1, "a"), (-1, "b")):
+            rod, aside = f"{arm}_rod_{letter}", side * ROD_SPACING / 2
+            out[f"position:{rod}_cross_y.x"] = "arm_length"
+            out |= cylinder(rod, 0.12, 0.006, ROD)
+            if (i, letter) == (1, "a"):
+                out[f"position:{rod}_wrist_y.x"] = ROD
+                continue
+            out[f"position:{rod}_ball/successor.x"] = ROD
+            out[f"position:{rod}_ball/predecessor.x"] = f"{c!r} * platform_radius - {aside * s!r}"
+            out[f"position:{rod}_ball/predecessor.y"] = f"{s!r} * platform_radius + {aside * c!r}"
+    return out
 
 
 def write_study(folder: Path, count: int) -> Path:
@@ -54,26 +91,29 @@ def write_study(folder: Path, count: int) -> Path:
                header=",".join(columns), comments="")  # fmt: skip
     ranges = "\n".join(f"{name} = {{ range = {list(bounds)} }}" for name, bounds in PARAMETERS.items())
     path = folder / "study.toml"
-    path.write_text(STUDY.format(count=count, parameters=ranges, measures=list(MEASURES)))
+    lines = "\n".join(f'"{name}" = "{text}"' for name, text in numbers().items())
+    path.write_text(STUDY.format(count=count, parameters=ranges, numbers=lines, measures=list(MEASURES)))
     return path
 
 
 def main(words: list[str] | None = None) -> None:
     """Evaluate the designs, and draw the trade of torque for speed."""
-    asked = options(__doc__, words, ("designs", 64, 2))
+    asked = options(__doc__, words, ("designs", 24_000, 2))
     with tempfile.TemporaryDirectory() as place:
-        study = write_study(Path(place), asked.number)
-        jobs = 1 if asked.short else None
-        state = hybridyn.sweep(study, Path(place, "results"), jobs=jobs)
-        shards = list(read_shards(Path(place, "results")))
-        found = find_best(Path(place, "results"), "peak_effort, peak_speed", "stroke_margin > 0.05")
+        study, results = write_study(Path(place), asked.number), Path(place, "results")
+        state = hybridyn.sweep(study, results, jobs=1 if asked.short else None)
+        print(f"{state.checked} designs compared with robots built for them: {state.difference:.1e} apart")
+        draw(results, asked)
+
+
+def draw(results: Path, asked: Options) -> None:
+    """Draw the designs of a folder of results; those on the Pareto front stand out."""
+    shards = list(read_shards(results))
+    found = find_best(results, "peak_effort, peak_speed", "stroke_margin > 0.05")
     rows = {name: np.concatenate([part[name] for part in shards]) for name in (*PARAMETERS, *MEASURES)}
     ok = np.concatenate([np.array(part["status"]) == "ok" for part in shards])
     front = {name: np.array([line[i] for line in found.front]) for i, name in enumerate(found.columns)}
-    print(
-        f"{state.done} designs: {int(ok.sum())} follow the path, {len(found.front)} are on the Pareto front; "
-        f"{state.work / max(state.now, 1) * 1e3:.0f} ms a design"
-    )
+    print(f"{len(ok)} designs: {int(ok.sum())} follow the path, {len(found.front)} are on the Pareto front")
     good = rows["stroke_margin"] > 0.05
     for effort, speed in zip(front["peak_effort"], front["peak_speed"], strict=True):
         assert not (good & (rows["peak_effort"] < effort) & (rows["peak_speed"] < speed)).any()
@@ -88,12 +128,15 @@ def main(words: list[str] | None = None) -> None:
         axis.set_title(
             f"{front['peak_effort'][i]:.1f} N m, {front['peak_speed'][i]:.1f} rad/s", fontsize=9, color=INK
         )
+    dot = 3 if len(ok) < 1000 else 0.5
     trade, arms, heights = row(picture, 3, 0.1, 0.33)
-    trade.plot(rows["peak_effort"][good], rows["peak_speed"][good], ".", ms=3, color="#b8bec6")
+    trade.plot(
+        rows["peak_effort"][good], rows["peak_speed"][good], ".", ms=dot, color="#b8bec6", rasterized=True
+    )
     trade.plot(front["peak_effort"], front["peak_speed"], ".-", color=COLOURS[1], lw=1)
     plain(trade, "peak speed over peak torque", "[rad/s]", "[N m]")
     for axis, name in ((arms, "arm_length"), (heights, "height")):
-        axis.plot(rows[name][ok], rows["peak_effort"][ok], ".", ms=3, color="#b8bec6")
+        axis.plot(rows[name][ok], rows["peak_effort"][ok], ".", ms=dot, color="#b8bec6", rasterized=True)
         axis.plot(front[name], front["peak_effort"], ".", color=COLOURS[1])
         plain(axis, f"peak torque over {name.replace('_', ' ')}", "[N m]", "[m]")
     print(save(picture, asked, "delta_sizing"))
