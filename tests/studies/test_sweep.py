@@ -318,7 +318,7 @@ def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: st
 
 
 def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:
-    plan = Plan("", np.zeros(0), (), 1003, 100, at_once=True)
+    plan = Plan("", np.zeros(0), (), 1003, 100)
     whole = plan.checks(0, 1003)
     assert len(whole) == len(set(whole)) == 100
     assert set(np.diff(whole)) <= {10, 11}

@@ -108,5 +108,5 @@ def _plan(source: StudyFile, designs: Designs, values: list[Array]) -> Plan:
     check = source.study.designs.check
     if check is None:
         check = min(MOST_CHECKED, -(-designs.count // CHECKED_SHARE))
-    count, at_once = designs.count, not variants.arguments
-    return Plan(uuid4().hex, base, tuple(sorted(slots)), count, min(check, count), at_once)
+    count = designs.count
+    return Plan(uuid4().hex, base, tuple(sorted(slots)), count, min(check, count))

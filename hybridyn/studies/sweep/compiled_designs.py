@@ -52,7 +52,6 @@ class Plan:
         slots: The numbers of the robot's description that differ between designs.
         designs: Number of designs of the study.
         check: Number of those that are compared with robots built for them.
-        at_once: Whether no xacro argument differs, so that no design's file is read.
     """
 
     run: str
@@ -60,7 +59,6 @@ class Plan:
     slots: tuple[Slot, ...]
     designs: int
     check: int
-    at_once: bool
 
     def checks(self, start: int, stop: int) -> list[int]:
         """Return the designs to compare from `start` to before `stop`, spread evenly over the study."""

@@ -29,9 +29,6 @@ from .study_file import StudyFile
 CHUNK_SECONDS = 1.0
 #: Largest number of designs in a chunk.
 MOST_IN_CHUNK = 10_000
-#: Fewest designs in a chunk of compiled models without xacro arguments, and the longest that it may take [s]:
-#: calls of compiled models take as long for one design as for some hundred, and so do steps that are divided.
-LEAST_COMPILED, LONGEST_COMPILED = 4096, 60.0
 #: Designs, spread over the study, of which one has to load before the sweep starts.
 TRIALS = 16
 #: Chunks per process that are drawn in advance.
@@ -224,9 +221,7 @@ class _Run:
 
     def _size(self) -> int:
         """Return the number of designs in the next chunk."""
-        many = self.plan is not None and self.plan.at_once and LEAST_COMPILED * self.pace < LONGEST_COMPILED
-        size = max(LEAST_COMPILED if many else 1, round(CHUNK_SECONDS / max(self.pace, 1e-9)))
-        return min(size, MOST_IN_CHUNK)
+        return min(max(1, round(CHUNK_SECONDS / max(self.pace, 1e-9))), MOST_IN_CHUNK)
 
     def _alone(self, chunk: Chunk) -> None:
         """Evaluate a chunk that may have ended its process, with nothing beside: whole, else by designs."""
