@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -113,6 +114,21 @@ def test_the_optimised_library_takes_over_with_the_same_bits() -> None:
     assert all(map(np.array_equal, before, answers(model.library)))
     assert find(quick=True) == model.library.built  # the next program begins with it
     assert different_programs(Library(quick), model.library) == []
+
+
+@pytest.mark.slow
+def test_the_process_uses_the_folder_that_replaces_the_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "file" / "cache"))  # cannot be written
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    model = Model(find(quick=True))
+    model.replacement.wait()
+    assert not caplog.text
+    assert not model.library.built.quick
+    assert len(list(tmp_path.glob("hybridyn-*"))) == 1
 
 
 def test_a_library_with_other_bits_is_not_used(caplog: pytest.LogCaptureFixture) -> None:

@@ -75,7 +75,7 @@ def cached(
     if (found := known(key, libraries, quick=quick)) is not None:
         return found
     flags = QUICK_FLAGS if quick else FLAGS
-    at, tools = _writable(folder()), _tools(libraries, flags)
+    at, tools = folder_in_use(), _tools(libraries, flags)
     pointer = _pointer(at, key, tools)
     source = make_source()
     name = hashed(*source.units, json.dumps(source.about, sort_keys=True), tools)
@@ -96,7 +96,7 @@ def cached(
 
 def known(key: str, libraries: tuple[str, ...] = (), *, quick: bool = False) -> Built | None:
     """Return the library that was built for a key, or None; arguments and errors are those of `cached`."""
-    at = _writable(folder())
+    at = folder_in_use()
     check_ownership(at)
     for flags in (FLAGS, QUICK_FLAGS) if quick else (FLAGS,):
         pointer = _pointer(at, key, _tools(libraries, flags))
@@ -104,6 +104,15 @@ def known(key: str, libraries: tuple[str, ...] = (), *, quick: bool = False) -> 
             if is_own(pointer) and (found := _load(at, pointer.read_text())) is not None:
                 return replace(found, quick=flags is QUICK_FLAGS)
     return None
+
+
+def folder_in_use() -> Path:
+    """Return the cache folder, or the temporary one that replaces a folder that cannot be written.
+
+    Raises:
+        CompileError: No folder can be written.
+    """
+    return _writable(folder())
 
 
 def _pointer(at: Path, key: str, tools: str) -> Path:

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from ...description.cache_folder import VARIABLE
 from ...errors import CompileError
 from .building import run_one
-from .cache import Built
+from .cache import Built, folder_in_use
 from .calls import Library
 
 log = logging.getLogger("hybridyn.compiled")
@@ -68,6 +69,7 @@ class Replacement:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
+                env=os.environ | {VARIABLE: str(folder_in_use())},
                 process_group=0,
             )
         except OSError as error:
