@@ -58,7 +58,7 @@ def test_one_child_expands_many_sets_of_arguments(file: str) -> None:
     """Each set starts afresh, also after one that is refused."""
     many = [{"a": 1}, {"a": 6}, {"b": 6}, {}, {"a": 3}]
     for _ in range(2):
-        found = xacro.expand_each(file, many, ())
+        found = [*xacro.expand_each(file, many, ())]
         for arguments, one in zip(many, found, strict=True):
             if isinstance(one, ModelError):
                 with pytest.raises(ModelError) as caught:
@@ -68,6 +68,36 @@ def test_one_child_expands_many_sets_of_arguments(file: str) -> None:
                 assert one == xacro.expand(file, arguments, ())
         assert [isinstance(one, ModelError) for one in found] == [False, True, True, False, False]
         xacro_process.drop_child()
+
+
+def test_limits_are_those_of_one_set_of_arguments(file: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A set that fails beside others, and texts that are too large together, are expanded alone."""
+    wanted = [xacro.expand(file, {"a": a}, ()) for a in (1, 2, 3)]
+    many = [{"a": a} for a in (1, 2, 3)]
+    together, whole = xacro._converse, len(wanted[0][0])
+
+    def failing(child: Any, file: str, request: Any, *rest: Any) -> Any:
+        """Let the last set of many fail, as for the memory of those before."""
+        answers = together(child, file, request, *rest)
+        spoilt = {"error": "needs too much memory", "file": None, "line": None}
+        return answers if len(answers) == 1 else [*answers[:-1], (spoilt, b"")]
+
+    with monkeypatch.context() as patched:
+        patched.setattr(xacro, "_converse", failing)
+        assert [*xacro.expand_each(file, many, ())] == wanted
+    monkeypatch.setattr(xacro, "LARGEST_FILE", 2 * whole)
+    request, folders = xacro._request(file, many, (), True)
+    with pytest.raises(ModelError, match="more than 0 MiB"), xacro_process.child_of(file, kept=True) as child:
+        together(child, file, request, folders(), [])
+    assert [*xacro.expand_each(file, many, ())] == wanted
+
+
+@pytest.mark.slow
+def test_steps_of_comprehensions_are_those_of_one_set_of_arguments(file: str) -> None:
+    loop = "${len([i for i in python.range(900000)])}"
+    Path(file).write_text(TEXT.replace('<link name="l${p}"/>', f'<link name="l${{p}}_{loop}"/>'))
+    found = [*xacro.expand_each(file, [{"a": 1}] * 12, ())]
+    assert not any(isinstance(one, ModelError) for one in found)
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import pytest
 import hybridyn
 from hybridyn import ModelError
 from hybridyn.description import Description, read
+from hybridyn.description.files_read import recorded
 from hybridyn.description.placement import rotation_from_quaternion, rotation_from_rpy
 from hybridyn.description.usd import opening
 from tests.extras import needs
@@ -267,6 +268,13 @@ def test_layers_of_its_folder_are_read_and_no_others(tmp_path: Path) -> None:
     save(folder / "parts", part, "part.usda")
     text = usda('def "p" (references = @./parts/part.usda@) {\n}', joint("Revolute", "j", "", "p/a"))
     assert [link.name for link in read(save(folder, text)).links] == ["world", "a"]
+    seen = []
+    for mass in (1, 3):
+        save(folder / "parts", usda(body("a", m=mass)).replace('"robot"', '"part"'), "part.usda")
+        with recorded() as files:
+            read(folder / "robot.usda")
+        seen.append(files)
+    assert seen[0] != seen[1]  # a changed layer is another robot
     save(tmp_path, part, "part.usda")
     outside = text.replace("./parts", "..")
     with pytest.raises(ModelError, match="outside the robot's folder"):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hybridyn import HybridRobot, assemble, idm, load
@@ -14,7 +15,7 @@ from hybridyn.description.records import Description
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.entries import Parameters, _angles
 from hybridyn.structure.parameters.expressed import expressed
 from hybridyn.structure.parameters.slots import values_of, with_values
 from hybridyn.structure.parameters.traced import Traced
@@ -84,6 +85,16 @@ def same_robot(one: HybridRobot, other: HybridRobot) -> None:
     np.testing.assert_allclose(q, wanted, rtol=0, atol=SAME)
     efforts = [idm(robot, q, np.zeros((4, one.nv)), np.zeros((4, one.nv))) for robot in (one, other)]
     np.testing.assert_allclose(*efforts, rtol=SAME, atol=SAME)
+
+
+@pytest.mark.parametrize("pitch", [0.4, np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9])
+def test_angles_of_a_rotation_give_its_matrix(pitch: float) -> None:
+    """Also at a pitch of 90 degrees, where roll and yaw turn about one line; Pinocchio builds the matrix."""
+    for R in (
+        pin.rpy.rpyToMatrix(0.3, pitch, 0.7),
+        pin.Quaternion(pin.rpy.rpyToMatrix(2.0, pitch, -1.0)).matrix(),
+    ):
+        assert np.allclose(pin.rpy.rpyToMatrix(_angles(R.ravel())), R, rtol=0, atol=ROUNDED)
 
 
 def test_with_parameters_builds_the_robot_with_these_numbers(monkeypatch: pytest.MonkeyPatch) -> None:

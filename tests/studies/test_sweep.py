@@ -16,6 +16,7 @@ import pytest
 import hybridyn
 from hybridyn.cli import main
 from hybridyn.errors import HybridynError, ModelError
+from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
 from hybridyn.studies.sweep.compiled_designs import Plan
@@ -26,6 +27,8 @@ from hybridyn.studies.sweep.pool import WorkerDiedError
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.sensitivity import sensitivity
 from hybridyn.studies.sweep.shards import About, Shards, read_shards
+from hybridyn.studies.sweep.slot_numbers import SlotNumbers
+from hybridyn.studies.sweep.variants import Variants
 from tests.extras import needs
 
 #: Largest relative difference to a formula: both round a few times.
@@ -302,11 +305,13 @@ def test_numbers_of_the_description_are_set_by_expressions(folder: Path) -> None
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ('"mass:bar" = "length"', "no link 'bar'"),
+        ('"mass:bar" = "length"', r"study.toml:\d+: .*no link 'bar'"),
         ('"centre:rod" = "length"', r"'centre:rod' has 3 numbers: name one, such as 'centre:rod.x'"),
         ('"mass:rod" = "-length"', r"mass of 'rod' cannot be -0.5"),
         ('"mass:rod" = "lenght"', "no column 'lenght'.*did you mean 'length'"),
         ('"mass:rod" = "length;"', "is no expression"),
+        ('"mass:rod" = "length, 2"', r"study.toml:\d+: .*has commas"),
+        ('"mass:rod" = "(length, 2) * 2"', "is not understood"),
     ],
 )
 def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: str) -> None:
@@ -315,6 +320,19 @@ def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: st
     with pytest.raises(HybridynError, match=message):
         hybridyn.sweep(plain("method = 'grid'", parameters), "out", format="csv")
     assert not Path("out").exists()
+
+
+def test_numbers_beside_a_stated_one_are_scaled_with_its_link(folder: Path) -> None:
+    """Numbers in slots, without a description of each design, are those of its description."""
+    parameters = 'heavier = { scale_inertia = "rod", values = [2.0, 3.0] }\n[numbers]\n'
+    study = read_study(plain("method = 'grid'", parameters + '"inertia:rod.yy" = "0.1 * heavier"'))
+    variants, values = Variants(study), np.array([[2.0], [3.0]])
+    each = [variants.description(variants.named(own)) for own in values]
+    slots = differences(*each)
+    assert len(slots) == 4
+    assert np.array_equal(
+        SlotNumbers(variants, each[0], slots)(values).p, [values_of(x, slots) for x in each]
+    )
 
 
 def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:

@@ -7,7 +7,6 @@ with hashes of these replies, and used again where the same file requests get th
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import importlib.util
 import json
@@ -15,7 +14,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -79,27 +78,26 @@ def expand(
 
 def expand_each(
     file: str, many: Sequence[Mapping[str, object]], package_dirs: Sequence[str | os.PathLike[str]]
-) -> list[tuple[bytes, list[str]] | ModelError]:
-    """Expand a xacro file with each set of arguments, in one child; return results or errors.
+) -> Iterator[tuple[bytes, list[str]] | ModelError]:
+    """Expand a xacro file with each set of arguments, in one child; yield results or errors.
 
-    The child reads each file once. If it ends before the last set, for its time or its memory, each set has a
-    child of its own.
+    The child reads each file once. A set that it refuses is expanded again in a child of its own, since
+    limits are those of one set. So is every set if the child ends before the last one, for its time or its
+    memory, or if the texts together are too large.
     """
     again = is_kept()
     request, folders = _request(file, many, package_dirs, again)
     try:
         with child_of(file, kept=again) as child:
             answers = _converse(child, file, request, folders(), [])
-        expansions = [functools.partial(_result, file, *answer) for answer in answers]
     except ModelError:
-        expansions = [functools.partial(expand, file, arguments, package_dirs) for arguments in many]
-    results: list[tuple[bytes, list[str]] | ModelError] = []
-    for expansion in expansions:
+        answers = [({"error": ""}, b"")] * len(many)
+    for arguments, answer in zip(many, answers, strict=True):
         try:
-            results.append(expansion())
+            refused = "error" in answer[0]
+            yield expand(file, arguments, package_dirs) if refused else _result(file, *answer)
         except ModelError as error:
-            results.append(error)
-    return results
+            yield error
 
 
 def _request(
@@ -168,6 +166,7 @@ def _converse(
     assert child.stdin is not None
     assert child.stdout is not None
     results: list[tuple[dict[str, Any], bytes]] = []
+    total = 0  # length of all texts, which this process holds together
     with contextlib.suppress(BrokenPipeError):  # the child has ended; `_reason` explains why
         _send(child.stdin, request)
         answers = _Reader(child.stdout)
@@ -179,7 +178,8 @@ def _converse(
             if "ask" not in header:
                 size = header.pop("size", 0)
                 text = answers.block(min(int(size), LARGEST_FILE + 1))
-                if len(text) > LARGEST_FILE:
+                total += len(text)
+                if total > LARGEST_FILE:
                     raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
                 results.append((header, text))
                 if len(results) == len(request["arguments"]):

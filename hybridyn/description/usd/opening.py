@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import ModelError, install_advice
+from ..files_read import record
 from ..urdf.xml_node import LARGEST_FILE
 from .stage import Stage
 
@@ -94,6 +95,7 @@ def _asked(file: str, request: dict[str, Any]) -> dict[str, Any]:
                 raise
     if header["status"] or not text:
         raise ModelError(_reason(header["status"]), file=file)
+    record(f"{request['file']}/stage", text)  # with all layers, which only the child reads
     answer: dict[str, Any] = json.loads(text)
     return answer
 

@@ -66,10 +66,15 @@ def _rotation(rpy: Array) -> Array:
 
 
 def _angles(entries: Array) -> Array:
-    """Compute roll, pitch and yaw, shape (3,), from the entries of a rotation matrix, shape (9,)."""
+    """Compute roll, pitch and yaw, shape (3,), from the entries of a rotation matrix, shape (9,).
+
+    Roll is that of the matrix turned back by yaw: it is right for any yaw where the pitch is 90 degrees.
+    """
     R = entries.reshape(3, 3)
     pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
-    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
+    yaw = np.arctan2(R[1, 0], R[0, 0])
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]), pitch, yaw])
 
 
 def _placed(values: Array) -> Array:

@@ -204,7 +204,8 @@ class CompiledDesigns:
         if not found:
             return math.inf
         pairs = zip(ours, found[0], strict=True)
-        return max(float(np.abs(x - y).max(initial=0) / np.abs(y).max(initial=1e-300)) for x, y in pairs)
+        off = [float(np.abs(x - y).max(initial=0) / np.abs(y).max(initial=1e-300)) for x, y in pairs]
+        return float(np.max(off))  # nan, if one is
 
 
 def _table(task: _Task, p: Array) -> DesignTable:

@@ -82,7 +82,7 @@ class Expression:
             named = isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS
             known = named and len(node.args) == 1 and not node.keywords
         else:
-            known = isinstance(node, ast.BoolOp | ast.Tuple)
+            known = isinstance(node, ast.BoolOp) or (isinstance(node, ast.Tuple) and node is self._tree)
         if not known:
             raise HybridynError(
                 f"{self._what}: '{ast.unparse(node)}' is not understood: use columns, numbers, + - * / **, "

@@ -12,12 +12,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...description.records import Description
-from ...errors import ModelError
+from ...errors import HybridynError, ModelError
+from ...scenes.toml_source import naming
 from ...spatial import Array
 from ...structure.parameters.entries import Entry, Parameters, entry_of
 from ...structure.parameters.slots import Slot, with_values
 from .expressions import Expression
 from .study_file import StudyFile
+
+#: Labels of numbers of which a parameter has several.
+LABELS = ("x", "y", "z", "roll", "pitch", "yaw", "xx", "xy", "xz", "yy", "yz", "zz")
 
 
 class Numbers:
@@ -35,11 +39,13 @@ class Numbers:
         Raises:
             HybridynError: One is no expression of parameters.
         """
-        study = source.study
-        self.expressions = {
-            name: Expression(text, list(study.parameters), f"{source.file}: [numbers] '{name}'")
-            for name, text in study.numbers.items()
-        }
+        self.source, self.expressions = source, dict[str, Expression]()
+        for name, text in source.study.numbers.items():
+            with naming(source, ("numbers", name)):
+                one = Expression(text, list(source.study.parameters), "its expression")
+                if len(one.parts()) != 1:
+                    raise HybridynError(f"its expression: '{text}' has commas: write one number")
+            self.expressions[name] = one
         self.parameters = {name for one in self.expressions.values() for name in one.names}
 
     def in_slots(
@@ -57,14 +63,20 @@ class Numbers:
         Raises:
             ModelError: A name is unknown.
         """
-        entries = {name: _entry(description, name) for name in self.expressions}
-        known = Parameters(description, list(dict.fromkeys(entry.name for entry in entries.values())))
+        found = {}
+        for name in self.expressions:
+            with naming(self.source, ("numbers", name)):
+                found[name] = _number(description, name)
+        with naming(self.source, ("numbers",)):
+            known = Parameters(description, list(dict.fromkeys(entry.name for entry, _ in found.values())))
         designs = len(next(iter(values.values())))
         rows = np.tile(known.nominal, (designs, 1))
         for name, expression in self.expressions.items():
-            label = name if name in known.labels else entries[name].labels[0]
-            rows[:, known.labels.index(label)] = expression(values)
-        return known.slots, known.slot_values(rows)
+            rows[:, known.labels.index(found[name][1])] = expression(values)
+        stated = [slot for entry, label in found.values() for slot in _set_by(entry, label)]
+        at = {slot: i for i, slot in enumerate(known.slots)}
+        slots = tuple(dict.fromkeys(stated))
+        return slots, known.slot_values(rows)[:, [at[slot] for slot in slots]]
 
     def described(self, description: Description, values: Mapping[str, float]) -> Description:
         """Return a description with the numbers of a design.
@@ -77,19 +89,25 @@ class Numbers:
         slots, rows = self.in_slots(description, {name: np.array([value]) for name, value in values.items()})
         for slot, number in zip(slots, rows[0], strict=True):
             if not np.isfinite(number) or (slot.field == "mass" and number < 0):
-                raise ModelError(f"[numbers]: {slot} cannot be {number:g}", element=slot.name)
+                raise self.source.error(("numbers",), f"{slot} cannot be {number:g}")
         return with_values(description, slots, rows[0].tolist())
 
 
-def _entry(description: Description, name: str) -> Entry:
-    """Return the parameter to which a number belongs."""
+def _number(description: Description, name: str) -> tuple[Entry, str]:
+    """Return the parameter to which a number belongs, and the number's label in it."""
     whole, _, label = name.rpartition(".")
-    if label in ("x", "y", "z", "roll", "pitch", "yaw", "xx", "xy", "xz", "yy", "yz", "zz"):
+    if label in LABELS:
         found = entry_of(description, whole)
         if name in found.labels:
-            return found
+            return found, name
     found = entry_of(description, name)
     if found.size > 1:
-        named = f"'{name}' has {found.size} numbers: name one, such as '{found.labels[0]}'"
-        raise ModelError(f"[numbers]: {named}", element=name)
-    return found
+        raise ModelError(
+            f"'{name}' has {found.size} numbers: name one, such as '{found.labels[0]}'", element=name
+        )
+    return found, found.labels[0]
+
+
+def _set_by(entry: Entry, label: str) -> tuple[Slot, ...]:
+    """Return the slots that a number sets: its own, or all of a frame, whose rotation angles set together."""
+    return (entry.slots[entry.labels.index(label)],) if entry.size == len(entry.slots) else entry.slots
