@@ -227,12 +227,17 @@ class Derivatives:
 
         Args:
             samples: Number of samples; None for arrays without that dimension.
+
+        Raises:
+            TrajectoryError: The number of samples is negative.
         """
-        outs = [np.zeros((samples or 1, self._rows * width)) for width in self._widths.values()]
-        value = np.zeros((samples or 1, self._rows))
         if samples is None:
             flat = np.zeros(self._size)
             return _Allocated(self, self._split(flat), (flat,))
+        if samples < 0:
+            raise TrajectoryError(f"samples must not be negative; {samples} were given")
+        outs = [np.zeros((samples, self._rows * width)) for width in self._widths.values()]
+        value = np.zeros((samples, self._rows))
         pairs = zip(self._widths.items(), outs, strict=True)
         blocks = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs}
         return _Allocated(self, blocks, (value, *outs))
@@ -280,8 +285,10 @@ class Derivatives:
         arrays = {name: array for name, (array, _) in checked.items()}
         same_samples(**arrays)
         samples, single = len(arrays["q"]), checked["q"][1]
-        if filled is not None and filled.samples != (None if single else samples):
-            raise TrajectoryError(f"out is for {filled.samples or 'one'} samples; {samples} were given")
+        wanted_samples = None if single else samples
+        if filled is not None and filled.samples != wanted_samples:
+            sizes = ["a single sample" if x is None else f"{x} rows" for x in (filled.samples, wanted_samples)]
+            raise TrajectoryError(f"out is for {sizes[0]}, the arguments are {sizes[1]}")
         (value, *flat), guard = self._run(arrays, None if filled is None or single else filled.arrays)
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):

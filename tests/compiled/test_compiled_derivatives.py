@@ -202,8 +202,11 @@ def test_calls_fill_arrays(interpreted: None) -> None:
     q, v, a, _ = random_states(robot, 2)
     derive = Derivatives(robot, "idm")
     assert_filled(derive, q, v, a)
-    with pytest.raises(TrajectoryError, match="out is for one samples; 2 were given"):
+    with pytest.raises(TrajectoryError, match="out is for a single sample, the arguments are 2 rows"):
         derive(q, v, a, out=derive.allocate())
+    assert derive(q[:0], v[:0], a[:0], out=derive.allocate(0))["q"].shape[0] == 0
+    with pytest.raises(TrajectoryError, match="samples must not be negative; -1 were given"):
+        derive.allocate(-1)
     with pytest.raises(TrajectoryError, match="must be what `allocate` of the same derivatives returned"):
         derive(q, v, a, out=derive(q, v, a))
 
