@@ -287,7 +287,9 @@ class Derivatives:
         samples, single = len(arrays["q"]), checked["q"][1]
         wanted_samples = None if single else samples
         if filled is not None and filled.samples != wanted_samples:
-            sizes = ["a single sample" if x is None else f"{x} rows" for x in (filled.samples, wanted_samples)]
+            sizes = [
+                "a single sample" if x is None else f"{x} rows" for x in (filled.samples, wanted_samples)
+            ]
             raise TrajectoryError(f"out is for {sizes[0]}, the arguments are {sizes[1]}")
         (value, *flat), guard = self._run(arrays, None if filled is None or single else filled.arrays)
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))

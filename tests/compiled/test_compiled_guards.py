@@ -63,6 +63,29 @@ def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
     assert seen >= robot.nv
 
 
+def test_results_that_are_not_finite_are_not_trusted() -> None:
+    program = toy(3, 1)
+    function, given = function_of(program), [x[0] for x in inputs(program, 1)]
+    assert np.isfinite(float(function(*given)[-1]))
+    assert float(function(*(x * np.nan for x in given))[-1]) == np.inf
+
+
+@pytest.mark.slow
+def test_lost_pivots_are_not_trusted_by_casadi() -> None:
+    """Angles at which several pivots of a leg are exactly zero: their guards are NaN, which fmax ignores."""
+    robot = build_robot(shipped("delta"))
+    (program,) = programs(robot, models=("idm",)).values()
+    function, rest = function_of(program), np.zeros(robot.nv)
+    generator, seen = np.random.default_rng(0), 0
+    for _ in range(40):
+        q = generator.choice([0.0, np.pi / 2, np.pi], size=robot.nq)
+        tau, guard = function(q, rest, rest)
+        if not np.isfinite(np.array(tau)).all():
+            seen += 1
+            assert not float(guard) <= 1.0
+    assert seen
+
+
 def test_a_divisor_divides_once() -> None:
     a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
     f = ca.Function("f", [a, b, c], [ca.vertcat(a / c, b / c, a / 3, b / a)])

@@ -9,6 +9,9 @@ import numpy as np
 
 from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Turned, Worst
 
+#: Sums of results above this are taken as infinite.
+FINITE = 1e300
+
 
 def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
     """Convert a program to one CasADi function.
@@ -17,7 +20,8 @@ def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
         symbol: `casadi.SX` for one flat graph, `casadi.MX` for a graph of calls.
 
     Returns:
-        Function with the program's names of inputs and outputs, and the output "guard" last.
+        Function with the program's names of inputs and outputs, and the output "guard" last. As in C, the
+        guard is above 1 where a result is not finite.
     """
     columns = [symbol.sym(name, size) for name, size in program.inputs]
     given = [
@@ -26,6 +30,8 @@ def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
     result, guard = run(program, given, symbol)
     ends = np.cumsum([0] + [size for _, size in program.outputs])
     outputs = [ca.vertcat(*result[ends[i] : ends[i + 1]]) for i in range(len(program.outputs))]
+    total = ca.sum1(ca.vertcat(*result)) if result else symbol(0.0)
+    guard = ca.if_else(ca.fabs(total) <= FINITE, guard, np.inf)  # fmax ignores NaN
     return ca.Function(
         program.name,
         columns,

@@ -67,10 +67,11 @@ def flattened(program: Program) -> tuple[int, int]:
     """
     import casadi as ca
 
-    from .interpreter import function_of
+    from .interpreter import run
 
     symbols = [ca.SX.sym(name, size) for name, size in program.inputs]
-    outputs = function_of(program).call(symbols)
+    result, guard = run(program, [x for column in symbols for x in ca.vertsplit(column)], ca.SX)
+    outputs = [ca.vertcat(*result), guard]
     both = (ca.Function("flat", symbols, ca.cse(wanted)) for wanted in (outputs, outputs[:-1]))
     with_guard, alone = (len(costing(operations_of(f))) for f in both)
     return with_guard, alone
