@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import logging
 import os
@@ -22,7 +23,7 @@ import hybridyn
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.library import replacing
-from hybridyn.compiled.library.cache import Built, cached, known
+from hybridyn.compiled.library.cache import Built, cached, folder_in_use, known
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.library.current import Current
@@ -129,6 +130,22 @@ def test_the_process_uses_the_folder_that_replaces_the_cache(
     assert not caplog.text
     assert not model.library.built.quick
     assert len(list(tmp_path.glob("hybridyn-*"))) == 1
+
+
+def test_the_folder_that_replaces_the_cache_is_removed_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_end: list[functools.partial[None]] = []
+    monkeypatch.setattr(atexit, "register", lambda *given: at_end.append(functools.partial(*given)))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "file" / "cache"))
+    made = folder_in_use()
+    assert made.parent == tmp_path
+    at_end[0].func(made, os.getpid() + 1)  # a fork
+    assert made.is_dir()
+    at_end[0]()
+    assert not made.exists()
 
 
 def test_a_library_with_other_bits_is_not_used(caplog: pytest.LogCaptureFixture) -> None:

@@ -11,11 +11,13 @@ written it (`description.cache_folder`).
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -181,7 +183,7 @@ def _write(path: Path, content: bytes) -> None:
 
 @cache
 def _writable(at: Path) -> Path:
-    """Return the cache folder, created if missing; if it cannot be written, a temporary folder."""
+    """Return the cache folder, created if missing; a temporary one if it cannot be written."""
     try:
         at.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=at):
@@ -193,4 +195,11 @@ def _writable(at: Path) -> Path:
             raise CompileError(
                 f"the cache folder '{at}' cannot be written: {error}; name another in {VARIABLE}"
             ) from error
+        atexit.register(_remove, Path(alone), os.getpid())
         return Path(alone)
+
+
+def _remove(alone: Path, owner: int) -> None:
+    """Remove a temporary folder at the end of the process that made it, not of its forks."""
+    if os.getpid() == owner:
+        shutil.rmtree(alone, ignore_errors=True)
