@@ -214,7 +214,8 @@ class HybridRobot:
                 in `hybridyn.compile`), or arguments of the robot's xacro file.
 
         Raises:
-            ModelError: A parameter is unknown, there is no such robot, or `model` was changed.
+            ModelError: A parameter is unknown, a value has a wrong size, a mass, a stiffness or a friction is
+                negative, there is no such robot, or `model` was changed.
             AssemblyError: No posture closes the loops of a module.
         """
         self.check_model()

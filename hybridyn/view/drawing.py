@@ -34,7 +34,12 @@ LEG, SLIDE = 0.18, 0.5  # how much paler than its module's platform a leg is, an
 
 
 def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str] = ()) -> Picture:
-    """Build the picture of a robot."""
+    """Build the picture of a robot.
+
+    Args:
+        visuals: Shapes from the robot's files.
+        notes: Remarks that are shown with the picture.
+    """
     pen = _Pen(robot, {robot.bodies.place[visual.link][0] for visual in visuals})
     for visual in visuals:
         pen.add_visual(visual)

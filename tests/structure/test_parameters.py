@@ -108,6 +108,12 @@ def test_with_parameters_builds_the_robot_with_these_numbers(monkeypatch: pytest
     same_robot(other, fresh)
 
 
+@pytest.mark.parametrize("name", ["mass:m1_tool", "viscous_friction:m1_left_drive"])
+def test_numbers_that_files_refuse_are_refused(name: str) -> None:
+    with pytest.raises(ModelError, match=r"of .* cannot be -1"):
+        load("five_bar").with_parameters({name: -1.0})
+
+
 def test_payloads_and_springs_are_parameters() -> None:
     robot = build_robot(shipped("five_bar"))
     loaded = with_effects(robot, [Payload("m1_tool", 0.5, (0.1, 0.0, 0.0))])
@@ -141,7 +147,7 @@ def test_payloads_and_springs_that_are_not_there_are_named() -> None:
         once.with_parameters({"payload_mass:m1_tool": 1.0, "mass:m1_tool": 1.0})
     with pytest.raises(ModelError, match="add the payload last"):
         once.with_parameters({"mass:m1_tool": 9.0}).with_parameters({"payload_mass:m1_tool": 1.0})
-    with pytest.raises(ModelError, match="mass must not be negative"):
+    with pytest.raises(ModelError, match="payload's mass of 'm1_tool' cannot be -1"):
         once.with_parameters({"payload_mass:m1_tool": -1.0})
 
 

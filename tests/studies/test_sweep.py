@@ -308,6 +308,7 @@ def test_numbers_of_the_description_are_set_by_expressions(folder: Path) -> None
         ('"mass:bar" = "length"', r"study.toml:\d+: .*no link 'bar'"),
         ('"centre:rod" = "length"', r"'centre:rod' has 3 numbers: name one, such as 'centre:rod.x'"),
         ('"mass:rod" = "-length"', r"mass of 'rod' cannot be -0.5"),
+        ('"viscous_friction:turn" = "-length"', r"damping of 'turn' cannot be -0.5"),
         ('"mass:rod" = "lenght"', "no column 'lenght'.*did you mean 'length'"),
         ('"mass:rod" = "length;"', "is no expression"),
         ('"mass:rod" = "length, 2"', r"study.toml:\d+: .*has commas"),

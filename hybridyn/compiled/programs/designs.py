@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
 from ...structure.building import rebuilt
+from ...structure.parameters.checks import check_signs
 from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import with_values
 from ...structure.robot import HybridRobot
 
 #: Factors on the parameters of the designs at which a new model is verified.
 TRIED = (1.0, 1.03, 0.98)
-#: Fields whose numbers must not be negative.
-NOT_NEGATIVE = ("mass", "stiffness")
 #: Number of robots that are kept for samples that the general path computes.
 KEPT_ROBOTS = 8
 
@@ -84,7 +83,8 @@ class DesignsInSlots:
             shape: Shape of the samples, () or (T,).
 
         Raises:
-            ModelError: The model was compiled without parameters, or a mass or a stiffness is negative.
+            ModelError: The model was compiled without parameters, or a mass, a stiffness or a friction is
+                negative.
             TrajectoryError: The shape is wrong, or a number is not finite.
         """
         size = self.parameters.size
@@ -102,7 +102,7 @@ class DesignsInSlots:
                 + f" ({', '.join(self.parameters.labels[:6])}{', ...' if size > 6 else ''})"
             )
         slots = self.parameters.slot_values(np.atleast_2d(values))
-        self._check_signs(slots)
+        check_signs(self.parameters.slots, slots)
         return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))
 
     def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
@@ -114,19 +114,8 @@ class DesignsInSlots:
         if p.shape[1:] != (self.parameters.size,) or not np.isfinite(p).all():
             return self.numbers(p, (len(p),)), {}  # says what is wrong
         slots, errors = self.parameters.possible(p)
-        self._check_signs(slots)
+        check_signs(self.parameters.slots, slots)
         return slots, errors
-
-    def _check_signs(self, slots: Array) -> None:
-        """Check that no number is negative that must not be.
-
-        Args:
-            slots: Numbers in the slots of each design, shape (designs, slots).
-        """
-        for i, slot in enumerate(self.parameters.slots):
-            if slot.field in NOT_NEGATIVE and (slots[:, i] < 0).any():
-                first = int(np.flatnonzero(slots[:, i] < 0)[0])
-                raise ModelError(f"{slot} is negative in design {first}", element=slot.name)
 
     def by_design(self, numbers: Array, rows: Index) -> Iterator[tuple[HybridRobot, Index]]:
         """Yield the robot of each design among some samples, and the samples.

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from ...description.records import Description
+from .checks import check_signs
 from .entries import Parameters
 from .slots import with_values
 from .xacro import XacroArguments
@@ -20,7 +21,8 @@ def with_numbers(description: Description, values: Mapping[str, ArrayLike]) -> D
         values: Values by name: parameters as in `entries.entry_of`, and arguments of the robot's xacro file.
 
     Raises:
-        ModelError: A parameter is unknown, or a value has a wrong size.
+        ModelError: A parameter is unknown, a value has a wrong size, or a mass, a stiffness or a friction is
+            negative.
     """
     arguments = {name: value for name, value in values.items() if ":" not in name}
     named = {name: value for name, value in values.items() if ":" in name}
@@ -28,4 +30,5 @@ def with_numbers(description: Description, values: Mapping[str, ArrayLike]) -> D
         description = XacroArguments(description, tuple(arguments)).expanded(list(arguments.values()))
     parameters = Parameters(description, list(named))
     slots = parameters.slot_values(parameters.vector(named)[None])[0]
+    check_signs(parameters.slots, slots)
     return with_values(description, parameters.slots, slots.tolist())

@@ -1,4 +1,4 @@
-"""Check that the records that parameters name are there, and that their numbers can be told apart."""
+"""Check that the records that parameters name are there, and that their numbers are possible."""
 
 from __future__ import annotations
 
@@ -9,8 +9,12 @@ import numpy as np
 from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import ModelError
+from ...spatial import Array
 from ..payload import loaded
-from .slots import NUMBERS
+from .slots import NUMBERS, Slot
+
+#: Fields whose numbers must not be negative, in parameters as in files.
+NOT_NEGATIVE = ("mass", "stiffness", "damping", "friction")
 
 
 def check_known(name: str, of: str, names: Sequence[str], what: str) -> None:
@@ -39,3 +43,16 @@ def check_load(name: str, description: Description, of: str) -> None:
             "the payload last",
             element=of,
         )
+
+
+def check_signs(slots: Sequence[Slot], numbers: Array) -> None:
+    """Check that no number is negative that must not be.
+
+    Args:
+        numbers: Numbers in the slots of a design, shape (slots,), or of each design, shape (designs, slots).
+    """
+    for slot, own in zip(slots, np.atleast_2d(numbers).T, strict=True):
+        if slot.field in NOT_NEGATIVE and (own < 0).any():
+            first = int(np.flatnonzero(own < 0)[0])
+            wrong = f"cannot be {own[0]:g}" if numbers.ndim == 1 else f"is negative in design {first}"
+            raise ModelError(f"{slot} {wrong}", element=slot.name)

@@ -15,6 +15,7 @@ from ...description.records import Description
 from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import naming
 from ...spatial import Array
+from ...structure.parameters.checks import NOT_NEGATIVE
 from ...structure.parameters.entries import Entry, Parameters, entry_of
 from ...structure.parameters.slots import Slot, with_values
 from .expressions import Expression
@@ -82,13 +83,14 @@ class Numbers:
         """Return a description with the numbers of a design.
 
         Raises:
-            ModelError: A name is unknown, a number is not finite, or a mass is negative.
+            ModelError: A name is unknown, a number is not finite, or a mass, a stiffness or a friction is
+                negative.
         """
         if not self.expressions:
             return description
         slots, rows = self.in_slots(description, {name: np.array([value]) for name, value in values.items()})
         for slot, number in zip(slots, rows[0], strict=True):
-            if not np.isfinite(number) or (slot.field == "mass" and number < 0):
+            if not np.isfinite(number) or (slot.field in NOT_NEGATIVE and number < 0):
                 raise self.source.error(("numbers",), f"{slot} cannot be {number:g}")
         return with_values(description, slots, rows[0].tolist())
 

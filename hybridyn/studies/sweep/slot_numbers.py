@@ -9,6 +9,7 @@ import numpy as np
 
 from ...description.records import Description
 from ...spatial import Array, Mask
+from ...structure.parameters.checks import NOT_NEGATIVE
 from ...structure.parameters.entries import entry_of
 from ...structure.parameters.slots import Slot, differences, values_of
 from .variants import Variants
@@ -40,7 +41,7 @@ class SlotNumbers:
             slots: The numbers that differ between designs.
         """
         self.variants, self.base, self.slots = variants, base, tuple(slots)
-        self._masses = np.array([slot.field == "mass" for slot in slots], dtype=bool)
+        self._signed = np.array([slot.field in NOT_NEGATIVE for slot in slots], dtype=bool)
         self._scaled = [
             (name, [slot for kind in ("mass", "inertia") for slot in entry_of(base, f"{kind}:{link}").slots])
             for name, one in variants.source.study.parameters.items()
@@ -54,8 +55,8 @@ class SlotNumbers:
             values: Values of the study's parameters, shape (designs, parameters).
         """
         slotted = self._one_by_one(values) if self.variants.arguments else self._at_once(values)
-        finite, heavy = np.isfinite(slotted.p), slotted.p[:, self._masses] >= 0
-        good: Mask = np.array(finite.all(axis=1) & heavy.all(axis=1))
+        finite, positive = np.isfinite(slotted.p), slotted.p[:, self._signed] >= 0
+        good: Mask = np.array(finite.all(axis=1) & positive.all(axis=1))
         if good.all():
             return slotted
         possible = slotted.possible.copy()
