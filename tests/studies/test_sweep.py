@@ -23,6 +23,7 @@ from hybridyn.studies.sweep.compiled_designs import Plan
 from hybridyn.studies.sweep.designs import Designs, generator
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
 from hybridyn.studies.sweep.identity import identity
+from hybridyn.studies.sweep.numbers import _number
 from hybridyn.studies.sweep.pool import WorkerDiedError
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.sensitivity import sensitivity
@@ -311,7 +312,7 @@ def test_numbers_of_the_description_are_set_by_expressions(folder: Path) -> None
         ('"viscous_friction:turn" = "-length"', r"damping of 'turn' cannot be -0.5"),
         ('"mass:rod" = "lenght"', "no column 'lenght'.*did you mean 'length'"),
         ('"mass:rod" = "length;"', "is no expression"),
-        ('"mass:rod" = "length, 2"', r"study.toml:\d+: .*has commas"),
+        ('"mass:rod" = "length, 2"', r"study.toml:\d+: .*is not understood"),
         ('"mass:rod" = "(length, 2) * 2"', "is not understood"),
     ],
 )
@@ -334,6 +335,16 @@ def test_numbers_beside_a_stated_one_are_scaled_with_its_link(folder: Path) -> N
     assert np.array_equal(
         SlotNumbers(variants, each[0], slots)(values).p, [values_of(x, slots) for x in each]
     )
+
+
+def test_names_of_links_may_end_like_labels_of_numbers(folder: Path) -> None:
+    study = read_study(plain("method = 'grid'", NUMBERS + STATED))
+    read = Variants(study).unscaled
+    dotted = replace(read, links=tuple(replace(link, name=f"{link.name}.x") for link in read.links))
+    for name in ("mass:rod.x", "centre:rod.x.y"):
+        assert _number(dotted, name)[1] == name
+    with pytest.raises(ModelError, match="no link 'rodd'"):
+        _number(dotted, "centre:rodd.x")
 
 
 def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:
@@ -468,6 +479,7 @@ def test_the_best_and_the_pareto_front(folder: Path, here: Any) -> None:
     for where, said in (
         ("lenght > 1", r"no column 'lenght' \(did you mean 'length'\?\)"),
         ("__import__('os')", "is not understood"),
+        ("length > 0, length < 1", "is not understood"),
         ("length >", "is no expression"),
         ("length > 9", "no design is left to compare .6 do not meet"),
     ):

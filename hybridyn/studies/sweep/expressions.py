@@ -33,13 +33,17 @@ class Expression:
         names: The columns that it needs.
     """
 
-    def __init__(self, text: str, columns: Sequence[str], what: str) -> None:
+    def __init__(self, text: str, columns: Sequence[str], what: str, *, several: bool = False) -> None:
         """Parse an expression.
+
+        Args:
+            what: Name of the expression in messages.
+            several: Whether it may be several with commas between, which have no value together.
 
         Raises:
             HybridynError: It is no expression, or there is no such column.
         """
-        self.text, self._what, self._columns = text.strip(), what, columns
+        self.text, self._what, self._columns, self._several = text.strip(), what, columns, several
         self.names: list[str] = []
         try:
             if len(text) > LONGEST:
@@ -82,7 +86,10 @@ class Expression:
             named = isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS
             known = named and len(node.args) == 1 and not node.keywords
         else:
-            known = isinstance(node, ast.BoolOp) or (isinstance(node, ast.Tuple) and node is self._tree)
+            whole = self._several and node is self._tree
+            known = isinstance(node, ast.BoolOp) or (
+                whole and isinstance(node, ast.Tuple) and node.elts != []
+            )
         if not known:
             raise HybridynError(
                 f"{self._what}: '{ast.unparse(node)}' is not understood: use columns, numbers, + - * / **, "

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...description.records import Description
-from ...errors import HybridynError, ModelError
+from ...errors import ModelError
 from ...scenes.toml_source import naming
 from ...spatial import Array
 from ...structure.parameters.checks import NOT_NEGATIVE
@@ -43,10 +43,7 @@ class Numbers:
         self.source, self.expressions = source, dict[str, Expression]()
         for name, text in source.study.numbers.items():
             with naming(source, ("numbers", name)):
-                one = Expression(text, list(source.study.parameters), "its expression")
-                if len(one.parts()) != 1:
-                    raise HybridynError(f"its expression: '{text}' has commas: write one number")
-            self.expressions[name] = one
+                self.expressions[name] = Expression(text, list(source.study.parameters), "its expression")
         self.parameters = {name for one in self.expressions.values() for name in one.names}
 
     def in_slots(
@@ -98,11 +95,15 @@ class Numbers:
 def _number(description: Description, name: str) -> tuple[Entry, str]:
     """Return the parameter to which a number belongs, and the number's label in it."""
     whole, _, label = name.rpartition(".")
-    if label in LABELS:
+    try:
+        found = entry_of(description, name)
+    except ModelError:
+        if label not in LABELS:
+            raise
         found = entry_of(description, whole)
         if name in found.labels:
             return found, name
-    found = entry_of(description, name)
+        raise
     if found.size > 1:
         raise ModelError(
             f"'{name}' has {found.size} numbers: name one, such as '{found.labels[0]}'", element=name
