@@ -480,7 +480,9 @@ def test_the_best_and_the_pareto_front(folder: Path, here: Any) -> None:
         ("lenght > 1", r"no column 'lenght' \(did you mean 'length'\?\)"),
         ("__import__('os')", "is not understood"),
         ("length > 0, length < 1", "is not understood"),
+        (f"length < 1{'0' * 400}", "is not understood"),
         ("length >", "is no expression"),
+        ("9 < 10 < length", "no design is left to compare .6 do not meet"),
         ("length > 9", "no design is left to compare .6 do not meet"),
     ):
         with pytest.raises(HybridynError, match=said):

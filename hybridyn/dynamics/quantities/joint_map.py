@@ -36,6 +36,9 @@ Motions = Callable[[Array, Array | None, Coordinates], tuple[Array, Array]]
 class JointMap:
     """Motors and output joints at a posture; the leading axis T is dropped for a single sample.
 
+    Rates, accelerations and efforts that its functions take have the shape (k,) or (T, k) for the joints, and
+    (m,) or (T, m) for the motors. Units are those of the positions, per second, and N or N m.
+
     Attributes:
         robot: The robot.
         joints: Names of the k output joints.

@@ -23,6 +23,8 @@ _COMPARE: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
 _FUNCTIONS: dict[str, Callable[[Any], Any]] = {"abs": np.abs, "sqrt": np.sqrt, "log": np.log}
 #: Longest expression [characters].
 LONGEST = 1000
+#: Largest number; a whole number may be larger than any that arrays hold.
+LARGEST = float(np.finfo(float).max)
 
 
 class Expression:
@@ -75,7 +77,8 @@ class Expression:
             self.names.append(name)
             return
         if isinstance(node, ast.Constant):
-            known = isinstance(node.value, int | float) and not isinstance(node.value, bool)
+            number = isinstance(node.value, int | float) and not isinstance(node.value, bool)
+            known = number and node.value <= LARGEST  # type: ignore[operator]
         elif isinstance(node, ast.BinOp):
             known = type(node.op) in _BINARY
         elif isinstance(node, ast.UnaryOp):
@@ -118,7 +121,7 @@ class Expression:
                 _COMPARE[type(one)](left, right)
                 for one, left, right in zip(node.ops, sides[:-1], sides[1:], strict=True)
             ]
-            return np.logical_and.reduce(found)
+            return np.logical_and.reduce(np.broadcast_arrays(*found))
         if isinstance(node, ast.Call):
             assert isinstance(node.func, ast.Name)
             return _FUNCTIONS[node.func.id](self._value(node.args[0], columns))
