@@ -26,7 +26,7 @@ from benchmarks.cases import ROOT
 
 TARGET = ROOT / "benchmarks" / "results" / "sweeps.csv"
 #: Engines, the package that each needs, and its numbers of processes; one process of loky is the program.
-ENGINES = (("loky", "joblib", (1, 2)), ("dask", "distributed", (1, 2)))
+ENGINES = (("loky", "joblib", (1, 2)), ("dask", "distributed", (1, 2)), ("ray", "ray", (1, 2)))
 #: Postures of a design; a table with fewer rows takes longer, because steps between its rows are divided.
 POSTURES = (81, 4001)
 CORES, DAY = 1000, 86400.0

@@ -98,7 +98,7 @@ def write_study(folder: Path, count: int) -> Path:
 
 def main(words: list[str] | None = None) -> None:
     """Evaluate the designs, and draw the trade of torque for speed."""
-    asked = options(__doc__, words, ("designs", 24_000, 2))
+    asked = options(__doc__, words, ("designs", 100_000, 2))
     with tempfile.TemporaryDirectory() as place:
         study, results = write_study(Path(place), asked.number), Path(place, "results")
         state = hybridyn.sweep(study, results, jobs=1 if asked.short else None)
