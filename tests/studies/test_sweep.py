@@ -348,7 +348,7 @@ def test_names_of_links_may_end_like_labels_of_numbers(folder: Path) -> None:
 
 
 def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:
-    plan = Plan("", np.zeros(0), (), 1003, 100)
+    plan = Plan("", (), 1003, 100)
     whole = plan.checks(0, 1003)
     assert len(whole) == len(set(whole)) == 100
     assert set(np.diff(whole)) <= {10, 11}

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.description.reading import read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep import variants as variants_module
 from hybridyn.studies.sweep.compiled_designs import _divided
+from hybridyn.studies.sweep.evaluation import Designer, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
-from hybridyn.studies.sweep.variants import Variants
+from hybridyn.studies.sweep.variants import Variants, scaled
+from tests import ROOT
 from tests.extras import needs
 from tests.studies.test_sweep import SCALES, Here, folder, here, rows_of, written
 
@@ -66,10 +69,27 @@ measure = { peak = "peak_effort", mean = "mean_power", w = "rms m1_left_elbow/ve
 """
 
 
+#: Four-bar loops in a row: rows of one, two, whose first bar has other masses, and, once only, three.
+FOUR_BARS = """[robot]
+file = "{file}"
+[designs]
+method = "table"
+table = "designs.csv"
+check = 9
+[parameters]
+n = {{}}
+bar = {{ scale_inertia = "bar1" }}
+[tasks.swing]
+trajectory = "swing.csv"
+measure = {{ peak = "peak_effort", mean = "mean_power", w = "rms top0/velocity" }}
+"""
+
+
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
     monkeypatch.setattr(compiled_chunks, "LEAST_DESIGNS", 1)
+    monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 1)
 
 
 def test_steps_are_divided_evenly_and_given_rows_stay() -> None:
@@ -195,3 +215,62 @@ def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_gene
     ours, theirs = rows_of("compiled"), rows_of("general")
     for name in about_of("compiled").measures:
         assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)
+
+
+def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tips of other names stand for other structures."""
+    text, robots = Path("pendulum.urdf").read_text(), {}
+    for k in (1.0, 2.0, 3.0):
+        Path("other.urdf").write_text(text.replace("tip", f"tip{k:.0f}"))
+        robots[k] = read("other.urdf")
+    designer = Designer(read_study(written("method = 'grid'", SCALES)))
+    monkeypatch.setattr(
+        designer.variants, "description", lambda own: scaled(robots[own["length"]], "rod", own["rod"])
+    )
+    monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), able[own[1]], 0, 0, (), ""))
+    able = {1.0: "unreachable", 2.0: "ok", 3.0: "ok"}
+    values = np.array([[1, 2], [2, 1], [2, 2], [2, 3], [3, 2], [1, -1], [1, 3]])  # -1 is no robot
+
+    def found(count: int) -> list[tuple[list[float], set[str], list[float]]]:
+        some = compiled_chunks._structures(designer, count, values)
+        return [(own.base.tolist(), {s.field for s in own.slots}, x[:, 1].tolist()) for own, x in some]
+
+    scales = {"mass", "inertia"}
+    two, one = ([2.0, 2.0], scales, [1.0, 2.0, 3.0]), ([1.0, 2.0], scales, [2.0, 3.0])
+    assert found(6) == [two, one]  # only one design has the third structure
+    monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 4)
+    assert found(11) == [two]
+    assert found(12) == [two, one]  # 2 designs of 6 are 4 of 12
+    monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), "singular", 0, 0, (), ""))
+    with pytest.raises(HybridynError, match="none of 6 designs"):
+        found(12)
+
+
+@pytest.mark.slow
+def test_each_structure_has_compiled_models_of_its_own(
+    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needs("compiled")
+    here(Here())
+    t = np.linspace(0.0, 0.8, 21)
+    rows = np.column_stack([t, 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t)])
+    header = "time,foot0/position,foot0/velocity,foot0/acceleration"
+    np.savetxt("swing.csv", rows, "%.17g", ",", header=header, comments="")
+    designs = [(n, 0.8 + 0.05 * k * (n > 1)) for k, n in enumerate([1, 2, 2, 1, 3, 2, 1, 2, 2])]
+    np.savetxt("designs.csv", designs, "%.17g", ",", header="n,bar", comments="")
+    study = folder / "four_bars.toml"
+    study.write_text(FOUR_BARS.format(file=ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"))
+    state = hybridyn.sweep(study, "compiled", format="csv")
+    assert state.why_general == ""
+    assert (state.compiled, state.checked, state.statuses) == (8, 8, {"ok": 9})
+    assert 0 < state.difference <= SAME
+    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
+    ours, theirs = rows_of("compiled"), rows_of("general")
+    for name in about_of("compiled").measures:
+        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0)
+    assert general.statuses == state.statuses
+
+    monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 60.0)  # one chunk
+    hybridyn.sweep(study, "whole", format="csv")
+    for name, values in rows_of("whole").items():
+        assert repr(values) == repr(ours[name])  # the same bits

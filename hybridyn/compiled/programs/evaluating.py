@@ -187,7 +187,8 @@ class DesignEvaluator:
 
     def _efforts(self, given: list[Array]) -> tuple[Array, Mask]:
         """Compute efforts in C, and where they can be trusted."""
-        (tau,), guard = self._inverse.batch(given, self._threads)
+        inputs = len(self._inverse.inputs)  # without slots, their numbers are no input
+        (tau,), guard = self._inverse.batch(given[:inputs], self._threads)
         return tau, guard <= self._inverse.trusted
 
     def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, wanted: _Wanted) -> None:

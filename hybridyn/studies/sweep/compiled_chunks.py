@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from typing import NamedTuple
 from uuid import uuid4
 
 import numpy as np
 
+from ...description.records import Description
 from ...description.urdf.xacro_process import keep_child
-from ...errors import HybridynError, ModelError
+from ...errors import HybridynError, ModelError, TrajectoryError
 from ...linkage.threads import one_thread
 from ...spatial import Array, Index
-from ...structure.parameters.slots import Slot, differences
-from .compiled_designs import CompiledDesigns, Plan, check_task
+from ...structure.parameters.slots import differences
+from .compiled_designs import CompiledDesigns, Plan, Structure, check_task
 from .designs import Designs
-from .evaluation import Chunk, Designer, Evaluated, evaluate
+from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
+from .slot_numbers import by_structure
 from .study_file import StudyFile
 
 #: Fewest designs of a study for which models are compiled, which takes as long as some ten to a hundred.
@@ -24,20 +29,47 @@ LEAST_DESIGNS = 200
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
 
+#: Fewest designs of a structure beside the most frequent one for which further models are compiled; their
+#: number is estimated from the designs that are read to find structures.
+LEAST_OF_STRUCTURE = 100
+#: Most structures that have compiled models; bounds the time until a process evaluates its first design.
+MOST_STRUCTURES = 16
+#: Further designs that are read to find structures: one in this many, and at most so many in all. Their
+#: multiples of the golden ratio keep step with no grid.
+READ_SHARE, MOST_READ, GOLDEN = 20, 64, (5**0.5 - 1) / 2
+#: Designs of a structure that are tried until one can make its motions, whose robot is compiled.
+TRIED_OF_STRUCTURE = 16
+
+
+class Models(NamedTuple):
+    """The compiled models of a run, and what evaluates the other designs."""
+
+    designer: Designer
+    plan: Plan
+    of_structures: list[CompiledDesigns]
+
+
 #: The models of the last run, by its identity.
-_kept: dict[str, CompiledDesigns] = {}
+_kept: dict[str, Models] = {}
 
 
-def models_of(source: StudyFile, plan: Plan) -> CompiledDesigns:
+def models_of(source: StudyFile, plan: Plan) -> Models:
     """Return the models of a run, which each process builds once.
 
     Raises:
         HybridynError: The models cannot be built.
     """
     if plan.run not in _kept:
-        _kept.clear()
-        _kept[plan.run] = CompiledDesigns(source, plan)
+        designer = Designer(source)
+        own = [CompiledDesigns(designer, structure) for structure in plan.structures]
+        _keep(Models(designer, plan, own))
     return _kept[plan.run]
+
+
+def _keep(models: Models) -> None:
+    """Keep the models of a run instead of those of the last one."""
+    _kept.clear()
+    _kept[models.plan.run] = models
 
 
 @one_thread()
@@ -58,8 +90,40 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
     models = models_of(source, plan)
     started = time.perf_counter()
     with np.errstate(all="ignore"):  # overflow shows in the results
-        found = models.rows(chunk)
+        found = rows_of(models, chunk)
     return replace(found, seconds=time.perf_counter() - started)
+
+
+def rows_of(models: Models, chunk: Chunk) -> Evaluated:
+    """Evaluate the designs of a chunk, and compare some of them with robots built for them.
+
+    Raises:
+        HybridynError: A design differs from the general path.
+    """
+    rows: list[Row] = []
+    found = Evaluated((), 0.0)
+    at_once = min(one.at_once for one in models.of_structures)
+    for start in range(chunk.start, chunk.stop, at_once):
+        values = chunk.values[start - chunk.start :][:at_once]
+        wanted = set(models.plan.checks(start, start + len(values)))
+        measured: dict[int, tuple[float, ...]] = {}
+        left = np.arange(len(values))
+        for one in models.of_structures:
+            if not len(left):
+                break
+            own, seen = one.measured(start + left, values[left], wanted)
+            measured |= {k: x for k, x in zip(left.tolist(), own, strict=True) if x is not None}
+            found = replace(
+                found,
+                checked=found.checked + len(seen),
+                difference=max([found.difference, *seen]),
+            )
+            left = np.array([k for k in left.tolist() if k not in measured], dtype=int)
+        for k, own_values in enumerate(values):
+            row = Row(start + k, tuple(own_values.tolist()), "ok", 0, 0, measured.get(k, ()), "")
+            rows.append(row if k in measured else models.designer(start + k, own_values))
+        found = replace(found, compiled=found.compiled + len(measured))
+    return replace(found, rows=tuple(rows))
 
 
 def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan | None, str]:
@@ -76,37 +140,75 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
     if designs.count < LEAST_DESIGNS:
         return None, ""
     keep_child()  # each design expands its own file
-    values = [designs.values(number, number + 1)[0] for number in numbers.tolist()]
+    designer = Designer(source)
+    own: list[CompiledDesigns] = []
+    why = ""
     try:
-        plan = _plan(source, designs, values)
-        models = models_of(source, plan)
+        for name, task in source.study.tasks.items():
+            check_task(name, task)
+        values = np.array([designs.values(number, number + 1)[0] for number in numbers.tolist()])
+        if designer.variants.arguments:
+            further = np.setdiff1d(_further(designs.count), numbers)
+            values = np.array([*values, *(designs.values(k, k + 1)[0] for k in further.tolist())])
+        for structure, some in _structures(designer, designs.count, values):
+            try:
+                models = CompiledDesigns(designer, structure)
+            except (ModelError, TrajectoryError) as error:  # of this robot, or of the table with it
+                why = str(error)
+                continue
+            if models.certain_of_any(some):
+                own.append(models)
+            else:
+                why = f"compiled models are certain of none of {len(some)} designs"
     except HybridynError as error:
         return None, str(error)
-    slotted = models.numbers(np.array(values))
-    tables = models.tables(slotted.p) if slotted.possible.any() else []
-    if not tables or not np.logical_and.reduce([table.good for table in tables]).any():
-        return None, f"compiled models are certain of none of {len(values)} designs"
+    if not own:
+        return None, why
+    count, check = designs.count, source.study.designs.check
+    if check is None:
+        check = min(MOST_CHECKED, -(-count // CHECKED_SHARE))
+    plan = Plan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))
+    _keep(Models(designer, plan, own))
     return plan, ""
 
 
-def _plan(source: StudyFile, designs: Designs, values: list[Array]) -> Plan:
-    """Find the numbers that differ between designs with some values of the parameters."""
-    for name, task in source.study.tasks.items():
-        check_task(name, task)
-    designer = Designer(source)
-    base = next((own for own in values if designer(0, own).status == "ok"), None)
-    if base is None:
-        raise ModelError(f"none of {len(values)} designs, spread over the study, can make its motions")
+def _further(count: int) -> Index:
+    """Return the numbers of further designs that are read to find structures."""
+    multiples = GOLDEN * np.arange(1, min(MOST_READ, count // READ_SHARE) + 1)
+    numbers: Index = (multiples % 1 * count).astype(int)
+    return numbers
+
+
+def _structures(designer: Designer, count: int, values: Array) -> Iterator[tuple[Structure, Array]]:
+    """Yield the structures that occur often enough, the most frequent first, and some designs of each.
+
+    Args:
+        count: Number of designs of the study.
+        values: Values of the parameters of some designs, shape (designs, parameters).
+
+    Raises:
+        ModelError: No robot of these designs can make its motions.
+    """
     variants = designer.variants
-    description = variants.description(variants.named(base))
-    slots: set[Slot] = set()
+    variants.prepare(values)
+    read: list[tuple[Array, Description]] = []
     for own in values:
-        try:
-            slots |= set(differences(description, variants.description(variants.named(own))))
-        except HybridynError:  # no robot, or of another structure
-            continue
-    check = source.study.designs.check
-    if check is None:
-        check = min(MOST_CHECKED, -(-designs.count // CHECKED_SHARE))
-    count = designs.count
-    return Plan(uuid4().hex, base, tuple(sorted(slots)), count, min(check, count))
+        with suppress(HybridynError):  # no robot
+            read.append((own, variants.description(variants.named(own))))
+    groups = by_structure([description for _, description in read])
+    often = [
+        group
+        for group in groups[1:MOST_STRUCTURES]
+        if len(group) > 1 and len(group) * count >= LEAST_OF_STRUCTURE * len(read)
+    ]
+    found = False
+    for group in [*groups[:1], *often]:
+        able = (k for k in group[:TRIED_OF_STRUCTURE] if designer(0, read[k][0]).status == "ok")
+        base = next(able, None)
+        if base is not None:
+            found = True
+            slots = {slot for k in group for slot in differences(read[base][1], read[k][1])}
+            structure = Structure(read[base][0], tuple(sorted(slots)))
+            yield structure, np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]])
+    if not found:
+        raise ModelError(f"none of {len(read)} designs, spread over the study, can make its motions")

@@ -1,15 +1,15 @@
 """Designs of a sweep that are closed and computed by compiled models, many at once.
 
-One compiled model per trajectory serves all designs of a study: the numbers of the description that differ
-between designs are its arguments. The general path computes designs of which the compiled models are not
+One compiled model per trajectory serves all designs of one structure: the numbers of the description that
+differ between them are its arguments. The general path computes designs of which the compiled models are not
 certain, and finds what is wrong with those that cannot make the motion.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,11 +24,11 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...tables.trajectory import Motion
 from .design_measures import measures_of
-from .evaluation import Chunk, Designer, Evaluated, Row
+from .evaluation import Designer
 from .following import Follower, follow
 from .measures import OF_MOTORS
 from .slot_numbers import SlotNumbers, Slotted
-from .study_file import PYTHON, StudyFile
+from .study_file import PYTHON
 from .study_tables import TaskTable
 
 #: Numbers of the motions that are computed at once; bounds the memory of a process.
@@ -42,21 +42,31 @@ STEPS = 4
 EQUAL = 1e-11
 
 
+class Structure(NamedTuple):
+    """What compiled models of one structure are built from.
+
+    Attributes:
+        base: Values of the parameters of the design whose robot is compiled, shape (parameters,).
+        slots: The numbers of the robot's description that differ between designs of the structure.
+    """
+
+    base: Array
+    slots: tuple[Slot, ...]
+
+
 @dataclass(frozen=True)
 class Plan:
     """What the processes of one run need for the same compiled models.
 
     Attributes:
         run: Identity of the run.
-        base: Values of the parameters of the design whose robot is compiled, shape (parameters,).
-        slots: The numbers of the robot's description that differ between designs.
+        structures: The structures that have compiled models, in the order in which they are tried.
         designs: Number of designs of the study.
         check: Number of those that are compared with robots built for them.
     """
 
     run: str
-    base: Array
-    slots: tuple[Slot, ...]
+    structures: tuple[Structure, ...]
     designs: int
     check: int
 
@@ -76,25 +86,26 @@ class _Task(NamedTuple):
 
 
 class CompiledDesigns:
-    """Evaluates designs of a study by compiled models, which are built when an instance is made."""
+    """Evaluates designs of one structure by compiled models, which are built when an instance is made."""
 
-    def __init__(self, source: StudyFile, plan: Plan) -> None:
+    def __init__(self, designer: Designer, structure: Structure) -> None:
         """Build the models, or load them from the cache.
 
         Raises:
             HybridynError: The study or its robot has no compiled models.
         """
-        self.source, self.designer = source, Designer(source)
-        self.plan, variants = plan, self.designer.variants
-        self.robot = variants.robot(variants.description(variants.named(plan.base)))
+        self.source, self.designer, self.structure = designer.source, designer, structure
+        variants = designer.variants
+        self.robot = variants.robot(variants.description(variants.named(structure.base)))
         if self.robot.base != "fixed":
             raise ModelError(f"the base is {self.robot.base}")
-        self.numbers = SlotNumbers(variants, self.robot.description, plan.slots)
-        self.tasks = [self._task(name, task) for name, task in source.study.tasks.items()]
+        self.numbers = SlotNumbers(variants, self.robot.description, structure.slots)
+        self.tasks = [self._task(name, task) for name, task in self.source.study.tasks.items()]
         robot = self.robot
-        width = robot.nq + 2 * robot.nv + len(robot.motors) + len(plan.slots)
+        width = robot.nq + 2 * robot.nv + len(robot.motors) + len(structure.slots)
         longest = max(task.motion.size for task in self.tasks)
-        self._at_once = min(max(1, AT_ONCE // (width * longest)), MOST_AT_ONCE)
+        #: Number of designs that are computed at once.
+        self.at_once = min(max(1, AT_ONCE // (width * longest)), MOST_AT_ONCE)
 
     def _task(self, name: str, task: TaskTable) -> _Task:
         """Compile the model of a task."""
@@ -107,56 +118,47 @@ class CompiledDesigns:
             )
         chosen = choose(self.robot, task.effects)
         chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])
-        compiled = compile(self.robot, chosen, parameters=self.plan.slots)
+        compiled = compile(self.robot, chosen, parameters=self.structure.slots)
         designs = DesignsInSlots(self.robot, compiled.parameters)
         evaluator = DesignEvaluator(designs, compiled.effects, compiled.library.programs["idm"])
         return _Task(name, task, motion, evaluator)
 
-    def rows(self, chunk: Chunk) -> Evaluated:
-        """Evaluate the designs of a chunk, and compare some of them with robots built for them.
+    def measured(
+        self, numbers: Index, values: Array, wanted: Container[int]
+    ) -> tuple[list[tuple[float, ...] | None], list[float]]:
+        """Measure designs; None for those of another structure or of which the models are not certain.
 
-        Raises:
-            HybridynError: A design differs by more than `EQUAL`.
-        """
-        rows: list[Row] = []
-        found = Evaluated((), 0.0)
-        for start in range(0, len(chunk.values), self._at_once):
-            values = chunk.values[start : start + self._at_once]
-            first = chunk.start + start
-            measured, seen = self._measured(first, values)
-            for i, (own, one) in enumerate(zip(values, measured, strict=True)):
-                row = None if one is None else Row(first + i, tuple(own.tolist()), "ok", 0, 0, one, "")
-                rows.append(row or self.designer(first + i, own))
-            found = replace(
-                found,
-                compiled=found.compiled + sum(one is not None for one in measured),
-                checked=found.checked + len(seen),
-                difference=max([found.difference, *seen]),
-            )
-        return replace(found, rows=tuple(rows))
-
-    def _measured(self, first: int, values: Array) -> tuple[list[tuple[float, ...] | None], list[float]]:
-        """Measure designs from number `first` on; None for those that are left to the general path.
+        Args:
+            numbers: Numbers of the designs in the study, shape (designs,).
+            values: Values of the parameters, shape (designs, parameters).
+            wanted: Numbers of designs to compare with robots built for them.
 
         Returns:
             The measures, and the largest difference of each design that was compared.
+
+        Raises:
+            HybridynError: A design differs by more than `EQUAL`.
         """
         out: list[tuple[float, ...] | None] = [None] * len(values)
         slotted = self.numbers(values)
         if not slotted.possible.any():
             return out, []
         tables = self.tables(slotted.p)
-        good = np.flatnonzero(np.logical_and.reduce([table.good for table in tables]))
+        good = _certain(tables)
         places = np.flatnonzero(slotted.possible)[good].tolist()
         for place, one in zip(places, self._measures(slotted, tables, good), strict=True):
             out[place] = one
-        wanted = set(self.plan.checks(first, first + len(values)))
         seen = [
-            self._compared(first + place, values[place], tables, k)
+            self._compared(int(numbers[place]), values[place], tables, k)
             for k, place in zip(good.tolist(), places, strict=True)
-            if first + place in wanted and out[place] is not None
+            if int(numbers[place]) in wanted and out[place] is not None
         ]
         return out, seen
+
+    def certain_of_any(self, values: Array) -> bool:
+        """Return whether the models are certain of any of these designs, shape (designs, parameters)."""
+        slotted = self.numbers(values)
+        return bool(slotted.possible.any() and len(_certain(self.tables(slotted.p))))
 
     def tables(self, p: Array) -> list[DesignTable]:
         """Compute the motions and efforts of designs for each task.
@@ -206,6 +208,12 @@ class CompiledDesigns:
         pairs = zip(ours, found[0], strict=True)
         off = [float(np.abs(x - y).max(initial=0) / np.abs(y).max(initial=1e-300)) for x, y in pairs]
         return float(np.max(off))  # nan, if one is
+
+
+def _certain(tables: Sequence[DesignTable]) -> Index:
+    """Return the places of designs whose motions and efforts are certain in each table."""
+    places: Index = np.flatnonzero(np.logical_and.reduce([table.good for table in tables]))
+    return places
 
 
 def _table(task: _Task, p: Array) -> DesignTable:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...description.records import Description
+from ...errors import ModelError
 from ...spatial import Array, Mask
 from ...structure.parameters.checks import NOT_NEGATIVE
 from ...structure.parameters.entries import entry_of
@@ -99,6 +100,27 @@ class SlotNumbers:
                 found.append(description)
         rows = [values_of(description, self.slots) for description in found]
         return Slotted(possible, np.array(rows).reshape(len(found), len(self.slots)), found)
+
+
+def by_structure(descriptions: Sequence[Description]) -> list[list[int]]:
+    """Return the places of descriptions that differ in slots only, group by group, the largest first."""
+    groups: list[list[int]] = []
+    for place, description in enumerate(descriptions):
+        group = next((own for own in groups if _alike(descriptions[own[0]], description)), None)
+        if group is None:
+            groups.append([place])
+        else:
+            group.append(place)
+    return sorted(groups, key=len, reverse=True)
+
+
+def _alike(one: Description, other: Description) -> bool:
+    """Return whether two descriptions differ in slots only."""
+    try:
+        differences(one, other)
+    except ModelError:
+        return False
+    return True
 
 
 def _home(description: Description) -> tuple[object, ...]:

@@ -32,6 +32,7 @@ class Variants:
         self.source, self.file, self.numbers = source, source.robot, Numbers(source)
         self._last: tuple[Key, Description] | None = None
         self._prepared: dict[Key, Description] = {}
+        self._asked: set[Key] = set()
 
     def __call__(self, values: Mapping[str, float]) -> HybridRobot:
         """Build the robot of a design.
@@ -65,8 +66,9 @@ class Variants:
         """
         many = [self._all_arguments(self._differing(self.named(own))) for own in values]
         each = {tuple(sorted(arguments.items())): arguments for arguments in many}
-        if len(each) < 2 or not self.file.endswith(".xacro"):
+        if len(each) < 2 or not self.file.endswith(".xacro") or each.keys() <= self._asked:
             return
+        self._asked = set(each)
         stated, folders = self.source.study.robot, self._folders()
         self._prepared = {}
         with contextlib.suppress(Exception):
