@@ -108,6 +108,7 @@ def command(
         done = [0]
 
         def progress(_: str) -> None:
+            """Count one more configuration."""
             done[0] += 1
             bar.show(done[0], None)
 

@@ -74,6 +74,7 @@ def command(
     """
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
+        """Build the plan for a robot and a table."""
         from ..effects import choose
 
         shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)

@@ -81,6 +81,7 @@ def command(
     reports: list[_Report] = []
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
+        """Build the plan for a robot and a table."""
         from ..effects import choose
 
         chosen = choose(robot, effects)

@@ -62,6 +62,7 @@ def takes_many(
 
         @functools.wraps(function)
         def body(resume: bool, pool: Engine | None, scheduler: str | None, **rest: Any) -> Any:
+            """Call the function, once for each table."""
             context = click.get_current_context()
             if several(rest["source"]):
                 shards = _Batch(function.__module__, rest, ending)

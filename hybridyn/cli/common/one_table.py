@@ -57,6 +57,7 @@ def outcomes(pool: Pool, module: str, tasks: Sequence[dict[str, Any]]) -> Iterat
     left = {task["source"]: (module, task) for task in tasks}
 
     def some(given: Sequence[str], at_once: int) -> Iterator[Outcome]:
+        """Compute some tables."""
         for outcome in pool.run(compute, (left[source] for source in given), at_once=at_once):
             del left[outcome.source]
             yield outcome

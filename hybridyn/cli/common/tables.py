@@ -178,6 +178,7 @@ def takes_table(
             quiet: bool,
             **rest: Any,
         ) -> Any:
+            """Check the files, and call the function with them."""
             check_targets([source], (output, reactions))
             if reactions == "-" and output in (None, "-"):
                 raise click.UsageError("efforts and reactions cannot both go to standard output")
@@ -286,6 +287,7 @@ def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
             inner = files.enter_context(open_results(tables.reactions, columns))
 
         def write(done: Any) -> None:
+            """Write the rows of a block."""
             for rows, to in ((done.rows, result), (done.reactions, inner)):
                 if to is not None:
                     to(rows if done.time is None else np.column_stack([done.time, rows]))

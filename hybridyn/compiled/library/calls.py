@@ -209,6 +209,7 @@ class Calls:
         guard_at = _address(guard)
 
         def run(start: int) -> None:
+            """Run one block of samples."""
             stop = min(start + block, samples)
             self._batch(start, stop, pointers[0], pointers[1], guard_at, self._workspace())
 

@@ -200,6 +200,7 @@ def _rename(robot: RobotFile, name: str, new: str) -> None:
     """Give a link another name."""
 
     def renamed(link: str) -> str:
+        """Return the new name of a link."""
         return new if link == name else link
 
     robot.links = [replace(link, name=renamed(link.name)) for link in robot.links]

@@ -26,19 +26,24 @@ def numbers_of(spec: ModuleSpec) -> ModuleSpec:
     """
 
     def joints(every: tuple[TreeJoint, ...]) -> tuple[TreeJoint, ...]:
+        """Replace the numbers of joints."""
         return tuple(replace(j, R=_array(j.R), p=_array(j.p)) for j in every)
 
     def closures(every: tuple[TreeClosure, ...]) -> tuple[TreeClosure, ...]:
+        """Replace the numbers of closures."""
         frames = ("R_a", "p_a", "R_b", "p_b")
         return tuple(replace(c, **{name: _array(getattr(c, name)) for name in frames}) for c in every)
 
     def couplings(every: tuple[TreeCoupling, ...]) -> tuple[TreeCoupling, ...]:
+        """Replace the numbers of couplings."""
         return tuple(replace(c, offset=_scalar(c.offset)) for c in every)
 
     def wrist(w: WristSpec) -> WristSpec:
+        """Replace the numbers of a wrist."""
         return replace(w, R=_array(w.R), p=_array(w.p))
 
     def body(b: Body) -> Body:
+        """Replace the numbers of a body."""
         return replace(b, mass=_scalar(b.mass), com=_array(b.com), inertia=_array(b.inertia))
 
     return replace(

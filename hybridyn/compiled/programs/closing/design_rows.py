@@ -190,6 +190,7 @@ class DesignRows:
         scalar, robot, slots = Scalar("float64", best_lanes()), self.robot, self.designs.parameters.slots
 
         def source() -> Source:
+            """Generate the C source."""
             needs_casadi()
             from ...equations.arguments.chosen import ChosenNumbers
             from .design_source import design_source

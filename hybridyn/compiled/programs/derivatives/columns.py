@@ -94,6 +94,7 @@ def add_up(
     w, reading = adjoints.writer, Reading.of(read)
 
     def function() -> ca.Function:
+        """Return the sums."""
         blocks, values = reading.symbols()
         columns = list(blocks)
         if kinds:

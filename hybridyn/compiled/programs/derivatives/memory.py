@@ -38,6 +38,7 @@ def compacted(program: Program) -> Program:
     moved_shared, moved_own = _moves(shared), _moves(own)
 
     def moved(end: Any) -> Any:
+        """Return a source or target in its new place."""
         if isinstance(end, Own | Turned):
             return replace(end, start=moved_own.get(end.start, 0))
         return (

@@ -59,6 +59,7 @@ class Quantities:
         rows = self._rows(joints)
 
         def general(q: Array) -> Array:
+            """Compute it by the general path."""
             return mass_matrix(self.robot, q, joints=joints, effects=self.effects)
 
         return self._finished(
@@ -81,6 +82,7 @@ class Quantities:
             base = acceleration_of_base(self.robot, base_acceleration, len(q))
 
         def general(q: Array, v: Array, base: Array) -> Array:
+            """Compute it by the general path."""
             given = base if self.robot.base == "moving" else None
             return bias(self.robot, q, v, joints=joints, effects=self.effects, base_acceleration=given)
 
@@ -92,6 +94,7 @@ class Quantities:
         rows = None if self._has(Stop) else self._rows(joints)  # a stop's damping is not odd in the rates
 
         def general(q: Array, v: Array) -> Array:
+            """Compute it by the general path."""
             return coriolis(self.robot, q, v, joints=joints, effects=self.effects)
 
         return self._finished("coriolis", rows.coriolis if rows else None, general, 3, single, q, v)
@@ -104,6 +107,7 @@ class Quantities:
             rows = None  # the general path refuses it
 
         def general(q: Array, v: Array) -> Array:
+            """Compute it by the general path."""
             return coriolis_matrix(self.robot, q, v, joints=joints, effects=self.effects)
 
         lanes = 6 * rows.moves.u.size if rows else 1
@@ -116,6 +120,7 @@ class Quantities:
         rows = None if self._has(Spring, Stop) else self._rows(joints)  # they act at rest, too
 
         def general(q: Array) -> Array:
+            """Compute it by the general path."""
             return gravity(self.robot, q, joints=joints, effects=self.effects)
 
         return self._finished("gravity", rows.gravity if rows else None, general, 1, single, q)
@@ -134,6 +139,7 @@ class Quantities:
         if v is None:
 
             def general(q: Array) -> Array:
+                """Compute it by the general path."""
                 return motion_map(self.robot, q, joints=joints)
 
             return self._finished("motion_map", moves.map if moves else None, general, 6, single, q)
@@ -143,6 +149,7 @@ class Quantities:
             return np.concatenate(motion_map(self.robot, q, v, joints=joints), axis=2)
 
         def compiled(q: Array, v: Array) -> Computed:
+            """Compute it in C, and where it can be trusted."""
             assert moves is not None
             return _map_and_rate(moves, q, v, FOLLOWS[str(self.dtype)])
 
@@ -156,9 +163,11 @@ class Quantities:
         q, v, single = checked_state(self.robot, q, v)
 
         def compute(q: Array, v: Array) -> Computed:
+            """Compute it in C, and where it can be trusted."""
             return energy_rows(self._trusted, self.robot, self.effects, q, v)
 
         def general(q: Array, v: Array) -> Array:
+            """Compute it by the general path."""
             found = energy(self.robot, q, v, effects=self.effects)
             return np.stack([found.kinetic, found.potential], axis=1)
 
