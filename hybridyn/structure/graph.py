@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..description.groups import Groups
 from ..description.records import Closure, Description
 from ..errors import ModelError
 from ..linkage.closures import TreeClosure, TreeCoupling
@@ -111,18 +112,13 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
 
 def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> list[int]:
     """Return for each joint the first joint of its module, by union-find along the fundamental circuits."""
-    leader = list(range(len(bodies.joints)))
-
-    def find(i: int) -> int:
-        while leader[i] != i:
-            leader[i] = leader[leader[i]]
-            i = leader[i]
-        return i
+    groups: Groups[int] = Groups()
 
     def merge(joints: list[int]) -> None:
-        roots = sorted({find(i) for i in joints})
-        for root in roots[1:]:
-            leader[root] = roots[0]
+        """Join the groups of some joints; the first joint stands for them."""
+        firsts = sorted({groups.of(i) for i in joints})
+        for other in firsts[1:]:
+            groups.join(firsts[0], other)
 
     for closure in closures:
         merge(bodies.path(closure.body_a, closure.body_b))
@@ -130,7 +126,7 @@ def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCo
         joints = [i for i, _ in coupling.terms]
         for i in joints:
             merge([*joints, *bodies.path(joints[0] + 1, i + 1)])
-    return [find(i) for i in range(len(leader))]
+    return [groups.of(i) for i in range(len(bodies.joints))]
 
 
 def _cut(bodies: Bodies, module: ModuleGraph, driven: set[int]) -> None:
@@ -205,20 +201,14 @@ def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[
     """Group the module's bodies into the connected components that remain without some bodies."""
     gone = {i + 1 for w in module.wrists for i in w.joints}
     left = {i + 1 for i in module.joints if i + 1 not in gone} - without
-    group = {body: body for body in left}
-
-    def find(b: int) -> int:
-        while group[b] != b:
-            b = group[b]
-        return b
-
+    groups: Groups[int] = Groups()
     for a, b in _edges(bodies, module):
         if a in left and b in left:
-            low, high = sorted((find(a), find(b)))
-            group[high] = low
+            low, high = sorted((groups.of(a), groups.of(b)))
+            groups.join(low, high)
     out: dict[int, list[int]] = {}
     for body in sorted(left):
-        out.setdefault(find(body), []).append(body)
+        out.setdefault(groups.of(body), []).append(body)
     return list(out.values())
 
 

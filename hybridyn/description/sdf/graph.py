@@ -79,7 +79,7 @@ def span(links: Iterable[Item], joints: list[Stated], named: Collection[Item], f
     ranks: dict[tuple[bool, int], list[int]] = {}
     for number, joint in enumerate(joints):
         ranks.setdefault((joint.cut, -importance(joint, named)), []).append(number)
-    groups = Groups()
+    groups: Groups[Item | None] = Groups()
     kept: set[int] = set()
     parented: set[Item | None] = {None}
     for rank in sorted(ranks):

@@ -48,7 +48,8 @@ def grow(bodies: Iterable[Prim], joints: list[UsdJoint], bound: Collection[str],
     Raises:
         ModelError: A joint of the tree is one that only closes loops here.
     """
-    parts, chosen = Groups(), Groups()
+    parts: Groups[str] = Groups()
+    chosen: Groups[str] = Groups()
     for joint in joints:
         parts.join(*joint.ends)
     roots = _roots(list(bodies), joints, parts)
@@ -100,7 +101,7 @@ def _note(joints: list[UsdJoint], closures: list[UsdJoint], notes: list[str]) ->
         )
 
 
-def _roots(bodies: list[Prim], joints: list[UsdJoint], parts: Groups) -> list[str]:
+def _roots(bodies: list[Prim], joints: list[UsdJoint], parts: Groups[str]) -> list[str]:
     """Return the root of every part that no joint ties to the world.
 
     It is the body with ArticulationRootAPI, else the only body that is never the second of a joint, else the
