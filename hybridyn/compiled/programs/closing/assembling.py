@@ -122,6 +122,7 @@ class Assembler:
         scalar, robot = Scalar("float64", min(lanes, lanes_for(parts))), self.robot
 
         def source() -> Source:
+            """Generate the C source."""
             needs_casadi()
             from .closing_source import closing_source
 
@@ -129,6 +130,7 @@ class Assembler:
                 return closing_source(robot, parts, scalar)
 
         def accept(built: Built) -> None:
+            """Compare a new library with the general path."""
             with as_compile_error(robot):
                 check_rows(from_place(ClosedRows(built), robot, parts), robot, parts)
 

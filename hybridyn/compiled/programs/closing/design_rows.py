@@ -199,6 +199,7 @@ class DesignRows:
                 return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)
 
         def accept(built: Built) -> None:
+            """Compare a new library with the general path."""
             library = ClosedDesigns(built)
             with as_compile_error(robot):
                 for design, like, _ in designs_to_verify(robot, self.designs.parameters):

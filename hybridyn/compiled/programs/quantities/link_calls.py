@@ -43,9 +43,11 @@ class LinkQuantities(Quantities):
         q, _, single = checked_state(self.robot, q, None)
 
         def general(q: Array) -> Array:
+            """Compute it by the general path."""
             return link_jacobian(self.robot, q, link, joints=joints, axes=axes)
 
         def compiled(q: Array) -> Computed:
+            """Compute it in C, and where it can be trusted."""
             assert moves is not None
             return link_rows(self._trusted, moves, q, [link], axes)
 
@@ -65,9 +67,11 @@ class LinkQuantities(Quantities):
         moves = None if floating and held is None else moves
 
         def general(q: Array) -> Array:
+            """Compute it by the general path."""
             return delassus(self.robot, q, names, axes=axes, effects=self.effects)
 
         def compiled(q: Array) -> Computed:
+            """Compute it in C, and where it can be trusted."""
             assert moves is not None
             if held is not None:
                 return held.delassus(moves, q, names, axes)
@@ -98,6 +102,7 @@ class LinkQuantities(Quantities):
         moves = self._over(side)
 
         def general(q: Array, v: Array | None = v) -> Array:
+            """Compute it by the general path."""
             E, drift = side_motions(self.robot, q, v, side)
             return E if v is None else drift
 
