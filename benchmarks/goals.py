@@ -1,4 +1,4 @@
-"""The speed goals of the compiled path: ratios of times in one run, on the same states, at 1e-10."""
+"""The speed goals: ratios of times in one run on the same states at 1e-10, and times of users' programs."""
 
 from __future__ import annotations
 
@@ -39,6 +39,66 @@ class Goal(NamedTuple):
         if math.isnan(value):
             return "not measured"
         return "met" if (value >= self.goal if self.at_least else value <= self.goal) else "missed"
+
+
+class ProgramGoal(NamedTuple):
+    """A goal of what stands around the models, with what was measured.
+
+    Attributes:
+        case: Robot.
+        what: What is measured.
+        goal: Largest value that meets it (smallest, where it is a lower bound).
+        value: What was measured.
+        unit: Unit of both.
+        at_least: True where the goal is a lower bound.
+    """
+
+    case: str
+    what: str
+    goal: float
+    value: float
+    unit: str
+    at_least: bool = False
+
+    def verdict(self) -> str:
+        """Say whether the goal is met."""
+        return "met" if (self.value >= self.goal if self.at_least else self.value <= self.goal) else "missed"
+
+
+#: Largest value of each program's part by its unit.
+PROGRAM_GOALS = {
+    ("idm", "operations with the guard over those without", ""): 1.2,
+    ("simulate, RK4", "a step with PD", "bare steps"): 3.0,
+    ("simulate, RK4", "a step with computed torque", "bare steps"): 3.0,
+    ("simulate, RK4", "a law in Python, beyond its own call", "us"): 5.0,
+    ("hybridyn idm", "3 rows", "s"): 0.4,
+    ("hybridyn idm", "10,000 rows, beyond 3", "s"): 0.5,
+    ("compile, quick", "from the loaded robot to its first efforts, empty cache", "s"): 2.0,
+}
+#: Largest time of a control step by robot [us].
+STEP_GOALS = {
+    ("lx4", "from Python, median"): 30.0,
+    ("lx4", "in C"): 12.0,
+    ("five_bar", "from Python, median"): 5.0,
+    ("five_bar", "in C"): 1.0,
+}
+#: Least share of the peak rate in a batch.
+PEAK_GOAL = 0.6
+
+
+def program_goals(results: dict[str, list[Any]]) -> list[ProgramGoal]:
+    """Return the goals of what was measured around the models."""
+    out = []
+    for row in results["programs"]:
+        goal = PROGRAM_GOALS.get((row.program, row.what, row.unit))
+        if row.program == "control step":
+            goal = STEP_GOALS.get((row.case, row.what))
+        if goal is not None:
+            out.append(ProgramGoal(row.case, f"{row.program}: {row.what}", goal, row.value, row.unit))
+    for row in results["peak"]:
+        what = f"{row.model}, batch: share of the peak rate"
+        out.append(ProgramGoal(row.case, what, PEAK_GOAL, row.share, "", at_least=True))
+    return out
 
 
 def goals(results: dict[str, list[Any]]) -> list[Goal]:

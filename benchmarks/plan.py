@@ -20,6 +20,7 @@ from benchmarks import (
     derivatives,
     job,
     peak,
+    programs,
     scaling,
     simulation,
     singular,
@@ -34,6 +35,7 @@ CACHE = ROOT / "build" / "benchmarks" / "cache"
 #: Files of this package that only show what was measured, or measure something else.
 OUTPUT = {
     "report.py",
+    "reached.py",
     "standing.py",
     "tables.py",
     "texts.py",
@@ -114,6 +116,7 @@ def short() -> list[Task]:
         Task("derivatives", "five_bar", derivatives.measure, ("five_bar", 32, 2)),
         *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
         Task("job", "idm 1000 2", job.measure, (1_000, 2)),
+        Task("programs", "five_bar", programs.measure, ("five_bar",)),
     ]
 
 
@@ -148,6 +151,7 @@ def full() -> list[Task]:
     out += [Task("peak", case, peak.measure, (case,)) for case in ("gough_stewart", "lx4")]
     for rows, cores in ((10_000, 1), (10_000, 2), (10_000, 4), (1_000, 2), (40_000, 2)):
         out.append(Task("job", f"idm {rows} {cores}", job.measure, (rows, cores), False))
+    out += [Task("programs", case, programs.measure, (case,), False) for case in programs.ROBOTS]
     return out
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fronts import cheapest, exponent, grouped
-from benchmarks.goals import Goal, goals
+from benchmarks.reached import around, reached
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows
 from benchmarks.standing import fastest, flown, losses, standing
 from benchmarks.tables import number, table
@@ -75,8 +75,9 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         ("callgrind", "Instructions", _callgrind),
         ("peak", "Share of the peak rate", _peak),
         ("job", "The main job", _job),
+        ("programs", "Around the models", around),
     ]
-    parts = [HEAD, *standing(results), *losses(results), *_goals(results), METHODS]
+    parts = [HEAD, *standing(results), *losses(results), *reached(results), METHODS]
     for name, title, body in titles:
         if results[name]:
             parts.append(f"## {title}\n")
@@ -85,19 +86,6 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
             parts += body(results)
     parts += [*_gate(results), *_missing(results), LIMITS, *_machines(machines)]
     return "\n".join(parts)
-
-
-def _goals(results: Results) -> Iterator[str]:
-    yield "## Speed goals of the compiled path\n"
-    yield "Ratios of times, hybridyn over the peer; those of the general path are shown for comparison.\n"
-    rows = [_goal(goal) for goal in goals(results)]
-    yield table(["case", "against", "goal", "compiled", "", "general", "peer"], rows)
-
-
-def _goal(goal: Goal) -> list[str]:
-    limit = f"at least {goal.goal:g}" if goal.at_least else f"at most {goal.goal:.3g}"
-    compiled, general = (number(value) for value in goal.measured)
-    return [goal.case, goal.against, limit, compiled, goal.verdict(0), general, goal.peer]
 
 
 def _models(results: Results, model: str) -> Iterator[str]:

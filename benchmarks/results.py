@@ -216,6 +216,24 @@ class Limit(NamedTuple):
     cores: float
 
 
+class Waited(NamedTuple):
+    """What a user's program waits for.
+
+    Attributes:
+        case: Robot.
+        program: What is run.
+        what: The part that is measured.
+        value: Its time, or a ratio.
+        unit: Unit of the value, empty for a ratio of like things.
+    """
+
+    case: str
+    program: str
+    what: str
+    value: float
+    unit: str
+
+
 #: The sections and the rows of each, in the order in which they are measured; `Check` rows open each.
 SECTIONS: dict[str, type[Any]] = {
     "ddm": Point,
@@ -229,6 +247,7 @@ SECTIONS: dict[str, type[Any]] = {
     "callgrind": Count,
     "peak": Limit,
     "job": Job,
+    "programs": Waited,
 }
 
 

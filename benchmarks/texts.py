@@ -138,3 +138,18 @@ multiply-adds on full vectors. The rest of the time is spent on quotients, sines
 wait for the results of others. The rate of all cores of this machine together is {cores:.2f} times their
 number times the rate of one core; threads cannot scale better than this.
 """
+
+REACHED = """\
+### Around the models
+
+Goals of what a user's program waits for; the section "Around the models" says how it was measured.
+"""
+
+PROGRAMS = """\
+What a user's program waits for around the models. Times are processor times, the least of several runs; the
+time of a cold start is wall time, because it builds in two processes. Operations are those of one expression
+with common terms computed once. `hybridyn idm` reads poses of the LX4's platforms, on one core, with a model
+that was built before; importing Pinocchio alone is shown beside it. Controllers follow a small motion of all
+motors; a law in Python is asked in each of the four stages of a step. A control step takes the motion of the
+motors' encoders and the last posture, and gives their efforts.
+"""

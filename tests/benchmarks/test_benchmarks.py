@@ -22,7 +22,7 @@ from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_t
 from benchmarks.figures import write_figures
 from benchmarks.fronts import cheapest, exponent, front
 from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
-from benchmarks.goals import goals
+from benchmarks.goals import goals, program_goals
 from benchmarks.labels import Box, around, beside, spread
 from benchmarks.methods import NotMeasuredError, grid, written
 from benchmarks.peers import rk4
@@ -38,6 +38,7 @@ from benchmarks.results import (
     Count,
     Flight,
     Point,
+    Waited,
     read_machines,
     read_rows,
     write_rows,
@@ -536,3 +537,15 @@ def test_slow_tests_are_summed_up_by_function() -> None:
     <testcase classname="tests.test_b" name="test_x[2]" time="2.0"><failure message="no"/></testcase>
     <testcase classname="tests.test_a" name="test_y" time="0.25"/></testsuite></testsuites>"""
     assert table(record) == [("test_a.py", "test_y", 1, 0, "0.2"), ("test_b.py", "test_x", 2, 1, "3.5")]
+
+
+def test_goals_of_programs_are_judged() -> None:
+    rows = [
+        Waited("lx4", "hybridyn idm", "3 rows", 0.39, "s"),
+        Waited("lx4", "hybridyn idm", "3 rows", 2.1, "imports of pinocchio"),
+        Waited("five_bar", "idm", "operations with the guard over those without", 1.3, ""),
+    ]
+    found = program_goals({"programs": rows, "peak": []})
+    assert [(goal.case, goal.unit, goal.verdict()) for goal in found] == [
+        ("lx4", "s", "met"), ("five_bar", "", "missed"),
+    ]  # fmt: skip

@@ -1,0 +1,160 @@
+"""What a user's program waits for around the models: steps of controllers, the command line, a cold start.
+
+Times are processor times of this process or of the programs that it starts, the least of several, so that
+what else runs on the machine counts little. A cold start is wall time, because it builds in two processes.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import hybridyn
+from benchmarks.cases import LX4, case_of, write_long_trajectory
+from benchmarks.methods import NotMeasuredError
+from benchmarks.processes import only_cores
+from benchmarks.results import Waited
+from benchmarks.timing import timed
+from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.statistics import flattened
+from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.description.cache_folder import VARIABLE
+from hybridyn.scenes.controllers import ComputedTorque, Pd
+from hybridyn.scenes.references import MotorAxes, Point, from_points
+from hybridyn.spatial import Array
+
+#: Robots that are measured.
+ROBOTS = ("five_bar", "gough_stewart", "delta", "tanev", "lx4")
+#: Gains of the controllers: critically damped at 30 rad/s.
+KP, KD = 900.0, 60.0
+#: Step [s], number of steps and way of the motors [rad, m] of a controlled run.
+STEP, STEPS, MOVE = 1e-5, 5_000, 0.002
+#: Stages of an RK4 step, each of which asks the controller.
+STAGES = 4
+#: Runs with each controller, of which the fastest counts.
+RUNS = 7
+#: Rows of the short and of the long table.
+SHORT, LONG = 3, 10_000
+#: How often a program is started, of which the least time counts.
+STARTS, COLD_STARTS = 12, 3
+#: Loads the LX4, then computes with a model that it builds quickly in an empty cache; prints the seconds.
+COLD = """
+import sys, time
+import hybridyn
+robot = hybridyn.load(sys.argv[1])
+q, v = robot.home, [0.0] * robot.nv
+started = time.perf_counter()
+compiled = hybridyn.compile(robot, quick=True)
+compiled.idm(q, v, v)
+print(time.perf_counter() - started)
+"""
+
+
+def measure(case: str) -> list[Waited]:
+    """Measure everything around the models of a robot; the command line with the LX4 alone."""
+    rows = [*guard(case), *controlled_steps(case)]
+    return [*rows, *command_line(), *cold()] if case == "lx4" else rows
+
+
+def guard(case: str) -> Iterator[Waited]:
+    """Yield the operations of the inverse model, and how many more its guard needs."""
+    program = programs(case_of(case).load(), models=("idm",))["idm"]
+    with_guard, alone = flattened(program)
+    yield Waited(case, "idm", "operations with the guard over those without", with_guard / alone, "")
+
+
+def controlled_steps(case: str) -> Iterator[Waited]:
+    """Yield the time of an RK4 step, and what controllers make of it."""
+    robot = case_of(case).load()
+    compiled = hybridyn.compile(robot)
+    q, still = robot.home, np.zeros(robot.nv)
+    held = compiled.idm(q, still, still)
+    motors = dict(zip(robot.motors, MotorAxes.of(robot).positions(q) + MOVE, strict=True))
+    reference = from_points(robot, [Point(STEP * STEPS, motors, {})], q)
+
+    def law(t: float, q: Array, v: Array) -> Array:
+        """Hold the robot."""
+        return held
+
+    laws: dict[str, Any] = {
+        "bare": held,
+        "PD": Pd(robot, reference, KP, KD),
+        "computed torque": ComputedTorque(robot, reference, KP, KD),
+        "Python": law,
+    }
+    times = dict.fromkeys(laws, math.inf)
+    for _ in range(RUNS):
+        for name, effort in laws.items():
+            times[name] = min(times[name], _step(compiled, effort))
+    bare = times["bare"]
+    yield Waited(case, "simulate, RK4", "a bare step", 1e6 * bare, "us")
+    for name in ("PD", "computed torque"):
+        yield Waited(case, "simulate, RK4", f"a step with {name}", times[name] / bare, "bare steps")
+    own = min(timed(lambda: law(0.0, q, still), 10_000, time.process_time) for _ in range(RUNS))
+    beyond = (times["Python"] - bare) / STAGES - own
+    yield Waited(case, "simulate, RK4", "a law in Python, beyond its own call", 1e6 * beyond, "us")
+
+
+def _step(compiled: CompiledRobot, effort: Any) -> float:
+    """Return the processor time of a step in a run from home [s]."""
+    robot, end = compiled.robot, STEP * STEPS
+    started = time.process_time()
+    run = hybridyn.simulate(
+        robot, robot.home, np.zeros(robot.nv), (0.0, end), effort=effort, compiled=compiled,
+        output_times=[0.0, end], method="rk4", step=STEP,
+    )  # fmt: skip
+    spent = time.process_time() - started
+    if run.status != "finished":
+        raise NotMeasuredError(f"the run ended: {run.message}")
+    return spent / run.counters.steps
+
+
+def command_line() -> Iterator[Waited]:
+    """Yield the processor time of `hybridyn idm` on the LX4's poses, beside that of importing Pinocchio."""
+    pinocchio = _program(["-c", "import pinocchio"])
+    yield Waited("lx4", "python", "import pinocchio", pinocchio, "s")
+    with tempfile.TemporaryDirectory() as folder, only_cores(1):
+        seconds = []
+        for rows in (SHORT, LONG):
+            table, out = Path(folder, f"{rows}.csv"), Path(folder, "efforts.csv")
+            write_long_trajectory(table, rows)
+            seconds.append(_program(["-m", "hybridyn", "idm", str(LX4), str(table), "-o", str(out), "-q"]))
+    yield Waited("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0], "s")
+    yield Waited("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0] / pinocchio, "imports of pinocchio")
+    yield Waited("lx4", "hybridyn idm", f"{LONG:,} rows, beyond {SHORT}", seconds[1] - seconds[0], "s")
+
+
+def _program(words: list[str]) -> float:
+    """Return the least processor time of a Python program and of what it starts [s]."""
+    least = math.inf
+    for _ in range(STARTS):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, *words], check=True, stdout=subprocess.DEVNULL)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        least = min(least, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return least
+
+
+def cold() -> Iterator[Waited]:
+    """Yield the time from the loaded LX4 to its first efforts, with an empty cache."""
+    least = math.inf
+    for _ in range(COLD_STARTS):
+        with tempfile.TemporaryDirectory() as folder:
+            done = subprocess.run(
+                [sys.executable, "-c", COLD, str(LX4)], check=True, capture_output=True, text=True,
+                env=os.environ | {VARIABLE: folder},
+            )  # fmt: skip
+        least = min(least, float(done.stdout))
+    yield Waited(
+        "lx4", "compile, quick", "from the loaded robot to its first efforts, empty cache", least, "s"
+    )
