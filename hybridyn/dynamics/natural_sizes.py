@@ -72,11 +72,10 @@ class NaturalSizes:
         return out
 
 
-def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
-    """Compute the rounding that may remain when forces cancel, as work per scaled coordinate.
+def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
+    """Compute the reference size of forces, as work per scaled coordinate.
 
-    It is the rounding of one term for each freedom. Each term is the torque that gives the robot's mass, at a
-    distance of the robot's size, the reference acceleration.
+    It is the torque that gives the robot's mass the reference acceleration at the distance of its size.
 
     Args:
         v: Rates, shape (T, nv).
@@ -87,4 +86,9 @@ def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
     """
     length = robot.bodies.size
     mass = sum(body.mass for body in robot.bodies.bodies)
-    return NOISE * robot.nv * mass * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+    return mass * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+
+
+def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
+    """Compute the rounding that may remain when forces cancel, shape (T,): one term for each freedom."""
+    return NOISE * robot.nv * natural_force(robot, v, a)

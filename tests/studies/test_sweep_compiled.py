@@ -15,7 +15,7 @@ from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep import variants as variants_module
-from hybridyn.studies.sweep.compiled_designs import _divided
+from hybridyn.studies.sweep.compiled_designs import _difference, _divided
 from hybridyn.studies.sweep.evaluation import Designer, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
@@ -181,6 +181,20 @@ def test_descriptions_of_many_designs_are_those_of_each(
         assert differences(variants.description(variants.named(own)), wanted) == []
     with pytest.raises(HybridynError, match="no C compiler"):
         variants.description(variants.named(np.array([0.28, 1.0, 0.3])))
+
+
+def test_efforts_that_are_rounding_stop_no_sweep() -> None:
+    """Efforts and accelerations of rounding are compared with natural sizes, not with themselves."""
+    robot = hybridyn.load("five_bar")
+    rest = np.zeros((2, robot.nv))
+    theirs = [np.tile(robot.home, (2, 1)), rest, rest, np.full((2, len(robot.motors)), 1e-17)]
+    ours = [*theirs[:3], -theirs[3]]
+    assert _difference(robot, ours, theirs) <= compiled_designs.EQUAL
+    weight = 9.81 * sum(body.mass for body in robot.bodies.bodies) * robot.bodies.size
+    ours[3] = theirs[3] + 1e-9 * weight
+    assert _difference(robot, ours, theirs) > compiled_designs.EQUAL
+    ours = [*theirs[:2], rest + 1e-9, theirs[3]]
+    assert _difference(robot, ours, theirs) > compiled_designs.EQUAL
 
 
 @pytest.mark.slow

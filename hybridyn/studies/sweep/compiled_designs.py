@@ -17,6 +17,7 @@ import numpy as np
 from ...compiled.compiling import compile
 from ...compiled.programs.designs import DesignsInSlots
 from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
+from ...dynamics.natural_sizes import NaturalSizes, natural_force
 from ...effects import choose
 from ...errors import HybridynError, ModelError
 from ...spatial import Array, Index
@@ -38,7 +39,7 @@ MOST_AT_ONCE = 4096
 #: Parts into which the steps between rows are divided for designs that turn far between two rows.
 STEPS = 4
 #: Largest difference of a motion or its efforts to those of a robot built for the design, over the largest
-#: number of the same kind.
+#: number of the same kind or its natural size.
 EQUAL = 1e-11
 
 
@@ -188,7 +189,7 @@ class CompiledDesigns:
         variants, largest = self.designer.variants, 0.0
         robot = variants(variants.named(values))
         for task, table in zip(self.tasks, tables, strict=True):
-            off = self._difference(robot, task, [x[k] for x in _numbers(table)])
+            off = self._from_built(robot, task, [x[k] for x in _numbers(table)])
             if not off <= EQUAL:
                 raise HybridynError(
                     f"{self.source.file}: design {number}, task '{task.name}': compiled models and the "
@@ -198,16 +199,29 @@ class CompiledDesigns:
             largest = max(largest, off)
         return largest
 
-    def _difference(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
+    def _from_built(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
         """Return the largest relative difference of a motion and its efforts to those of a robot."""
         found: list[tuple[Array, ...]] = []
         how = Follower(task.stated.passive, choose(robot, task.evaluator.effects.names))
         follow(robot, self.designer.tracks[task.name], how, lambda at, tau: found.append((*at[1:], tau)))
         if not found:
             return math.inf
-        pairs = zip(ours, found[0], strict=True)
-        off = [float(np.abs(x - y).max(initial=0) / np.abs(y).max(initial=1e-300)) for x, y in pairs]
-        return float(np.max(off))  # nan, if one is
+        return _difference(robot, ours, found[0])
+
+
+def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Array]) -> float:
+    """Return the largest difference of q, v, a and efforts, relative to the largest number of each kind.
+
+    Where all numbers of a kind are rounding, as the efforts of a flat robot at rest, the reference is their
+    natural size: that of the coordinates' units, of accelerations at these rates, of the robot's weight.
+    """
+    _, v, a, _ = theirs
+    smallest, speed = float(robot.unit.min()), float(NaturalSizes.of(robot, v).speed.max())
+    effort = float(natural_force(robot, v, a).max()) / float(robot.unit.max())
+    natural = (smallest, 1e-300, max(smallest * speed**2, 1e-300), effort)
+    kinds = zip(ours, theirs, natural, strict=True)
+    off = [float(np.abs(x - y).max(initial=0)) / float(np.abs(y).max(initial=size)) for x, y, size in kinds]
+    return float(np.max(off))  # nan, if one is
 
 
 def _certain(tables: Sequence[DesignTable]) -> Index:
