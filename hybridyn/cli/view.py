@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from ..view.render import Image
     from ..view.run import Run
 
-SHAPES = ("yourdfpy", "trimesh")
-NEEDS = {"page": ("viser", *SHAPES), ".png": ("PIL", *SHAPES), ".mp4": ("PIL", "imageio_ffmpeg", *SHAPES)}
+NEEDS = {
+    "page": ("viser", "trimesh"),
+    ".png": ("PIL", "trimesh"),
+    ".mp4": ("PIL", "imageio_ffmpeg", "trimesh"),
+}
 SMALLEST, LARGEST = 64, 4096  # pixels
 
 

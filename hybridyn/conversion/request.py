@@ -5,39 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
-from ..description.records import Array, Description
-
-ShapeKind = Literal["box", "cylinder", "sphere", "mesh"]
+from ..description.records import Description
+from ..description.urdf.shapes import Shape
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.
 TIGHTNESS = 1e-4
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A visual shape of a link.
-
-    Attributes:
-        kind: One of `ShapeKind`.
-        placement: The shape's frame in the link, shape (4, 4). Boxes, cylinders (along z) and spheres are
-            centred on it.
-        size: Of a box its three edges, of a cylinder radius and length, of a sphere the radius [m]; of a mesh
-            its scale along x, y and z.
-        file: Address of a mesh (`package://...`) as its author wrote it, or its path from the folder of the
-            file to be written; "" for other kinds.
-        path: The mesh on this machine, or None if it was not found.
-        colour: Red, green, blue and opacity from 0 to 1, or None.
-    """
-
-    link: str
-    kind: ShapeKind
-    placement: Array
-    size: tuple[float, ...]
-    file: str = ""
-    path: Path | None = None
-    colour: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,7 +20,8 @@ class Request:
     Attributes:
         description: The robot.
         target: The file to be written; a writer does not write it, but may refer to other files from it.
-        shapes: The visual shapes of its links.
+        shapes: The visual shapes of its links; a mesh is named by its address, or by its path from the folder
+            of the file to be written.
         tightness: Distance by which closures may open in a simulator that holds them with springs [m].
     """
 

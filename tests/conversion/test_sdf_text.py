@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
-from hybridyn.conversion.request import Request, Shape
+from hybridyn.conversion.request import Request
 from hybridyn.conversion.sdf.sdf import write_sdf
 from hybridyn.description import Description, Joint, Link, read
 from hybridyn.description.placement import placement_from
+from hybridyn.description.urdf.shapes import Shape
 from tests.conversion.judge import read_back
 from tests.mechanisms import random_mechanism
 

@@ -132,7 +132,7 @@ def test_all_postures_become_a_table_that_other_commands_read(
         turns = [(table[f"{name}/position"][row] - x) / (2 * np.pi) for name, x in expected.items()]
         assert np.abs(turns - np.round(turns)).max() < EXACT
     assert call(capsys, "idm", file, target).status == 0  # at rest, loops closed
-    needs("view", "yourdfpy")
+    needs("view", "trimesh")
     assert call(capsys, "view", file, target, "--png", tmp_path / "second.png", "--at", "2").status == 0
 
 

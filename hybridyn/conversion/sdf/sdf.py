@@ -7,11 +7,12 @@ from xml.etree import ElementTree as ET
 
 from ...description.names import listed
 from ...description.records import Coupling, Description, Link
+from ...description.urdf.shapes import Shape
 from ..home import free_pose
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import numeral, numerals
-from ..request import Request, Shape, Written
+from ..request import Request, Written
 from .closures import add_closure
 from .couplings import add_couplings
 from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint

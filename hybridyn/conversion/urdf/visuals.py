@@ -6,8 +6,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from ...description.urdf.shapes import Shape
 from ..numerals import angles_of, numeral, numerals
-from ..request import Shape
 
 
 def add_visual(link: ET.Element, shape: Shape) -> None:

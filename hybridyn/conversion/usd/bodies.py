@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...description.records import Array, Link
+from ...description.urdf.shapes import Shape
 from ...description.usd.masses import POINT
 from ..losses import Losses
 from ..numerals import numeral
-from ..request import Shape
 from .prims import Prim, turned_quaternion
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from ...description.shape_files import MeshFiles, MissingMeshError
-from ...description.urdf.placement import origin_of
+from ...description.urdf.shapes import Shape as Stated
+from ...description.urdf.shapes import shapes_of
 from ...description.urdf.xml_node import Node
-from ...errors import ModelError
 from ...spatial import Array
 
 #: Mesh files larger than this are not loaded [bytes].
@@ -59,48 +59,31 @@ def read_shapes(
     """
     load = _MeshBoxes(root.file.removesuffix(" (expanded)"), package_dirs) if meshes else None
     out: dict[str, list[Shape]] = {}
-    for link in root.children("link"):
-        for node in link.children("visual", "collision"):
-            try:
-                shape = _shape(node, load)
-            except ModelError:
-                continue
-            if shape is not None:
-                out.setdefault(link.text("name"), []).append(shape)
+    for shape in shapes_of(root, "visual", "collision"):
+        if shape.kind:
+            out.setdefault(shape.link, []).append(_boxed(shape, load))
     return out
 
 
-def _shape(node: Node, load: _MeshBoxes | None) -> Shape | None:
-    geometry = node.child("geometry")
-    inner = geometry.children()[:1] if geometry is not None else []
-    if not inner:
-        return None
-    shape, mesh, wrong = inner[0], None, None
-    if shape.tag == "box":
-        half = np.abs(shape.numbers("size", 3)) / 2
-        lower, upper = -half, half
-    elif shape.tag in ("cylinder", "capsule"):
-        r, length = abs(shape.number("radius")), abs(shape.number("length"))
-        upper = np.array([r, r, length / 2 + (r if shape.tag == "capsule" else 0.0)])
-        lower = -upper
-    elif shape.tag == "sphere":
-        upper = np.full(3, abs(shape.number("radius")))
-        lower = -upper
-    elif shape.tag == "mesh":
-        mesh = shape.text("filename")
-        if load is None:
-            return Shape("mesh", node.tag, node.line, None, mesh)
-        found = load(mesh)
-        if isinstance(found, str):
-            return Shape("mesh", node.tag, node.line, None, mesh, found)
-        scale = shape.numbers("scale", 3, (1.0, 1.0, 1.0))
-        lower, upper = np.sort(np.array(found) * scale, axis=0)
+def _boxed(shape: Stated, load: _MeshBoxes | None) -> Shape:
+    """Return a shape with its bounding box."""
+    if shape.kind == "mesh":
+        found = None if load is None else load(shape.file)
+        if found is None or isinstance(found, str):
+            return Shape(shape.kind, shape.role, shape.line, None, shape.file, found)
+        lower, upper = np.sort(np.array(found) * shape.size, axis=0)
     else:
-        return None
+        radius, *length = np.abs(shape.size)
+        if shape.kind == "box":
+            upper = np.abs(shape.size) / 2
+        elif shape.kind == "sphere":
+            upper = np.full(3, radius)
+        else:
+            upper = np.array([radius, radius, length[0] / 2 + (radius if shape.kind == "capsule" else 0.0)])
+        lower = -upper
     corners = np.array(list(product(*zip(lower, upper, strict=True))))
-    placement = origin_of(node.child("origin"))
-    corners = corners @ placement[:3, :3].T + placement[:3, 3]
-    return Shape(shape.tag, node.tag, node.line, corners, mesh, wrong)
+    corners = corners @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+    return Shape(shape.kind, shape.role, shape.line, corners, shape.file or None)
 
 
 class _MeshBoxes:

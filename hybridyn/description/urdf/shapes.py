@@ -1,0 +1,95 @@
+"""Read the visual and collision shapes of a URDF as its author wrote them; meshes are not opened."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import ModelError
+from ..records import Array
+from .placement import origin_of
+from .xml_node import Node
+
+Colour = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a link.
+
+    Attributes:
+        kind: "box", "cylinder", "capsule", "sphere" or "mesh"; "" for a shape that cannot be read.
+        placement: The shape's frame in the link, shape (4, 4). Boxes, cylinders and capsules (along z) and
+            spheres are centred on it.
+        size: Of a box its three edges, of a cylinder or capsule radius and length, of a sphere the radius
+            [m]; of a mesh its scale along x, y and z.
+        file: Address of a mesh (`package://...`) as its author wrote it; "" for other kinds.
+        path: The mesh on this machine, or None if it was not looked for or not found.
+        colour: Red, green, blue and opacity from 0 to 1, or None.
+        role: "visual" or "collision".
+        line: Line in the file, or None.
+    """
+
+    link: str
+    kind: str
+    placement: Array
+    size: tuple[float, ...]
+    file: str = ""
+    path: Path | None = None
+    colour: Colour | None = None
+    role: str = "visual"
+    line: int | None = None
+
+
+def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
+    """Yield the shapes of every link that have one of these roles, in file order.
+
+    Args:
+        root: Root element of a URDF.
+        roles: "visual", "collision".
+    """
+    colours = {node.xml.get("name", ""): _stated(node) for node in root.children("material")}
+    for link in root.children("link"):
+        name = str(link.xml.get("name", "")).strip()
+        for node in link.children(*roles):
+            try:
+                yield _shape(name, node, colours)
+            except ModelError:
+                yield Shape(name, "", np.eye(4), (), role=node.tag, line=node.line)
+
+
+def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shape:
+    """Return a shape."""
+    placement, material = origin_of(shape.child("origin")), shape.child("material")
+    colour = None
+    if material is not None:
+        colour = _stated(material) or colours.get(material.xml.get("name", ""))
+    for node in shape.required_child("geometry").children():
+        file, size = "", tuple[float, ...]()
+        if node.tag == "box":
+            size = tuple(map(float, node.numbers("size", 3)))
+        elif node.tag in ("cylinder", "capsule"):
+            size = node.number("radius"), node.number("length")
+        elif node.tag == "sphere":
+            size = (node.number("radius"),)
+        elif node.tag == "mesh":
+            file, size = node.text("filename"), tuple(map(float, node.numbers("scale", 3, (1, 1, 1))))
+        if size:
+            return Shape(link, node.tag, placement, size, file, None, colour, shape.tag, shape.line)
+    raise shape.error("a shape without geometry")
+
+
+def _stated(material: Node) -> Colour | None:
+    """Return the colour that a material states, or None if there is none that can be read."""
+    try:
+        node = material.child("color")
+        numbers = None if node is None else np.clip(node.numbers("rgba", 4), 0, 1)
+    except ModelError:
+        return None
+    if numbers is None:
+        return None
+    red, green, blue, opacity = (float(number) for number in numbers)
+    return red, green, blue, opacity
