@@ -23,9 +23,10 @@ from .library.compilers import best_lanes
 from .library.current import Current
 from .library.replacing import Replacement
 from .programs.body_rows import body_motion
+from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows, named
-from .programs.postures import Postures, refuse
+from .programs.postures import refuse
 from .programs.quantities.link_calls import LinkQuantities
 from .programs.sources import library_of, write_programs
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("hybridyn.compiled")
 
 
-class CompiledRobot(Postures, LinkQuantities):
+class CompiledRobot(ControlSteps, LinkQuantities):
     """Compiled models of one robot with one choice of effects.
 
     Results equal those of `hybridyn.idm` and `hybridyn.ddm` up to rounding. The general path computes samples
@@ -105,7 +106,7 @@ class CompiledRobot(Postures, LinkQuantities):
 
     def _look_at_model(self) -> None:
         """Let single calls look at `robot.model` from now on: somebody takes it."""
-        self._close_at_once = refuse
+        self._close_at_once = self._control_at_once = refuse
         self._idm_at_once, self._ddm_at_once = (self._checked(x) for x in self._single_calls)
 
     def _check_model(self) -> None:

@@ -91,6 +91,7 @@ OF_COMPILED: dict[str, Callable[[hybridyn.CompiledRobot, Any, Any], object]] = {
     "ddm": lambda compiled, v, tau: compiled.ddm(compiled.robot.home, v, tau),
     "batch": lambda compiled, v, tau: compiled.idm(compiled.robot.home[None], v[None], v[None]),
     "close": lambda compiled, v, tau: compiled.close([0.8, 0.8]),
+    "idm_from_motors": lambda compiled, v, tau: compiled.idm_from_motors([0.8, 0.8]),
     "assemble": lambda compiled, v, tau: compiled.assemble(motors=dict.fromkeys(compiled.robot.motors, 0.8)),
     "kinematics": lambda compiled, v, tau: compiled.kinematics(compiled.robot.home, v),
     "gravity": lambda compiled, v, tau: compiled.gravity(compiled.robot.home),

@@ -162,27 +162,32 @@ EXPORT void keep_place(const S *q, const S *p, const S *g) {
     memcpy(kept.g, g, sizeof(kept.g));
 }
 
-/* A function of Python, METH_FASTCALL: (last q, positions, rates, accelerations of the motors, result). */
-EXPORT const void *close_call(const void *self, const Array *const *a, Long count) {
+/* Close a row from (last q, positions, rates, accelerations of the motors) into q, v, a; 0 where it is certain, 1 where
+   the arrays or the last posture are others. */
+EXPORT int close_row(const Array *const *a, S *result) {
     static const int motors[NG] = {MOTORS};
     static S given[3][NG];
     static Closed out;
-    (void)self;
-    if (count != 5) return answered(1);
     const S *last = numbers(a[0], NQ);
-    S *result = numbers(a[4], NQ + 2 * NV);
-    if (!last || !result || memcmp(last, kept.q, sizeof(kept.q))) return answered(1);
+    if (!last || memcmp(last, kept.q, sizeof(kept.q))) return 1;
     for (int n = 0; n < 3; n++) {
         const S *own = numbers(a[n + 1], NG);
-        if (!own) return answered(1);
+        if (!own) return 1;
         for (int i = 0; i < NG; i++) given[n][i] = own[motors[i]];
     }
     const S *in[3] = {given[0], given[1], given[2]};
-    if (advanced(kept.q, kept.p, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return answered(2);
+    if (advanced(kept.q, kept.p, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return 2;
     keep_place(out.q, out.p, given[0]);
     memcpy(result, out.q, sizeof(out.q));
     memcpy(result + NQ, out.v, sizeof(out.v));
     memcpy(result + NQ + NV, out.a, sizeof(out.a));
-    return answered(0);
+    return 0;
+}
+
+/* A function of Python, METH_FASTCALL: the arrays of `close_row`, then the result. */
+EXPORT const void *close_call(const void *self, const Array *const *a, Long count) {
+    (void)self;
+    S *result = count == 5 ? numbers(a[4], NQ + 2 * NV) : 0;
+    return answered(result ? close_row(a, result) : 1);
 }
 #endif

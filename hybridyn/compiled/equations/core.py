@@ -54,13 +54,14 @@ class Plan:
         return self.parts.mechanism
 
 
-def plan_module(parts: Parts, positions: Array, dtype: str) -> Plan:
+def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> Plan:
     """Choose all pivots of a module.
 
     Args:
         parts: Its core and its legs.
         positions: Positions of its spanning tree at generic assembled postures, shape (samples, nq).
         dtype: Type of the arithmetic, "float64" or "float32".
+        compared: As in `Scale`.
     """
     m = parts.mechanism
     paths = tuple(path_of(m, m.spec, wrist) for wrist in m.spec.wrists)
@@ -79,7 +80,7 @@ def plan_module(parts: Parts, positions: Array, dtype: str) -> Plan:
         loops,
         tuple(groups),
         tuple(wrists),
-        Scale(m.length, GUARD_CLOSED[dtype], TINY_RATE[dtype]),
+        Scale(m.length, GUARD_CLOSED[dtype], TINY_RATE[dtype], compared),
     )
 
 

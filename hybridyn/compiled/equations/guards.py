@@ -33,11 +33,13 @@ class Scale:
         length: The module's length, [m].
         closed: One of `GUARD_CLOSED`.
         tiny: One of `TINY_RATE`.
+        compared: Whether guards compare both ends of each loop; False where the loops have just been closed.
     """
 
     length: float
     closed: float
     tiny: float = TINY_RATE["float64"]
+    compared: bool = True
 
     def weight(self, size: Any) -> Any:
         """Compute the weight of squared residuals of rates, or accelerations, of a given size."""

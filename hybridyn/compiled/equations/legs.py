@@ -188,10 +188,10 @@ def write_leg(
         *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
     ]
     slipping = [(apart, scale.length), (dot(N[3:, 3:], turning), 1.0)]
-    guard = trusted(trust) + weighed(open_by, scale.weight_of_positions)
-    guard = guard + weighed(slipping, platform.rate_weight)
+    opened = weighed(open_by, scale.weight_of_positions) + weighed(slipping, platform.rate_weight)
     if a is not None:
-        guard = guard + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
+        opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
+    guard = trusted(trust) + (opened if scale.compared else 0.0)
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], guard)
 
 

@@ -98,7 +98,7 @@ def write_rows(
         moving = [rates[6:]] if accelerations is None else [rates[6:], accelerations]
         for weight, motion in zip(weights, moving, strict=True):
             guard = guard + weighed([(dot(row[None], motion), unit)], weight)
-    return Rows(np.concatenate(K), np.concatenate(gamma), guard)
+    return Rows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
 
 
 def _unit_of(chain: Chain, coupling: TreeCoupling, length: float) -> float:

@@ -37,6 +37,7 @@ class Request:
         arguments: Numbers that are inputs of the model ("parameters"), or None.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
         counted: Whether the code states which operations belong to which part (`Kernel.shares`).
+        compared: Whether guards compare both ends of each loop (`guards.Scale`).
     """
 
     robot: HybridRobot
@@ -46,6 +47,7 @@ class Request:
     arguments: Arguments | None = None
     dtype: str = "float64"
     counted: bool = False
+    compared: bool = True
 
     @cached_property
     def plans(self) -> list[Plan]:
@@ -97,7 +99,8 @@ class Request:
             key = (id(module.mechanism), self.marks(module))
             if key not in known:
                 own = None if inertias is None else inertias[k]
-                plan = plan_module(self._parts(module, own), self.positions(module), self.dtype)
+                positions = self.positions(module)
+                plan = plan_module(self._parts(module, own), positions, self.dtype, compared=self.compared)
                 if own is not None:
                     outputs = tuple(own.own[o - 1] for o in own.spec.outputs)
                     plan = replace(plan, inertias=outputs, column=own.column)

@@ -39,6 +39,7 @@ class ClosedRows:
         built: The library's file.
         from_motors: Closes one row from the posture that the last call gave. Takes that posture, positions,
             rates and accelerations of the motors, and room for q, v and a; gives 0 where that is certain.
+        close_row: Address of the same for other libraries; None if rows are not closed from motors.
     """
 
     def __init__(self, built: Built) -> None:
@@ -49,11 +50,13 @@ class ClosedRows:
         self._rows.restype = ctypes.c_longlong
         self._rows.argtypes = [ctypes.c_longlong, ctypes.c_int, *[ctypes.c_void_p] * 9]
         self.from_motors: Callable[..., int] = _refuse
+        self.close_row: int | None = None
         motors = getattr(held, "close_call", None)
         if motors is not None and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
             address = ctypes.cast(motors, ctypes.c_void_p)
             self._method = Method(b"close", address, METH_FASTCALL)
             self.from_motors = self._method.function()
+            self.close_row = ctypes.cast(held.close_row, ctypes.c_void_p).value
             self._keep = held.keep_place
             self._keep.argtypes, self._keep.restype = [ctypes.c_void_p] * 3, None
 

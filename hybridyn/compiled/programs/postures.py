@@ -15,6 +15,7 @@ from ...effects.choice import Effects
 from ...errors import TrajectoryError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from ..library.closed_rows import ClosedRows
 from ..library.current import Current
 from ..library.direct_calls import REFUSED
 from .closing.assembling import Assembler
@@ -41,6 +42,7 @@ class Postures:
         self._assembler = Assembler(self.robot)
         self._assemblers = {frozenset[str](): self._assembler}
         self._close_at_once: Callable[..., int] = refuse
+        self._follower: ClosedRows | None = None
         self._motors_still = np.zeros(len(self.robot.motors))
 
     def assemble(
@@ -144,8 +146,9 @@ class Postures:
         self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self._assemble(requests, last)
-        at_once = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
-        self._close_at_once = refuse if self.robot.model_is_held else at_once or refuse
+        self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
+        held = self._follower is None or self.robot.model_is_held
+        self._close_at_once = refuse if held or self._follower is None else self._follower.from_motors
         return q, v, a
 
     def _close_designs(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -71,8 +71,8 @@ class Assembler:
         """Return the program for requests that have been assembled before, if there is one."""
         return self._known.get(structure_of(requests))
 
-    def follow_motors(self, requests: Requests, q: Array) -> Callable[..., int] | None:
-        """Return the call that closes a row from motors after a posture, see `ClosedRows.from_motors`.
+    def follow_motors(self, requests: Requests, q: Array) -> ClosedRows | None:
+        """Return the program that closes a row from motors after a posture, see `ClosedRows.from_motors`.
 
         Args:
             requests: The requests for the posture, which has been assembled: positions of all motors.
@@ -83,7 +83,7 @@ class Assembler:
         if closing is None or place is None:
             return None
         closing.rows.keep(place)
-        return closing.rows.from_motors
+        return closing.rows
 
     def assemble(self, requests: Requests, guess: Array) -> Rows:
         """Compute the postures of `assembly.assemble_requests`, with its results, errors and warnings."""

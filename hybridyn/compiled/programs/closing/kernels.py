@@ -28,7 +28,7 @@ from ...equations.arguments.module_arguments import ModuleArguments
 from ...equations.displacement import by_joint, moved_joint, position_rate
 from ...equations.expressions import Expression, dot, is_zero, pack, symbols, unpack, zeros
 from ...equations.folding import Folding
-from ...equations.guards import largest, trusted
+from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
 from ...equations.states import generic_positions, seen_postures
 from ...equations.static_elimination import Pivots, Trust, choose_pivots, solve
 from .differences import joint_difference
@@ -249,6 +249,8 @@ class ModuleKernels:
         acceleration = acceleration + solved[:, 0]
         moved = by_joint(self.e.tree, moved_joint, np.concatenate([zeros(0), *z]), step, positions=1)
         guard = ca.fmax(self._guard(trust, rows), self._bounded(rate, given, wanted))
+        left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - wanted_dot
+        guard = ca.fmax(guard, self._kept(left, (rate, acceleration)))
         outputs = [
             *self._outside([moved[at] for at in self.e.tree.q_slices]),
             self._rates_outside(rate),
@@ -294,6 +296,15 @@ class ModuleKernels:
         asked = ca.fmax(largest(rate[given] / self.e.unit[given]), largest(wanted * self.scale))
         fast = largest(rate[self.free] / self.e.unit[self.free])
         return ca.SX(ca.if_else(fast <= BOUNDED_RATES * asked, 0.0, 2.0))
+
+    def _kept(self, left: tuple[Expression, Expression], motion: tuple[Expression, Expression]) -> Any:
+        """Return the guard of rows that were no pivot's: what their rates and accelerations leave of them."""
+        rest = [i for i in range(len(self.scale)) if i not in self.pivots.rows]
+        rate, acceleration = (largest(x / self.e.unit) for x in motion)
+        guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])
+        for miss, size in zip(left, (rate, acceleration + rate * rate), strict=True):
+            guard = guard + weighed([((miss * self.scale)[rest], 1.0)], scale.weight(size))
+        return guard
 
     # ------------------------------------------------------------------ branch
 

@@ -1,0 +1,34 @@
+"""Take control steps in a built library: the function of `c/control.h`."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+
+from .cache import Built
+from .calls import Library
+from .closed_rows import ClosedRows
+from .direct_calls import METH_FASTCALL, Method
+
+
+class Control:
+    """The efforts of a control step from what the motors do.
+
+    Attributes:
+        library: The library, whose program "idm" does not compare the loops.
+        at_once: Takes the last posture, positions, rates and accelerations of the motors, and room for q, v,
+            a and the efforts. Gives 0 where all are certain, `REFUSED` where the loops are not closed, and
+            else 2; None where single calls do not run in C.
+    """
+
+    def __init__(self, built: Built, rows: ClosedRows) -> None:
+        """Load a library, and let `rows` close the loops."""
+        self.library = Library(built)
+        self.at_once: Callable[..., int] | None = None
+        if self.library.programs["idm"].at_once is not None and rows.close_row is not None:
+            held, self._rows = ctypes.PyDLL(str(built.path)), rows
+            held.close_by.argtypes, held.close_by.restype = [ctypes.c_void_p], None
+            held.close_by(rows.close_row)
+            address = ctypes.cast(held.control_call, ctypes.c_void_p)
+            self._method = Method(b"control", address, METH_FASTCALL)
+            self.at_once = self._method.function()

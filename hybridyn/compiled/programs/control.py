@@ -1,0 +1,141 @@
+"""Control steps of compiled models: from what the motors do to their efforts."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import CompileError, HybridynError
+from ...spatial import Array
+from ...structure.parameters.entries import Parameters
+from ..code.scalars import GUARD_LIMIT, Scalar, text_of
+from ..failures import as_compile_error
+from ..library.cache import Built, cached
+from ..library.calls import Library, Numbers
+from ..library.closed_rows import DOUBLE, ClosedRows
+from ..library.compilers import best_lanes
+from ..library.control import Control
+from ..library.direct_calls import REFUSED
+from ..needs import needs_casadi
+from .postures import Postures, refuse
+from .sources import library_key
+
+if TYPE_CHECKING:
+    from ..code.library_source import Source
+
+log = logging.getLogger("hybridyn.compiled")
+
+#: Number of random states at which a new library is compared with the model that compares the loops.
+STATES = 12
+#: Largest difference between both, relative to the largest effort: they differ in rounding alone.
+SAME_EFFORTS = 1e-10
+
+
+class ControlSteps(Postures):
+    """The control steps of a `CompiledRobot`."""
+
+    idm: Callable[..., Numbers]
+    dtype: Any
+    parameters: Parameters
+    _control_at_once: Callable[..., int] = refuse
+    _known_control: tuple[ClosedRows, Callable[..., int]] | None = None
+
+    def idm_from_motors(
+        self,
+        position: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        last: Array | None = None,
+    ) -> tuple[Numbers, Array, Array, Array]:
+        """Compute the efforts of the motors from what they do: `close`, then `idm`, in one call of C.
+
+        The inverse model does not compare the loops that have just been closed; pivots are guarded as ever.
+
+        Args:
+            position: As in `close`.
+            rate: As in `close`.
+            acceleration: As in `close`.
+            last: Posture of the last tick, shape (nq,), as this function or `close` returned it; the home
+                posture by default. A row from another posture takes longer.
+
+        Returns:
+            Efforts as of `idm`, then q, v, a as of `close`.
+
+        Raises:
+            HybridynError: The same errors with the same messages as `close` and `idm`.
+        """
+        nq, nv = self.robot.nq, self.robot.nv
+        out = np.empty(nq + 2 * nv + len(self.robot.motors))
+        speed = self._motors_still if rate is None else rate
+        change = self._motors_still if acceleration is None else acceleration
+        status = self._control_at_once(last, position, speed, change, out)
+        q, v, a = out[:nq], out[nq : nq + nv], out[nq + nv : nq + 2 * nv]
+        if status == 0:
+            return out[nq + 2 * nv :], q, v, a
+        if status == REFUSED:
+            q, v, a = self.close(position, rate, acceleration, last=last)
+            self._control_at_once = self._control()
+        return self.idm(q, v, a), q, v, a
+
+    def _control(self) -> Callable[..., int]:
+        """Return the call of a control step in C; one that refuses where there is none."""
+        rows = self._follower
+        plain = self.effects.limits is None and not self.parameters.size and self.dtype == DOUBLE
+        if rows is None or not plain or self._close_at_once is refuse:
+            return refuse
+        if self._known_control is None or self._known_control[0] is not rows:
+            self._known_control = rows, self._load_control(rows)
+        return self._known_control[1]
+
+    def _load_control(self, rows: ClosedRows) -> Callable[..., int]:
+        """Load the library of a control step; build it if it is new."""
+        robot, scalar = self.robot, Scalar(str(DOUBLE), best_lanes())
+
+        def source() -> Source:
+            """Generate the C source."""
+            needs_casadi()
+            from ..code.library_source import library_source
+            from ..equations.request import request
+            from .inverse import inverse_program
+
+            with as_compile_error(robot):
+                asked = replace(request(robot, self.effects), compared=False)
+                sizes = {"NQ": robot.nq, "NV": robot.nv, "EFFORTS": len(robot.motors)}
+                lines = [f"#define {name} {size}" for name, size in sizes.items()]
+                text = "\n".join([*lines, text_of("control.h")])
+                return library_source([inverse_program(asked)], scalar, text)
+
+        try:
+            key = f"control {library_key(robot, self.effects, scalar)}"
+            control = Control(cached(key, source, accept=self._check_control), rows)
+        except (HybridynError, OSError) as error:
+            log.warning("idm_from_motors: two calls compute the efforts (%s)", error)
+            return refuse
+        self._kept_control = control
+        return control.at_once or refuse
+
+    def _check_control(self, built: Built) -> None:
+        """Compare a new library with the inverse model at random states.
+
+        Raises:
+            CompileError: They differ.
+        """
+        from ..equations.states import random_states
+
+        q, v, a, _ = random_states(self.robot, STATES)
+        (tau,), guard = Library(built).batch("idm", q, v, a)
+        (right,), compared = self._current.program("idm").batch([q, v, a], 1)
+        good = (guard <= GUARD_LIMIT) & (compared <= GUARD_LIMIT)
+        off = np.abs(tau - right)[good].max(axis=1, initial=0.0)
+        size = np.abs(right)[good].max(axis=1, initial=0.0)
+        if not (off <= SAME_EFFORTS * size).all():
+            raise CompileError(
+                f"the control step of the robot '{self.robot.description.name}' differs from its inverse "
+                "model: it is not used. This is a bug: report it with the robot's files"
+            )

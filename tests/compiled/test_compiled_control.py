@@ -1,0 +1,172 @@
+"""Control steps: efforts from what the motors do, as closing the loops and the inverse model give them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.equations.request import request
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.inverse import inverse_program
+from hybridyn.compiled.programs.statistics import flattened
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.assembly.test_assembly import stretched, waves
+from tests.dynamics.test_idm import symmetric_five_bar
+from tests.samples import slow
+from tests.shipped import shipped
+
+SAME = 1e-12  # of the largest effort: rounding
+GUARDED = 1.2  # operations of the inverse model over those without its guard
+LATER = ("gough_stewart", "lx4", "delta", "tanev", "rps3", "stewart_ur5")
+ROBOTS = ["five_bar", *map(slow, LATER)]
+
+
+def motion(robot: HybridRobot, count: int) -> list[Any]:
+    """Return positions, rates and accelerations of the motors at every tick, shape (count, motors) each."""
+    moved = waves(robot, 1e-3 * np.arange(count), 0.02)
+    return [np.stack([moved[m][i] for m in robot.motors], axis=1) for i in range(3)]
+
+
+def at_home(robot: HybridRobot) -> Any:
+    """Return the first tick of `motion`."""
+    return motion(robot, 1)[0][0]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_efforts_are_those_of_two_calls(name: str) -> None:
+    """Ticks one after the other; positions have the same bits, efforts those of the general path."""
+    robot = build_robot(shipped(name))
+    compiled, two = hybridyn.compile(robot), hybridyn.compile(robot)
+    q = last = None
+    for tick in zip(*motion(robot, 12), strict=True):
+        tau, *state = compiled.idm_from_motors(*tick, last=q)
+        right = two.close(*tick, last=last)
+        assert all((x == y).all() for x, y in zip(state, right, strict=True))
+        wanted = two.idm(*right)
+        assert np.abs(tau - wanted).max() <= SAME * np.abs(wanted).max()
+        general = hybridyn.idm(robot, *right)
+        assert np.abs(tau - general).max() <= 100 * SAME * np.abs(general).max()
+        q, last = state[0], right[0]
+    assert compiled.recomputed == 0
+
+
+@pytest.fixture(scope="module")
+def symmetric() -> hybridyn.CompiledRobot:
+    """Return a compiled five-bar whose control step is built."""
+    compiled = hybridyn.compile(build_robot(symmetric_five_bar()))
+    compiled.idm_from_motors(at_home(compiled.robot))
+    return compiled
+
+
+def test_rows_follow_one_another(symmetric: hybridyn.CompiledRobot) -> None:
+    given = motion(symmetric.robot, 5)
+    tau, *state = symmetric.idm_from_motors(*given)
+    assert tau.shape == (5, 2)
+    assert (tau == symmetric.idm(*state)).all()
+    assert all((x == y).all() for x, y in zip(state, symmetric.close(*given), strict=True))
+
+
+def test_lists_and_motors_at_rest(symmetric: hybridyn.CompiledRobot) -> None:
+    home = at_home(symmetric.robot)
+    first = symmetric.idm_from_motors(home)
+    again = symmetric.idm_from_motors(home.tolist(), last=first[1])
+    for x, y in zip(again, first, strict=True):
+        assert np.abs(x - y).max() <= 10 * SAME * (1.0 + np.abs(y).max())
+
+
+@pytest.mark.parametrize("what", ["not finite", "too many", "infinite", slow("out of reach")])
+def test_steps_that_cannot_be_made_are_refused_in_the_words_of_two_calls(
+    symmetric: hybridyn.CompiledRobot, what: str
+) -> None:
+    robot, home = symmetric.robot, at_home(symmetric.robot)
+    beyond = np.array([stretched(robot, 1e-2)[m] for m in robot.motors])
+    position = {"not finite": home * np.nan, "out of reach": beyond}
+    given = [position.get(what, home), np.ones(2), np.zeros(2)]
+    if what == "too many":
+        given[1] = np.ones(3)
+    if what == "infinite":
+        given[2] = np.array([np.inf, 0.0])
+    q = symmetric.idm_from_motors(home)[1]
+    with pytest.raises(hybridyn.HybridynError) as right:
+        symmetric.idm(*symmetric.close(*given, last=q))
+    q = symmetric.idm_from_motors(home, last=q)[1]
+    with pytest.raises(type(right.value)) as said:
+        symmetric.idm_from_motors(*given, last=q)
+    assert str(said.value) == str(right.value)
+
+
+def test_a_jump_of_the_motors_stays_on_the_branch(symmetric: hybridyn.CompiledRobot) -> None:
+    """Half a radian at once is divided into steps, as in `close`."""
+    home = at_home(symmetric.robot)
+    q = symmetric.idm_from_motors(home)[1]
+    there = home + np.array([0.25, -0.25])
+    tau, *state = symmetric.idm_from_motors(there, last=q)
+    right = hybridyn.assemble(
+        symmetric.robot, motors=dict(zip(symmetric.robot.motors, there, strict=True)), guess=q
+    )
+    assert np.abs(state[0] - right[0]).max() <= 100 * SAME
+    assert np.abs(tau - hybridyn.idm(symmetric.robot, *right)).max() <= 1e-10 * np.abs(tau).max()
+
+
+def test_efforts_that_are_not_certain_are_the_general_paths(
+    symmetric: hybridyn.CompiledRobot, monkeypatch: Any
+) -> None:
+    """C that has closed the loops leaves the rest to `idm`."""
+    home, closing = at_home(symmetric.robot), symmetric._close_at_once
+
+    def uncertain(last: Any, position: Any, rate: Any, acceleration: Any, out: Any) -> int:
+        """Close the loops only."""
+        room = np.empty(len(out) - 2)
+        assert closing(last, position, rate, acceleration, room) == 0
+        out[:-2] = room
+        return 2
+
+    first = symmetric.idm_from_motors(home)
+    monkeypatch.setattr(symmetric, "_control_at_once", uncertain)
+    again = symmetric.idm_from_motors(home, last=first[1])
+    assert np.abs(again[0] - first[0]).max() <= SAME * np.abs(first[0]).max()
+
+
+def test_models_that_c_does_not_step_make_two_calls() -> None:
+    """Single precision."""
+    robot = build_robot(shipped("five_bar"))
+    compiled = hybridyn.compile(robot, dtype="float32")
+    home = at_home(robot)
+    q = compiled.idm_from_motors(home)[1]
+    tau, *state = compiled.idm_from_motors(home, last=q)
+    assert (tau == compiled.idm(*state)).all()
+
+
+# -------------------------------------------------------------------- the guard
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_guard_of_closed_loops_costs_little_and_still_looks_at_pivots(name: str) -> None:
+    robot = build_robot(shipped(name))
+    asked = request(robot, None)
+    program = inverse_program(replace(asked, compared=False))
+    guarded, alone = flattened(program)
+    assert alone < guarded <= GUARDED * alone
+    full, part = function_of(inverse_program(asked)), function_of(program)
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    (tau, _), (same, guard) = full(q, v, a), part(q, v, a)
+    assert float(guard) <= 1.0
+    assert np.abs(np.array(tau - same)).max() <= SAME * np.abs(np.array(tau)).max()
+    assert not float(part(q * np.nan, v, a)[1]) <= 1.0
+    assert not float(part(q, v, a * np.inf)[1]) <= 1.0
+
+
+def test_lost_pivots_are_refused_without_a_look_at_the_loops() -> None:
+    """Rods of the five-bar almost in a line."""
+    robot = build_robot(symmetric_five_bar())
+    part = function_of(inverse_program(replace(request(robot, None), compared=False)))
+    still = np.zeros(robot.nv)
+    for away, refused in ((-0.2, False), (-1e-10, True)):
+        q, _, _ = hybridyn.assemble(robot, motors=stretched(robot, away))
+        assert refused != (float(part(q, still, still)[1]) <= 1.0)
