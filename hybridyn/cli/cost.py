@@ -127,19 +127,16 @@ def command(
 
 def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Study:
     """Measure a robot on a trajectory, with every effect that its files state."""
-    import numpy as np
-
     import hybridyn
 
     from ..effects import choose
-    from ..streams.postures import all_postures
+    from ..streams.postures import Postures, all_postures
     from ..studies.cost.models import Trajectory, study_models
 
     robot = hybridyn.load(source)
     _, blocks = all_postures(robot, trajectory)
-    q, v, a = (np.concatenate([getattr(block, x) for block in blocks]) for x in ("q", "v", "a"))
-    times = None if blocks[0].motion.time is None else np.concatenate([block.motion.time for block in blocks])
-    return study_models(robot, Trajectory(q, v, a, times), choose(robot, "model"), progress)
+    motion, q, v, a = Postures.joined(blocks)
+    return study_models(robot, Trajectory(q, v, a, motion.time), choose(robot, "model"), progress)
 
 
 def _scene(

@@ -118,23 +118,16 @@ def weigh(
     Raises:
         HybridynError: The table is wrong, or a row cannot be assembled.
     """
-    import numpy as np
-
-    from ..streams.postures import all_postures, rows_named
+    from ..streams.postures import Postures, all_postures, rows_named
     from ..studies.effect_worth import EffectSets, Worth
 
-    layout, found = all_postures(robot, trajectory)
-    q, v, a = (np.concatenate([getattr(block, x) for block in found]) for x in ("q", "v", "a"))
-    time = None if found[0].motion.time is None else np.concatenate([block.motion.time for block in found])
-    wrenches = {
-        link: np.concatenate([block.motion.wrenches[link] for block in found])
-        for link in found[0].motion.wrenches or ()
-    }
-    obstacles = {"wrenches in the table": bool(wrenches)}
+    layout, blocks = all_postures(robot, trajectory)
+    motion, q, v, a = Postures.joined(blocks)
+    obstacles = {"wrenches in the table": bool(motion.wrenches)}
     chosen = choose_engine(engine, robot, effects, len(q), obstacles, WORTH_OF_EFFECTS)
     sets = None if chosen.model is None else EffectSets(chosen.model)
-    with rows_named(layout, found[0].motion):
-        worth = Worth(robot, q, v, a, effects, wrenches=wrenches, time=time, compiled=sets)
+    with rows_named(layout, motion):
+        worth = Worth(robot, q, v, a, effects, wrenches=motion.wrenches, time=motion.time, compiled=sets)
     return worth, lambda: engine_lines(chosen, sets)
 
 

@@ -132,18 +132,16 @@ def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
     """Read a motion, and read or compute the efforts along it."""
     import numpy as np
 
-    from ..streams.postures import all_postures
+    from ..streams.postures import Postures, all_postures
     from ..view.run import MOST, Run
     from .view_efforts import efforts_along
 
-    found = all_postures(robot, motion)[1]
-    rows = sum(len(block.q) for block in found)
+    found = Postures.joined(all_postures(robot, motion)[1])
     tau, origin = efforts_along(robot, motion, found, effects)
-    step = -(-rows // MOST)
-    q = np.concatenate([block.q for block in found])[::step]
-    timed = found[0].motion.time is not None
-    time = np.concatenate([block.motion.time for block in found]) if timed else np.arange(1.0, rows + 1)
-    return Run(time[::step], q, None if tau is None else tau[::step], origin, timed)
+    step, time = -(-len(found.q) // MOST), found.motion.time
+    shown = np.arange(1.0, len(found.q) + 1) if time is None else time
+    efforts = None if tau is None else tau[::step]
+    return Run(shown[::step], found.q[::step], efforts, origin, time is not None)
 
 
 def _write_png(

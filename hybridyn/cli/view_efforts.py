@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..errors import HybridynError
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def efforts_along(
-    robot: HybridRobot, file: str, found: Sequence[Postures], effects: tuple[str, ...]
+    robot: HybridRobot, file: str, found: Postures, effects: tuple[str, ...]
 ) -> tuple[Array | None, str]:
     """Return the efforts along a motion: the table's where it has all of them, else the inverse model's.
 
@@ -23,8 +22,7 @@ def efforts_along(
     """
     import numpy as np
 
-    import hybridyn
-
+    from ..dynamics.in_blocks import efforts_in_blocks
     from ..effects import choose
     from ..tables.opening import open_table
 
@@ -35,21 +33,11 @@ def efforts_along(
         if set(wanted) <= set(table.columns):
             at = [table.columns.index(name) for name in wanted]
             return np.concatenate([block.values[:, at] for block in table.blocks]), "of the table"
-    chosen = choose(robot, effects)
-    parts = []
-    for block in found:
-        wrenches = block.motion.wrenches or None
-        try:
-            tau = hybridyn.idm(
-                robot,
-                block.q,
-                block.v,
-                block.a,
-                wrenches=wrenches,
-                effects=chosen,
-                time=block.motion.time,
-            )
-        except HybridynError as error:
-            return None, f"cannot be had: {str(error).partition('. ')[0]}"
-        parts.append(tau)
-    return np.concatenate(parts), "of the inverse model"
+    motion, q, v, a = found
+    try:
+        tau = efforts_in_blocks(
+            robot, q, v, a, choose(robot, effects), wrenches=motion.wrenches, time=motion.time
+        )
+    except HybridynError as error:
+        return None, f"cannot be had: {str(error).partition('. ')[0]}"
+    return tau, "of the inverse model"

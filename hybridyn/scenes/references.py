@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 
@@ -222,4 +222,4 @@ def read_motion(robot: HybridRobot, path: str) -> Motion:
             table.columns, robot.description, motors=robot.motors,
             base=robot.base if posed else "fixed", file=table.file,
         )  # fmt: skip
-        return reduce(lambda before, block: block.after(before), read_motions(table, layout))
+        return Motion.joined([*read_motions(table, layout)])

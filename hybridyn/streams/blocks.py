@@ -157,7 +157,7 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
     for motion in motions:
         for start in range(0, motion.size, rows):
             own = motion.part(start, start + rows)
-            yield Block(own, 0) if before is None else Block(own.after(before), 1)
+            yield Block(own, 0) if before is None else Block(own.joined([before, own]), 1)
             before = own.part(own.size - 1, own.size) if connected else None
 
 

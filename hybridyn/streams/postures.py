@@ -46,6 +46,14 @@ class Postures(NamedTuple):
         rest = self.motion.part(lead, self.motion.size)
         return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
 
+    @staticmethod
+    def joined(parts: Sequence[Postures]) -> Postures:
+        """Return the samples of consecutive parts of a table."""
+        import numpy as np
+
+        motions, *levels = zip(*parts, strict=True)
+        return Postures(motions[0].joined(motions), *map(np.concatenate, levels))
+
 
 def postures(
     robot: HybridRobot,

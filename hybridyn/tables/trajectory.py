@@ -61,10 +61,11 @@ class Motion:
         content = _each(lambda x: np.array(x[rows], order="C"), self._content())
         return Motion(self.first_row + start, size, *content)
 
-    def after(self, before: Motion) -> Motion:
-        """Return the rows of `before`, followed by these."""
-        content = _each(lambda x, y: np.concatenate([x, y]), before._content(), self._content())
-        return Motion(before.first_row, before.size + self.size, *content)
+    @staticmethod
+    def joined(parts: Sequence[Motion]) -> Motion:
+        """Return the rows of consecutive parts of a table."""
+        content = _each(lambda *x: np.concatenate(x), *(part._content() for part in parts))
+        return Motion(parts[0].first_row, sum(part.size for part in parts), *content)
 
     def _content(self) -> tuple[Any, ...]:
         return self.time, self.joints, self.platforms, self.wrenches, self.efforts

@@ -223,7 +223,7 @@ class Gauge:
         return [(name, word) for name, word in self.wanted.items() if PYTHON in word]
 
     def _whole(self, time: Array | None, measures: Mapping[str, float]) -> Followed:
-        q, v, a = (np.concatenate([getattr(block, key) for block, _ in self._blocks]) for key in "qva")
+        _, q, v, a = Postures.joined([block for block, _ in self._blocks])
         return Followed(time, q, v, a, np.concatenate([tau for _, tau in self._blocks]), dict(measures))
 
 
