@@ -99,6 +99,7 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         """Return a single call that refuses a changed `robot.model`."""
 
         def call(*given: Any) -> int:
+            """Check the model, then call."""
             self._check_model()
             return at_once(*given) if at_once else refuse()
 

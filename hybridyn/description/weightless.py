@@ -32,6 +32,7 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
         carries.setdefault(body, []).append(point)
 
     def farthest(body: str) -> float:
+        """Return the distance from a body's frame to the farthest point that it carries [m]."""
         return max((float(np.linalg.norm(point)) for point in carries.get(body, ())), default=np.inf)
 
     return [

@@ -96,6 +96,7 @@ def module_reactions(
             def wrench(
                 x: Array, cut: TreeClosure = m.closures.closures[i], author: TreeClosure = author
             ) -> Array:
+                """Return the wrench of multipliers of a closure."""
                 return _closure_wrench(state, cut, author, x)
 
             lam = wrench(lam) + _from_cut_wrists(state, load, author)

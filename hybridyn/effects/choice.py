@@ -78,6 +78,7 @@ class Effects:
         """Return the effects restricted to some names."""
 
         def kept(unit: Any) -> Any:
+            """Return an effect if it is among the names, else None."""
             return unit if unit is not None and unit.name in names else None
 
         return Effects(
@@ -211,6 +212,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     laws = [law for unit in units if isinstance(unit, JOINTS) and (law := placed(unit, robot))]
 
     def one(kind: type[Any]) -> Any:
+        """Return the only effect of a class, or None."""
         found = [unit for unit in units if isinstance(unit, kind)]
         if len(found) > 1:
             raise ModelError(f"the effect '{kind.name}' is named {len(found)} times")

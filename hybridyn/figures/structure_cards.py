@@ -185,6 +185,7 @@ def dot_of_cards(drawn: list[Card]) -> str:
     """Return the cards as a graph in the DOT language of Graphviz."""
 
     def quoted(text: str) -> str:
+        """Return a text in quotes of DOT."""
         return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
     lines = ["digraph robot {", "  rankdir=BT; node [shape=box, style=rounded, fontname=sans];"]

@@ -79,6 +79,7 @@ class ModuleChart:
         rows, move = self.looped.rows, self.looped.retraction.move
 
         def along(direction: Array) -> Array:
+            """Differentiate the rows along a direction of scaled rates."""
             return derivative(lambda s: rows.at(move(self.q, s * direction * self.unit))[1])
 
         return branch_of(K, rows.rank, v, along, self.looped.module.name, parts)

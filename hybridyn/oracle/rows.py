@@ -68,6 +68,7 @@ def slide(A: Frame, B: Frame, axis: int, on_b: bool = False) -> Row:
     at_a = np.concatenate([-e, cross(e, d) - cross(A.r, e)])
 
     def drift(V_A: Numbers, V_B: Numbers) -> Any:
+        """Compute the second derivative of the row's value at zero accelerations."""
         omega_A, omega_B = V_A[3:], V_B[3:]
         x_dot = V_B[:3] + cross(omega_B, B.r) - V_A[:3] - cross(omega_A, A.r)
         n = cross(omega_B, cross(omega_B, B.r)) - cross(omega_A, cross(omega_A, A.r))
@@ -83,6 +84,7 @@ def turn(A: Frame, B: Frame, axis_a: int, axis_b: int) -> Row:
     c = np.concatenate([0 * u, cross(w, u)])
 
     def drift(V_A: Numbers, V_B: Numbers) -> Any:
+        """Compute the second derivative of the row's value at zero accelerations."""
         c_dot = cross(cross(V_B[3:], w), u) + cross(w, cross(V_A[3:], u))
         return (V_B[3:] - V_A[3:]) @ c_dot
 

@@ -97,9 +97,11 @@ def near_singularity(
     at = [robot.v_slices[robot.joints.index(name)].start for name in robot.motors]
 
     def closures(t: float, q: Array, v: Array) -> float:
+        """Return how far the least singular value of the closures is above the threshold."""
         return manifold.chart(q).pivot - threshold
 
     def motors(t: float, q: Array, v: Array) -> float:
+        """Return how far that of the motions of the motors is above it."""
         chart = manifold.chart(q)
         rows = (chart.at_origin(np.eye(chart.size)) / manifold.unit[:, None])[at]
         s = np.linalg.svd(rows, compute_uv=False)

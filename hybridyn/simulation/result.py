@@ -204,6 +204,7 @@ def digest(robot: HybridRobot) -> str:
     out = hashlib.sha256()
 
     def add(x: object) -> None:
+        """Add a value, and what it holds."""
         if is_dataclass(x):
             add({f.name: getattr(x, f.name) for f in fields(x) if f.name not in ("line", "source", "notes")})
         elif isinstance(x, Mapping):

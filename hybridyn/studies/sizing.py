@@ -253,6 +253,7 @@ class _Peaks:
         self.value, self.at = np.zeros(count), np.full(count, np.nan)
 
     def add(self, values: Array, at: Array) -> None:
+        """Add samples, shape (T, columns), at times or rows, shape (T,)."""
         if not len(values):
             return
         sizes = np.abs(values)
@@ -263,6 +264,7 @@ class _Peaks:
         self.at = np.where(better, at[first], self.at)
 
     def of(self, column: int) -> Peak:
+        """Return the peak of a column."""
         return Peak(float(self.value[column]), float(self.at[column]))
 
 
@@ -274,6 +276,7 @@ class _Cloud:
         self._stride, self._seen, self._kept = 1, 0, 0
 
     def add(self, points: Array) -> None:
+        """Add samples, shape (T, motors, 2)."""
         start = -self._seen % self._stride
         self._seen += len(points)
         self._parts.append(points[start :: self._stride])

@@ -113,6 +113,7 @@ def parquet_writer(
     written = 0
 
     def flush() -> None:
+        """Write the waiting rows as a part."""
         nonlocal written
         rows = np.concatenate([np.empty((0, len(columns))), *waiting])
         frame = polars.DataFrame({name: rows[:, index] for index, name in enumerate(columns)})
@@ -121,6 +122,7 @@ def parquet_writer(
         written += 1
 
     def write(rows: Array) -> None:
+        """Collect rows, and write a part when there are enough."""
         waiting.append(np.array(rows, dtype=np.float64))
         if sum(map(len, waiting)) >= PART_ROWS:
             flush()

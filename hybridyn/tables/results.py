@@ -89,6 +89,7 @@ def _csv_writer(text: TextIO, columns: Sequence[str], remarks: Sequence[str]) ->
     csv.writer(text, lineterminator="\n").writerow(columns)
 
     def write(rows: Array) -> None:
+        """Write rows as text."""
         text.write("".join(",".join(map(repr, row)) + "\n" for row in rows.tolist()))
 
     return write

@@ -53,7 +53,10 @@ def _guarding(listening: str) -> Iterator[list[Callable[..., Any]]]:
     guards: list[Callable[..., Any]] = []
 
     def serve(*arguments: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:
+        """Start a server that checks each request."""
+
         def answer(connection: Any, request: Any) -> Any:
+            """Refuse a request of another page, else answer as before."""
             headers = request.headers
             upgrade = bool(headers.get_all("Upgrade"))
             reason = refusal(headers.get_all("Host"), headers.get_all("Origin"), upgrade, listening)

@@ -73,6 +73,7 @@ def on_slide(slider: Any, act: Callable[[float], None]) -> None:
     """Register a function that is called when the user moves a slider, but not when the program does."""
 
     def moved(event: Any) -> None:
+        """Call the function if a user has moved the slider."""
         if event.client is not None:
             act(float(slider.value))
 

@@ -105,6 +105,7 @@ def as_markdown(comparison: Comparison) -> str:
     """Write the comparison as a Markdown page."""
 
     def line(cells: Sequence[str]) -> str:
+        """Write a row of the table."""
         return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
     table = [line(HEADS), line(["---"] * len(HEADS)), *(line(row) for row in rows_of(comparison))]
@@ -127,6 +128,7 @@ def as_html(comparison: Comparison) -> str:
     """Write the comparison as a page of HTML that needs no other file."""
 
     def line(cells: Sequence[str], tag: str) -> str:
+        """Write a row of the table."""
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
     title = html.escape(f"{comparison.robot} in other engines")

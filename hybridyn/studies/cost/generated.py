@@ -38,6 +38,7 @@ def generated_idm(robot: HybridRobot, effects: Effects, dtype: str = "float64") 
         return f"no C code: {error.name or error} is not installed"
 
     def run(q: Array, v: Array, a: Array) -> tuple[np.ndarray[Any, Any], float]:
+        """Compute efforts and the largest guard."""
         (tau,), guard = library.batch("idm", q, v, a)
         return tau, float(np.nan_to_num(np.max(guard, initial=0.0), nan=np.inf))
 

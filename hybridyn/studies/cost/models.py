@@ -75,9 +75,11 @@ def study_models(
     peak = np.where(peak > 0, peak, 1.0)
 
     def error(tau: Array) -> float:
+        """Compute the largest error over a motor's peak effort."""
         return float((np.abs(np.asarray(tau, dtype=float) - reference) / peak).max(initial=0.0))
 
     def keep(part: Iterator[Point]) -> list[Point]:
+        """Collect the points of a part, and show each."""
         found = []
         for point in part:
             progress(f"{point.line}, {point.setting}")

@@ -48,9 +48,11 @@ def by_rates(
     peak = np.where(peak > 0, peak, 1.0)
 
     def spline() -> tuple[Array, Array]:
+        """Fit rates by the spline of tables."""
         return derivatives(time, p, slice(0, len(time)))
 
     def differences() -> tuple[Array, Array]:
+        """Fit rates by central differences."""
         rate = np.gradient(p, time, axis=0)
         return rate, np.gradient(rate, time, axis=0)
 

@@ -106,6 +106,7 @@ class Runner:
         start = clock.perf_counter()
 
         def after_step(t: float, end: float) -> None:
+            """Stop a run that takes too long."""
             if clock.perf_counter() - start > most:
                 late[0] = t / end
                 raise KeyboardInterrupt

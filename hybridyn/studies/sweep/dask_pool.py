@@ -112,6 +112,7 @@ def _connected(address: Any) -> Any:
     found: queue.Queue[Any] = queue.Queue()
 
     def connect() -> None:
+        """Connect to the scheduler, which may never answer."""
         try:
             found.put(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
         except Exception as error:

@@ -68,6 +68,7 @@ def bound_functions(symbols: dict[str, Any], warn: Callable[[str], object]) -> N
     """
 
     def old_range(*arguments: Any) -> range:
+        """Warn of the deprecated name."""
         warn("Using range() directly is deprecated. Use python.range() instead.")
         return bounded_range(*arguments)
 

@@ -76,6 +76,7 @@ class DrakeEngine:
         now = np.array(plant.GetVelocities(context))
 
         def continuous() -> Array:
+            """Compute the accelerations of a plant in continuous time."""
             plant.get_applied_generalized_force_input_port().FixValue(
                 context, self.map.rates(force, plant.num_velocities())
             )
@@ -84,6 +85,7 @@ class DrakeEngine:
             return out
 
         def discrete() -> Array:
+            """Compute the accelerations from a short step of a discrete plant."""
             plant.get_applied_generalized_force_input_port().FixValue(
                 context, self.map.rates(force, plant.num_velocities())
             )
