@@ -19,7 +19,7 @@ from tests import ROOT
 from tests.snippets import blocks
 
 PACKAGE = ROOT / "hybridyn"
-HEAVY = ("numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars", "matplotlib", "trimesh")
+HEAVY = ("numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars", "matplotlib", "yourdfpy", "trimesh")
 
 
 def library_files() -> list[Path]:
@@ -57,7 +57,7 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
 #: What only extras install.
 OF_EXTRAS = (
-    "polars", "trimesh", "viser", "PIL", "imageio_ffmpeg", "matplotlib", "plotly", "casadi",
+    "polars", "yourdfpy", "trimesh", "viser", "PIL", "imageio_ffmpeg", "matplotlib", "plotly", "casadi",
     "mujoco", "mpmath", "sphinx",
 )  # fmt: skip
 
@@ -84,8 +84,8 @@ def test_every_dependency_is_imported() -> None:
                 imported.add(node.value)  # `import_module`
     base = names_of(project()["dependencies"])
     assert {MODULES.get(name, name) for name in base} <= imported
-    assert not base & {"polars", "trimesh"}
-    assert "trimesh" in names_of(project()["optional-dependencies"]["view"])
+    assert not base & {"polars", "yourdfpy", "trimesh"}
+    assert "yourdfpy" in names_of(project()["optional-dependencies"]["view"])
 
 
 def test_the_first_command_of_the_readme_needs_no_extra(tmp_path: Path) -> None:

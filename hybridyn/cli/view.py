@@ -20,11 +20,8 @@ if TYPE_CHECKING:
     from ..view.render import Image
     from ..view.run import Run
 
-NEEDS = {
-    "page": ("viser", "trimesh"),
-    ".png": ("PIL", "trimesh"),
-    ".mp4": ("PIL", "imageio_ffmpeg", "trimesh"),
-}
+SHAPES = ("yourdfpy", "trimesh")
+NEEDS = {"page": ("viser", *SHAPES), ".png": ("PIL", *SHAPES), ".mp4": ("PIL", "imageio_ffmpeg", *SHAPES)}
 SMALLEST, LARGEST = 64, 4096  # pixels
 
 

@@ -1,12 +1,14 @@
-"""Read the visual shapes of a URDF (boxes, cylinders, spheres, meshes) as triangles, with trimesh.
+"""Read the visual shapes of a URDF (boxes, cylinders, spheres, meshes) with yourdfpy and trimesh.
 
-A missing or broken mesh is reported in a note. Its link is then drawn in primitive shapes if it has no other
-shape.
+yourdfpy only parses the file; trimesh loads the meshes. A missing or broken mesh is reported in a note. Its
+link is then drawn in primitive shapes if it has no other shape.
 """
 
 from __future__ import annotations
 
+import io
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +17,6 @@ from typing import Any
 import numpy as np
 
 from ..description.shape_files import MeshFiles, MissingMeshError, urdf_root
-from ..description.urdf.shapes import Shape, shapes_of
-from ..description.urdf.xml_node import Node
 from ..spatial import Array, Index
 
 #: Sides of a cylinder.
@@ -61,35 +61,47 @@ def read_visuals(
     root = urdf_root(file, xacro_args, package_dirs)
     if root is None or root.find(".//visual") is None:
         return [], []
+    import yourdfpy
+    from lxml import etree
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it warns of closures, which it does not know
+        robot = yourdfpy.URDF.load(
+            io.BytesIO(etree.tostring(root)), build_scene_graph=False, load_meshes=False
+        ).robot
+    colours = {m.name: _colour(m.color) for m in robot.materials if m.color is not None}
     find = MeshFiles(Path(file).parent, package_dirs)
     found, missing = [], []
-    for shape in shapes_of(Node(root, file), "visual"):
-        try:
-            mesh = _mesh(shape, find)
-        except MissingMeshError as error:
-            missing.append(str(error))
-            continue
-        vertices = np.asarray(mesh.vertices) @ shape.placement[:3, :3].T + shape.placement[:3, 3]
-        found.append(Visual(shape.link, vertices, np.asarray(mesh.faces), _colour(shape, mesh)))
+    for link in robot.links:
+        for visual in link.visuals:
+            try:
+                mesh = _mesh(visual.geometry, find)
+            except MissingMeshError as error:
+                missing.append(str(error))
+                continue
+            placement = np.eye(4) if visual.origin is None else visual.origin
+            vertices = np.asarray(mesh.vertices) @ placement[:3, :3].T + placement[:3, 3]
+            colour = _own_colour(visual.material, colours) or _mesh_colour(mesh) or UNSTATED
+            found.append(Visual(link.name, vertices, np.asarray(mesh.faces), colour))
     unique = [*dict.fromkeys(missing)]
     more = f" and {len(unique) - NAMED} more" if len(unique) > NAMED else ""
     return found, [f"shapes not drawn: {', '.join(unique[:NAMED])}{more}"] if unique else []
 
 
-def _mesh(shape: Shape, find: MeshFiles) -> Any:
+def _mesh(geometry: Any, find: MeshFiles) -> Any:
     """Build the triangles of a shape."""
     import trimesh
 
-    if shape.kind == "box":
-        return trimesh.creation.box(extents=shape.size)
-    if shape.kind == "cylinder":
-        radius, length = shape.size
-        return trimesh.creation.cylinder(radius=radius, height=length, sections=ROUND)
-    if shape.kind == "sphere":
-        return trimesh.creation.icosphere(subdivisions=2, radius=shape.size[0])
-    if shape.kind != "mesh":
+    if geometry.box is not None:
+        return trimesh.creation.box(extents=geometry.box.size)
+    if geometry.cylinder is not None:
+        c = geometry.cylinder
+        return trimesh.creation.cylinder(radius=c.radius, height=c.length, sections=ROUND)
+    if geometry.sphere is not None:
+        return trimesh.creation.icosphere(subdivisions=2, radius=geometry.sphere.radius)
+    if geometry.mesh is None:
         raise MissingMeshError("a shape without geometry")
-    file = find(shape.file)
+    file = find(geometry.mesh.filename)
     try:
         mesh: Any = trimesh.load(file, force="mesh")
     except Exception as error:  # about twenty formats: on any error the shape is missing
@@ -97,13 +109,26 @@ def _mesh(shape: Shape, find: MeshFiles) -> Any:
     faces = getattr(mesh, "faces", ())
     if not len(faces) or len(faces) > LARGEST_MESH or not np.isfinite(mesh.vertices).all():
         raise MissingMeshError(f"'{file}' ({len(faces):,} triangles)")
-    mesh.apply_scale(shape.size)
+    scale = geometry.mesh.scale
+    if scale is not None:
+        mesh.apply_scale(scale)
     return mesh
 
 
-def _colour(shape: Shape, mesh: Any) -> str:
-    """Return the colour that the file gives to a shape, or its mesh file to the whole mesh: "#rrggbb"."""
-    if shape.colour is not None:
-        return "#" + "".join(f"{round(255 * x):02x}" for x in shape.colour[:3])
-    own = getattr(getattr(mesh.visual, "material", None), "main_color", None)
-    return UNSTATED if own is None else "#" + "".join(f"{int(x):02x}" for x in own[:3])
+def _own_colour(material: Any, named: Mapping[str, str]) -> str | None:
+    """Return the colour of a shape's material, or None if the material is missing or has no colour."""
+    if material is None:
+        return None
+    return _colour(material.color) if material.color is not None else named.get(material.name)
+
+
+def _colour(color: Any) -> str:
+    """Return a URDF colour as "#rrggbb"."""
+    rgba = np.clip(np.nan_to_num(np.asarray(color.rgba, dtype=float)), 0, 1)
+    return "#" + "".join(f"{round(255 * x):02x}" for x in rgba[:3])
+
+
+def _mesh_colour(mesh: Any) -> str | None:
+    """Return the colour that a mesh file gives to the whole mesh, or None."""
+    color = getattr(getattr(mesh.visual, "material", None), "main_color", None)
+    return None if color is None else "#" + "".join(f"{int(x):02x}" for x in color[:3])

@@ -94,7 +94,7 @@ def test_a_slide_is_a_rod_that_grows() -> None:
 
 
 def test_shapes_of_the_file_are_drawn_and_closed() -> None:
-    needs("view", "trimesh")
+    needs("view", "yourdfpy")
     file = str(ROOT / "urdf/lx4.urdf.xacro")
     visuals, notes = read_visuals(file, {}, ())
     assert notes == []
@@ -105,7 +105,7 @@ def test_shapes_of_the_file_are_drawn_and_closed() -> None:
 
 
 def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> None:
-    needs("view", "trimesh")
+    needs("view", "yourdfpy")
     visual = '<visual><geometry><mesh filename="package://nowhere/{}.stl"/></geometry></visual>'
     text = FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{visual.format("crank")}')
     path = save(tmp_path, text)
@@ -117,7 +117,7 @@ def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> 
 
 
 def test_meshes_are_found_beside_the_file_and_in_packages(tmp_path: Path) -> None:
-    needs("view", "trimesh")
+    needs("view", "yourdfpy")
     import trimesh
 
     (tmp_path / "arm" / "meshes").mkdir(parents=True)
@@ -296,7 +296,7 @@ def test_a_run_shows_the_nearest_sample() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    needs("view", "trimesh")
+    needs("view", "yourdfpy")
     from PIL import Image
 
     files = [tmp_path / "a.png", tmp_path / "b.png"]
@@ -356,7 +356,7 @@ def test_wrong_words_are_refused(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    needs("view", "trimesh")
+    needs("view", "yourdfpy")
     monkeypatch.chdir(tmp_path)
     answer = call(capsys, "view", "delta", *words)
     assert answer.status == 2
@@ -375,14 +375,15 @@ def test_what_is_missing_is_said_before_any_work(
     assert install_advice("view") in answer.err
 
 
+@pytest.mark.parametrize("package", ["yourdfpy", "trimesh"])
 def test_shapes_need_the_extra_too(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    needs("view", "trimesh")
-    monkeypatch.setitem(sys.modules, "trimesh", None)
+    needs("view", "yourdfpy")
+    monkeypatch.setitem(sys.modules, package, None)
     answer = call(capsys, "view", "delta", "--png", "a.png")
     assert answer.status == 2
-    assert f"this needs trimesh: {install_advice('view')}" in answer.err
+    assert f"this needs {package}: {install_advice('view')}" in answer.err
 
 
 def test_the_box_of_a_robot_holds_its_bodies() -> None:
