@@ -53,6 +53,18 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+def test_pinocchio_is_imported_by_the_first_motion() -> None:
+    """Loading a robot and its compiled models does without it, which takes half of a program's start."""
+    code = (
+        "import sys, hybridyn; robot = hybridyn.load('five_bar');"
+        "import hybridyn.compiled.compiling, hybridyn.streams.postures;"
+        "before = 'pinocchio' in sys.modules; hybridyn.idm(robot, robot.home, *[[0.0] * robot.nv] * 2);"
+        "print(before, 'pinocchio' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "False True\n"
+
+
 #: How dependencies are imported whose names are others.
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
 #: What only extras install.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, Effects, choose, times
@@ -19,6 +19,9 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, as_rates
 from .link_motion import body_motions, link_motions, observed_motions
 from .loads import gather_loads
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,8 @@ def add_energy_of_laws(
 
 def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:
     """Compute the kinetic and potential energy of the bodies, each of shape (T,)."""
+    import pinocchio as pin
+
     model = effective_model(robot, on)
     data = model.createData()
     out = np.zeros((2, len(q)))
@@ -106,6 +111,8 @@ def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
 
     Callers must not change the model: it may be that of the robot.
     """
+    import pinocchio as pin
+
     robot.check_model()
     if on.gravity is not None and on.leg_inertia is not None:
         return robot.unchanged_model

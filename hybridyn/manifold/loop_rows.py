@@ -7,7 +7,6 @@ and scales are the same (`linkage/closures.py` defines them, a test compares bot
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from ..linkage.closures import TreeClosure
 from ..spatial import Array, rotation_vector
@@ -24,6 +23,8 @@ class LoopRows:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
+        import pinocchio as pin
+
         tree, closures = mechanism.spanning, mechanism.spanning_closures
         self.unit = mechanism.spanning_col_scale
         self.rank = tree.nv - mechanism.mobility
@@ -43,10 +44,14 @@ class LoopRows:
 
     def _frame(self, name: str, body: int, R: Array, p: Array) -> int:
         where = f"{name} {self.model.nframes}"
+        import pinocchio as pin
+
         return int(self.model.addFrame(pin.Frame(where, body, pin.SE3(R, p), pin.FrameType.OP_FRAME)))
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Compute scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""
+        import pinocchio as pin
+
         J = pin.computeJointJacobians(self.model, self.data, q).reshape(6, -1)  # of one freedom it gives (6,)
         residual, K = np.zeros(len(self._scale)), np.zeros((len(self._scale), self.model.nv))
         rows = self._closures.row_slices

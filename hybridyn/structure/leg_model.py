@@ -7,17 +7,25 @@ inertia in this model, because the module equations add it.
 
 from __future__ import annotations
 
-import numpy as np
-import pinocchio as pin
+import itertools
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-from ..linkage.joints import NQ, NV, TreeJoint
+import numpy as np
+
+from ..linkage.joints import TreeJoint
 from ..linkage.tree import Tree
 from ..spatial import Array
 from .bodies import Body
 
+if TYPE_CHECKING:
+    import pinocchio as pin
+
 
 def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
     """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
+    import pinocchio as pin
+
     aligned = {
         "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
         "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
@@ -42,6 +50,8 @@ def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
 
 def _continuous(axis: Array) -> pin.JointModel:
     """Return a continuous joint about any axis, by the URDF reader, because Python cannot set the axis."""
+    import pinocchio as pin
+
     x, y, z = (float(value) for value in axis)
     return pin.buildModelFromXML(
         '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
@@ -57,6 +67,8 @@ def pinocchio_inertia(body: Body) -> pin.Inertia:
 
     The entries are set one by one, because the constructor rejects unphysical inertias.
     """
+    import pinocchio as pin
+
     out = pin.Inertia.Zero()
     out.mass = body.mass
     out.lever = body.com
@@ -68,13 +80,15 @@ def pinocchio_inertia(body: Body) -> pin.Inertia:
 class LegModel:
     """Pinocchio model of a module's leg trees, without the joints that move no leg mass.
 
+    Pinocchio is imported with the first motion, because it takes half of a program's start and the compiled
+    models do without it.
+
     Attributes:
-        model: The Pinocchio model; its first joint is a free-flyer.
         columns: Freedoms of the module's tree, in the order of the model's velocities after the free-flyer.
     """
 
     def __init__(self, tree: Tree, bodies: list[Body | None]) -> None:
-        """Build the model.
+        """Choose the joints of the model.
 
         Args:
             tree: The module's tree after the cuts.
@@ -86,37 +100,57 @@ class LegModel:
             parent = tree.joints[i].parent
             if heavy[i] and parent:
                 heavy[parent - 1] = True
-        self.model = pin.Model()
-        self.model.gravity.linear = np.zeros(3)
-        self.model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
         children: dict[int, list[int]] = {}
         for i, joint in enumerate(tree.joints):
             children.setdefault(joint.parent, []).append(i)
-        q_columns: list[int] = []
-        v_columns: list[int] = []
-        stack = [(i, 1) for i in reversed(children.get(0, []))]
+        number = {0: 1}  # in the model, of each body of the tree; 1 is the base
+        self._joints: list[tuple[int, int]] = []  # of the tree, with the parent's number, depth-first
+        stack = [*reversed(children.get(0, []))]
         while stack:
-            i, parent = stack.pop()
+            i = stack.pop()
             if not heavy[i]:
                 continue
-            joint = tree.joints[i]
-            number = self.model.addJoint(
-                parent, pinocchio_joint(joint), pin.SE3(joint.R, joint.p), joint.name
-            )
-            body = bodies[i]
-            if body is not None:
-                self.model.appendBodyToJoint(number, pinocchio_inertia(body), pin.SE3.Identity())
-            q_columns += range(tree.q_slices[i].start, tree.q_slices[i].start + NQ[joint.kind])
-            v_columns += range(tree.v_slices[i].start, tree.v_slices[i].start + NV[joint.kind])
-            stack.extend((k, number) for k in reversed(children.get(i + 1, [])))
-        self._q_columns, self.columns = np.array(q_columns, dtype=int), np.array(v_columns, dtype=int)
+            self._joints.append((i, number[tree.joints[i].parent]))
+            number[i + 1] = len(self._joints) + 1
+            stack.extend(reversed(children.get(i + 1, [])))
+        q_columns = [range(*tree.q_slices[i].indices(tree.nq)) for i, _ in self._joints]
+        v_columns = [range(*tree.v_slices[i].indices(tree.nv)) for i, _ in self._joints]
+        self._q_columns, self.columns = (
+            np.array([*itertools.chain(*columns)], dtype=int) for columns in (q_columns, v_columns)
+        )
         self._nv = tree.nv
-        self.empty = not v_columns
-        if not self.empty:
-            self._data = self.model.createData()
-            assert self.model.check(self._data), "joints must be added depth-first"
-            self._pool = pin.ModelPool(self.model, 1)
+        self.empty = not len(self.columns)
         self._base_q = np.array([0.0, 0, 0, 0, 0, 0, 1])
+
+    @cached_property
+    def model(self) -> pin.Model:
+        """The Pinocchio model; its first joint is a free-flyer."""
+        import pinocchio as pin
+
+        tree, bodies = self._built_from
+        model = pin.Model()
+        model.gravity.linear = np.zeros(3)
+        model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+        for i, parent in self._joints:
+            joint, body = tree.joints[i], bodies[i]
+            number = model.addJoint(parent, pinocchio_joint(joint), pin.SE3(joint.R, joint.p), joint.name)
+            if body is not None:
+                model.appendBodyToJoint(number, pinocchio_inertia(body), pin.SE3.Identity())
+        return model
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        """Memory of the model's algorithms."""
+        data = self.model.createData()
+        assert self.model.check(data), "joints must be added depth-first"
+        return data
+
+    @cached_property
+    def _pool(self) -> pin.ModelPool:
+        """Memory of the algorithms that compute many samples."""
+        import pinocchio as pin
+
+        return pin.ModelPool(self.model, 1)
 
     def __reduce__(self) -> tuple[type[LegModel], tuple[Tree, list[Body | None]]]:
         """Pickle the arguments of the constructor, because Pinocchio's model pools cannot be pickled."""
@@ -143,6 +177,8 @@ class LegModel:
         Q = np.asfortranarray(np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], 1).T)
         U = np.asfortranarray(np.concatenate([V, v[:, self.columns]], axis=1).T)
         A = np.asfortranarray(np.concatenate([V_dot, a[:, self.columns]], axis=1).T)
+        import pinocchio as pin
+
         out = (
             pin.rneaInParallel(1, self._pool, Q, U, A).reshape(-1, T, order="F").T
         )  # Pinocchio returns one sample as a flat array
@@ -162,6 +198,8 @@ class LegModel:
         M = np.zeros((T, 6 + self._nv, 6 + self._nv))
         if self.empty:
             return M
+        import pinocchio as pin
+
         at = np.concatenate([np.arange(6), 6 + self.columns])
         full = np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], axis=1)
         out = np.empty((T, len(at), len(at)))
