@@ -265,6 +265,7 @@ def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[
     out, err = capsys.readouterr()
     assert "base inertial parameters" in out
     assert "axes of the joints" in out
+    assert out.count("single calls on this machine: ") == 2
     totals = [int(line.split()[-1]) for line in out.splitlines() if line.strip().startswith("total")]
     shared = [
         [int(n) for n in re.findall(r": (\d+)", line)]

@@ -1,8 +1,7 @@
-"""Guards of open loops, one division per divisor, and the code of single calls."""
+"""Guards of open loops, and one division per divisor."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -10,11 +9,9 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.code.alone import on_numbers
 from hybridyn.compiled.code.graph import graph_of
 from hybridyn.compiled.code.quotients import costing, operations_of
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.library.calls import load
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import AssemblyError
@@ -93,21 +90,3 @@ def test_a_divisor_divides_once() -> None:
     costs = [node.name for node in costing(operations_of(f))]
     assert costs.count("div") == 2  # 1 / c, b / a
     assert costs.count("mul") == 3
-
-
-def test_single_calls_without_copies_are_on_plain_numbers() -> None:
-    """The same bits as in a batch, whose samples are in lanes; equal legs stay in lanes."""
-    program = replace(toy(3, 1), name="idm")
-    even = [10] * len(program.kernels)
-    assert on_numbers(program, even, 4)
-    assert not on_numbers(program, even, 1)
-    assert not on_numbers(program, [10_000] * len(program.kernels), 4)
-    assert not on_numbers(toy(3, 1), even, 4)
-    assert not on_numbers(replace(toy(3, 6), name="idm"), even, 4)
-    library = load([program], lanes=4)
-    given = inputs(program, 5)
-    parts, guard = library.batch("idm", *given)
-    for t in range(5):
-        single, worst = library.single("idm", *(x[t] for x in given))
-        assert all((one == many[t]).all() for one, many in zip(single, parts, strict=True))
-        assert worst == guard[t]

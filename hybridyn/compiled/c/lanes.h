@@ -1,4 +1,6 @@
 /* Moves between numbers and the lanes of vectors. */
+#include <string.h>
+
 #define ALIGNED __attribute__((aligned(sizeof(V))))
 INLINE void gather_all(V *to, const S *from, const int *at, int n) {
     for (int k = 0; k < n; k++) to[k] = C(from[at[k]]);

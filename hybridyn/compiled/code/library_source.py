@@ -9,7 +9,7 @@ from typing import Any
 from ..program import Call, Program
 from .across_copies import across_copies
 from .across_samples import across_samples
-from .alone import declaration, numbers_unit, on_numbers
+from .alone import choice, code, lanes_of_codes, second_unit
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
@@ -59,19 +59,23 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
             bodies[name] = text
             names[program.name].append(name)
     lengths = {name: text.count("\n") for name, text in bodies.items()}
-    alone = [p for p in programs if on_numbers(p, [lengths[k] for k in names[p.name]], scalar.lanes)]
-    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, alone, names, bodies, scalar, more)]
-    units += [numbers_unit(p, names[p.name], bodies, scalar.name) for p in alone]
+    codes = {p.name: lanes_of_codes(p, [lengths[k] for k in names[p.name]], scalar.lanes) for p in programs}
+    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, codes, names, bodies, scalar, more)]
+    for program in programs:
+        for lanes in codes[program.name][1:]:
+            units.append(second_unit(program, names[program.name], bodies, Scalar(scalar.name, lanes)))
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
-        "programs": {p.name: _about(p, scalar, [bodies[k] for k in names[p.name]]) for p in programs},
+        "programs": {
+            p.name: _about(p, scalar, [bodies[k] for k in names[p.name]], codes[p.name]) for p in programs
+        },
         "steps": steps_in_c(programs, scalar),
     }
     return Source(tuple(units), about)
 
 
-def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, Any]:
+def _about(program: Program, scalar: Scalar, kernels: list[str], codes: list[int]) -> dict[str, Any]:
     """Return the description of a program for its callers."""
     calls = [step for step in program.steps if isinstance(step, Call)]
     return {
@@ -80,6 +84,7 @@ def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, An
         "work": (sum(_sizes(program)) + 1) * scalar.bytes,
         "statements": sum(call.copies * kernels[call.kernel].count("\n") for call in calls),
         "notes": list(program.notes),
+        "codes": codes,
     }
 
 
@@ -105,19 +110,21 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 
 
 def _driver_unit(
-    programs: list[Program], alone: list[Program], names: dict[str, list[str]], bodies: dict[str, str],
+    programs: list[Program], codes: dict[str, list[int]], names: dict[str, list[str]], bodies: dict[str, str],
     scalar: Scalar, more: str,
 ) -> str:  # fmt: skip
-    """Return the file with the drivers and tables; single calls of programs `alone` are on plain numbers."""
+    """Return the file with the drivers and tables; single calls choose among `codes`."""
     tables = Tables()
-    drivers = [declaration(program.name) for program in alone]
+    drivers = []
     for program in programs:
         drivers.append(across_samples(program, names[program.name], tables))
         drivers.append(_batch(program))
         if scalar.lanes > 1:
-            if program not in alone:
-                drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
-            drivers.append(_single(program, "one" if program in alone else "copies"))
+            drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
+            drivers += [
+                code(program, scalar.lanes, "copies", "static "),
+                _single(program, codes[program.name]),
+            ]
     if steps_in_c(programs, scalar):
         drivers.append(_steps(programs))
     if more:
@@ -151,10 +158,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
         text_of("driver.h"),
     ]
     if scalar.lanes > 1:
-        lanes = range(scalar.lanes)
-        lines.append(f"#define FROM(from, at) {', '.join(f'(from)[(at)[{i}]]' for i in lanes)}")
-        lines.append(f"#define ROWS(row, k) {', '.join(f'(row)[{i}][k]' for i in lanes)}")
-        lines += [text_of("lanes.h"), text_of("numpy_array.h")]
+        lines += [scalar.moves(), text_of("numpy_array.h")]
     else:
         lines.append(text_of("rows_scalar.h"))
     lines += [f"void {name}{text[: text.index('{')]};" for name, text in bodies.items()]
@@ -197,9 +201,9 @@ def _batch(program: Program) -> str:
     )
 
 
-def _single(program: Program, driver: str) -> str:
+def _single(program: Program, codes: list[int]) -> str:
     """Return the C functions that run one sample, from NumPy arrays and from pointers."""
-    given, _, shared, own = _sizes(program)
+    given = _sizes(program)[0]
     count = sum(size for _, size in program.outputs)
     arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]
     checks, copies, moves, at = [], [], [], 0
@@ -210,16 +214,17 @@ def _single(program: Program, driver: str) -> str:
         at += size
     handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
     all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
-    name, numbers = program.name, "S" if driver == "one" else "V"
+    name = program.name
+    chosen = f"#define {name}_on {name}_on{codes[0]}" if len(codes) == 1 else choice(program, codes)
     return "\n".join(
         [
-            f"static {numbers} {name}_work[{shared + own + 1}];",
+            chosen,
             f"static S {name}_given[{max(given, 1)}] ALIGNED;",
             f"EXPORT S {name}_guard;",
             f"static int {name}_run(S *out) {{",
             "    S worst_yet = 0;",
             f"    for (int k = 0; k < {given}; k++) worst_yet += {name}_given[k] * 0; /* not finite: NaN */",
-            f"    {name}_{driver}({name}_given, out, {name}_work, {name}_work + {shared}, &worst_yet);",
+            f"    {name}_on({name}_given, out, &worst_yet);",
             f"    worst_yet += none_of(out, {count}); /* not finite: NaN */",
             f"    {name}_guard = worst_yet;",
             "    return worst_yet <= GUARD_LIMIT ? 0 : 2;",

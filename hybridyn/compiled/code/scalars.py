@@ -68,6 +68,16 @@ class Scalar:
         lines += [text_of("functions.h"), _sines(self)]
         return "\n".join(lines)
 
+    def moves(self) -> str:
+        """Return the C source that moves numbers into several lanes and out of them."""
+        lanes = range(self.lanes)
+        lines = [
+            f"#define FROM(from, at) {', '.join(f'(from)[(at)[{i}]]' for i in lanes)}",
+            f"#define ROWS(row, k) {', '.join(f'(row)[{i}][k]' for i in lanes)}",
+            text_of("lanes.h"),
+        ]
+        return "\n".join(lines)
+
 
 def _sines(scalar: Scalar) -> str:
     """Return the C source of SINCOS; for "longdouble" and "float128" also of SQRT and FABS."""

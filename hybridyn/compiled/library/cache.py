@@ -29,6 +29,7 @@ from ...description.cache_folder import VARIABLE, check_ownership, folder, hashe
 from ...description.writing import appearing
 from ...errors import CompileError
 from .building import NATIVE, Runner, build, run_at_once
+from .choosing import with_choices
 from .compilers import FLAGS, QUICK_FLAGS, find_compiler, machine
 from .eviction import remove_unused
 
@@ -85,7 +86,7 @@ def cached(
         found = _load(at, name)
         if found is None:
             made = functools.partial(build, source.units, find_compiler(), libraries=libraries)
-            found = _build(at, name, source, functools.partial(made, flags=flags, run=run))
+            found = _build(at, name, source, functools.partial(made, flags=flags, run=run), measure=not quick)
         found = replace(found, quick=flags is QUICK_FLAGS)
         accept(found)
         _write(pointer, name.encode())
@@ -156,8 +157,8 @@ def _load(at: Path, name: str) -> Built | None:
         return None
 
 
-def _build(at: Path, name: str, source: Source, make: Callable[[Path], None]) -> Built:
-    """Build a library at a path with `make`, and move it to its place in the cache."""
+def _build(at: Path, name: str, source: Source, make: Callable[[Path], None], *, measure: bool) -> Built:
+    """Build a library at a path with `make`, and move it to its place; or also `measure` its single calls."""
     at.mkdir(parents=True, exist_ok=True)  # the cache may have been emptied meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
@@ -167,10 +168,11 @@ def _build(at: Path, name: str, source: Source, make: Callable[[Path], None]) ->
         path.parent.mkdir(exist_ok=True, mode=0o700)
         target.chmod(0o700)
         os.replace(target, path)
-    record = {"name": name, "library": digest, "about": source.about}
+    about = with_choices(path, source.about) if measure else source.about
+    record = {"name": name, "library": digest, "about": about}
     _write(at / "models" / f"{name}.json", json.dumps(record).encode())
     remove_unused(at)
-    return Built(path, source.about)
+    return Built(path, about)
 
 
 def _write(path: Path, content: bytes) -> None:

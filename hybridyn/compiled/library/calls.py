@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..code.scalars import GUARD_LIMIT, Scalar
 from .cache import Built, cached
+from .choosing import use_choice
 from .compilers import best_lanes
 from .direct_calls import METH_FASTCALL, REFUSED, Method, knows_arrays
 from .steps import Steps
@@ -65,6 +66,8 @@ class Library:
             name: Calls(name, about, built.about["number"], built.about["lanes"], free, held, plain)
             for name, about in built.about["programs"].items()
         }
+        for name, about in built.about["programs"].items():
+            use_choice(held, name, about)
         steps = alone and built.about["steps"]
         self.steps = None
         if steps:

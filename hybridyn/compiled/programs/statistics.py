@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from ...effects.choice import Choice
+from ...effects.choice import Choice, choose
+from ...errors import CompileError
 from ...structure.robot import HybridRobot
-from ..code.alone import describe_single
+from ..code.alone import describe_single, lanes_of_codes
+from ..code.kernels import kernel_graph, kernel_text
 from ..code.operations import operations_table
 from ..code.quotients import costing, operations_of
 from ..code.rules import trimmed
+from ..code.scalars import Scalar
+from ..library.cache import known
 from ..library.compilers import best_lanes
 from ..needs import needs_casadi
 from ..program import Program
+from .sources import library_key
 
 MODELS = ("idm", "ddm")
 
@@ -45,15 +50,28 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
         )
     }
     titles = {"idm": "Inverse model, operations per sample", "ddm": "Direct model, operations per sample"}
-    tables = []
+    tables, times = [], _measured(robot, effects)
     for model, title in titles.items():
         table = operations_table({name: models[model] for name, models in variants.items()})
         program = trimmed(variants["base inertial parameters"][model])
         with_guard, alone = flattened(program)
-        single = describe_single(program, best_lanes())
+        statements = [kernel_text(kernel_graph(kernel)).count("\n") for kernel in program.kernels]
+        codes = lanes_of_codes(program, statements, best_lanes())
+        single = describe_single(codes, times.get(model))
         shared = f"as one expression, shared across legs and stages: {with_guard}; without the guard: {alone}"
         tables.append(f"{title}\n\n{table}\n{shared}\n{single}")
     return "\n\n".join(tables)
+
+
+def _measured(robot: HybridRobot, effects: Choice) -> dict[str, list[float]]:
+    """Return the measured times of the codes of single calls by model; empty if there is no build."""
+    scalar = Scalar("float64", best_lanes())
+    try:
+        built = known(library_key(robot, choose(robot, effects), scalar))
+    except CompileError:  # there is no compiler
+        return {}
+    models = built.about["programs"].items() if built else ()
+    return {name: about["times"] for name, about in models if "times" in about}
 
 
 def flattened(program: Program) -> tuple[int, int]:

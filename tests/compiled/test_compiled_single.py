@@ -1,0 +1,100 @@
+"""The codes of single calls: the same bits as a batch, chosen by measurement, kept in the cache, printed."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.compiled.code import alone
+from hybridyn.compiled.code.alone import describe_single, lanes_of_codes
+from hybridyn.compiled.code.library_source import library_source
+from hybridyn.compiled.code.scalars import Scalar
+from hybridyn.compiled.library.cache import Built, cached
+from hybridyn.compiled.library.calls import Library
+from hybridyn.compiled.program import Program
+from hybridyn.compiled.programs import statistics
+from hybridyn.structure.building import build_robot
+from tests.compiled_toys import inputs, toy
+from tests.shipped import shipped
+
+SAMPLES = 5
+
+
+def program_of(copies: int) -> Program:
+    """Return a toy that is called like a model whose single calls matter."""
+    return replace(toy(3, copies), name="idm")
+
+
+def test_copies_and_statements_decide_which_codes_are_built() -> None:
+    even = [10] * len(program_of(1).kernels)
+    assert lanes_of_codes(program_of(1), even, 8) == [8, 1]
+    assert lanes_of_codes(program_of(6), even, 8) == [8, 4]
+    assert lanes_of_codes(program_of(6), even, 4) == [4]
+    assert lanes_of_codes(program_of(1), even, 4) == [4, 1]
+    assert lanes_of_codes(program_of(1), even, 1) == [1]
+    assert lanes_of_codes(program_of(1), [10_000] * len(even), 8) == [8]
+    assert lanes_of_codes(toy(3, 1), even, 8) == [8]
+
+
+@pytest.mark.parametrize(
+    "number", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
+)  # the other widths
+def test_every_code_of_single_calls_gives_the_bits_of_a_batch(
+    number: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(alone, "VECTOR_STATEMENT", np.inf)  # build all
+    program, lanes = program_of(3), {"float64": 8, "float32": 16}[number]
+    source = library_source([program], Scalar(number, lanes))
+    built = cached("single", lambda: source)
+    about = built.about["programs"]["idm"]
+    assert about["codes"] == [lanes, lanes // 2, 1]
+    assert all(0 < seconds < np.inf for seconds in about["times"])
+    assert cached("single", lambda: source).about == built.about  # the choice is made once
+    library = Library(built)
+    code = ctypes.c_int.in_dll(ctypes.PyDLL(str(built.path)), "idm_code")
+    assert about["times"][code.value] == min(about["times"])
+    given = [x.astype(number) for x in inputs(program, SAMPLES)]
+    parts, guard = library.batch("idm", *given)
+    for n in range(len(about["codes"])):
+        code.value = n
+        for t in range(SAMPLES):
+            single, worst = library.single("idm", *(x[t] for x in given))
+            assert all((one == many[t]).all() for one, many in zip(single, parts, strict=True))
+            assert worst == guard[t]
+    quick = cached("single", lambda: source, quick=True)
+    assert quick.about == built.about  # found in the cache
+
+
+def test_quick_builds_have_the_code_of_batches_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    program = program_of(1)
+    source = library_source([program], Scalar("float64", 4))
+    built = cached("single", lambda: source, quick=True)
+    assert built.quick
+    assert "times" not in built.about["programs"]["idm"]
+    assert not hasattr(ctypes.PyDLL(str(built.path)), "idm_repeat")
+    given = inputs(program, 1)
+    library = Library(built)
+    single, _ = library.single("idm", *(x[0] for x in given))
+    assert all((x == y[0]).all() for x, y in zip(single, library.batch("idm", *given)[0], strict=True))
+
+
+def test_statistics_name_the_code_of_single_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    head = "single calls on this machine: "
+    assert describe_single([8], None) == head + "8 lanes for equal legs"
+    assert describe_single([8, 1], None).startswith(head + "the fastest of 8 lanes for equal legs, plain")
+    measured = describe_single([8, 4, 1], [5e-7, 4e-7, 1e-6])
+    assert measured.startswith(
+        head + "4 lanes for equal legs (when built: 0.5 us with 8 lanes for equal legs"
+    )
+    times = {"idm": [2e-6, 1e-6], "ddm": [1e-6, 3e-6]}
+    about = {"programs": {"lift": {}} | {name: {"times": both} for name, both in times.items()}}
+    monkeypatch.setattr(statistics, "known", lambda key: Built(Path("library.so"), about))
+    assert statistics._measured(build_robot(shipped("five_bar")), None) == times
+    monkeypatch.setattr(statistics, "known", lambda key: None)
+    assert statistics._measured(build_robot(shipped("five_bar")), None) == {}
