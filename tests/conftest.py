@@ -94,9 +94,9 @@ def quick_compiler(program: Path) -> None:
 @pytest.fixture(scope="session", autouse=True)
 def expand_once() -> None:
     """Expand each shipped xacro file once a session: every expansion starts a process."""
-    from hybridyn.description import reading
+    from hybridyn.description import opening
 
-    reading.expand = kept(reading.expand)
+    opening.expand = kept(opening.expand)
 
 
 def kept(expand: Callable[..., tuple[bytes, list[str]]]) -> Callable[..., tuple[bytes, list[str]]]:

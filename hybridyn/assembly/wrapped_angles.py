@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import AssemblyError
-from ..linkage.winding import turns_decide
+from ..linkage.gears import turns_decide
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..description import Description, read
-from ..description.reading import split_model
+from ..description.opening import split_model
 from ..description.records import StatedBase
 from ..description.shipped import find_robot
 from ..description.side_cars.companions import find_model_file, find_side_car

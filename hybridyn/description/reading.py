@@ -12,18 +12,17 @@ from pathlib import Path
 
 from ..errors import ModelError
 from .closing_frames import apply_closing_frames
-from .files_read import record
 from .frame_names import apply_frame_names
 from .motors import choose_motors
-from .names import listed
+from .opening import open_file, read_bytes, split_model
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
-from .unread_forms import unread_form, unread_format
+from .unread_forms import unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.urdf import read_urdf
-from .urdf.xacro import expand, expand_each
-from .urdf.xml_node import LARGEST_FILE, Node, parse
+from .urdf.xacro import expand_each
+from .urdf.xml_node import Node, parse
 from .validate import validate
 
 #: Readers by the name of the root element.
@@ -33,10 +32,6 @@ FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]
     "sdf": lambda root, package_dirs: _read_sdf(root, package_dirs),
     "_usd": lambda root, package_dirs: _read_usd(root, package_dirs),
 }
-
-#: First bytes of USD files: text, binary, package. USD is no XML: an empty element `USD` stands for it.
-USD_STARTS = (b"#usda", b"#sdf", b"PXR-USDC", b"PK\x03\x04")
-USD = b"<_usd/>"
 
 #: Number of sets of arguments with which one child expands a file.
 EXPANDED_AT_ONCE = 32
@@ -66,7 +61,7 @@ def read(
     Raises:
         ModelError: A file is invalid; the message names the file, the line and the correction.
     """
-    opened = _open(path, xacro_args or {}, package_dirs)
+    opened = open_file(path, xacro_args or {}, package_dirs)
     return _description(split_model(path)[0], opened, motors, xacro_args or {}, package_dirs)
 
 
@@ -160,74 +155,6 @@ def complete(
     )
 
 
-def open_robot(
-    path: str | os.PathLike[str],
-    xacro_args: Mapping[str, object] | None = None,
-    package_dirs: Sequence[str | os.PathLike[str]] = (),
-) -> Node:
-    """Return the root element of a robot file, expanded if it is xacro, without checking its content.
-
-    USD is no XML: its root is `USD`, without content.
-
-    Raises:
-        ModelError: The file cannot be read, is not XML, or xacro reports an error.
-    """
-    return _open(path, xacro_args or {}, package_dirs)[0]
-
-
-def split_model(path: str | os.PathLike[str]) -> tuple[str, str]:
-    """Split `world.sdf#arm` into the file and the name of its model, "" where none is named."""
-    whole = os.fspath(path)
-    file, _, model = whole.rpartition("#")
-    return (whole, "") if not file or not model or os.path.exists(whole) else (file, model)
-
-
-def _open(
-    path: str | os.PathLike[str],
-    xacro_args: Mapping[str, object],
-    package_dirs: Sequence[str | os.PathLike[str]],
-) -> tuple[Node, list[str]]:
-    """Return the root element of a file, of one model if the path names it, and the notes of xacro."""
-    file, model = split_model(path)
-    root, notes = _expanded(file, xacro_args, package_dirs)
-    if model:
-        from .sdf.world import keep_model
-
-        keep_model(root, model)
-    return root, notes
-
-
-def _expanded(
-    file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
-) -> tuple[Node, list[str]]:
-    """Return the root element of a file, expanded if it is xacro, and the notes of that expansion."""
-    text = read_bytes(file)
-    if not file.endswith(".xacro"):
-        root = _parsed(text, file)
-        if not any(node.tag.startswith("xacro:") for node in root.descendants()):
-            if xacro_args:
-                raise ModelError(
-                    f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
-                )
-            return root, []
-    expanded, notes = expand(file, xacro_args, package_dirs)
-    return parse(expanded, f"{file} (expanded)"), notes
-
-
-def _parsed(text: bytes, file: str) -> Node:
-    """Parse a robot file; if it is not XML, add its recognised format to the error.
-
-    Raises:
-        ModelError: The text is not well-formed XML.
-    """
-    try:
-        return parse(USD if text.startswith(USD_STARTS) else text, file)
-    except ModelError as error:
-        if message := unread_form(text):
-            error.args = (f"{error}; {message}",)
-        raise
-
-
 def _read_side_cars(robot: RobotFile, file: str) -> None:
     """Add the closures and motors of a side-car; if there is none, add those that frame names state."""
     folder = Path(file).parent
@@ -257,29 +184,6 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
     text = read_bytes(str(path))
     model = read_model_file(text, str(path))
     return robot.home | apply_model_file(robot, model, text.decode("utf-8"), str(path))
-
-
-def read_bytes(file: str) -> bytes:
-    """Return the content of a file.
-
-    Raises:
-        ModelError: The file cannot be read, is not a regular file, or is larger than `LARGEST_FILE`.
-    """
-    try:
-        path = Path(file)
-        if path.is_dir():
-            raise ModelError("is a folder; name the robot file in it", file=file)
-        if path.exists() and not path.is_file():
-            raise ModelError("is not a regular file", file=file)
-        if path.stat().st_size > LARGEST_FILE:
-            raise ModelError(f"is larger than {LARGEST_FILE // 2**20} MiB", file=file)
-        content = path.read_bytes()
-        record(file, content)
-        return content
-    except OSError as error:
-        raise ModelError(f"cannot be read: {error.strerror}", file=file) from None
-    except ValueError as error:
-        raise ModelError(f"is not a valid path: {error}", file=file) from None
 
 
 def _read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:

@@ -17,7 +17,7 @@ def urdf_root(
     Returns:
         The lxml element of the robot, or None for a file of another format.
     """
-    from .reading import open_robot
+    from .opening import open_robot
 
     root = open_robot(file, xacro_args, package_dirs)
     return root.xml if root.tag == "robot" else None

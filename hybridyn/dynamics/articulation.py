@@ -19,6 +19,13 @@ from ..spatial import Array, motion_matrix
 from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState
 from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, size_of_solution
+from .inertia_rounding import (
+    cancelled_inertia,
+    force_of_slips,
+    inertia_of_slips,
+    rounding_of,
+    slips_of,
+)
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
 from .lost_digits import warn_of_lost_accelerations
@@ -97,7 +104,7 @@ def articulate(
         s, legs = states[k], leg_terms(states[k], loads, k)
         wanted = None if prescribed is None else prescribed[:, s.module.v_index]
         motions = _motions(s, wanted, passing)
-        noise[k] += _rounding(I_star[k])
+        noise[k] += rounding_of(I_star[k])
         efforts = tau[:, s.module.motor_index]
         item = _articulate_module(s, legs, I_star[k], beta_star[k], efforts, motions, noise[k])
         out.insert(0, item)
@@ -147,47 +154,16 @@ def _articulate_module(
         x.add_output(a_map, X, I_star[:, o], b, rounding[:, o])
         a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
     noise = 4 * s.mechanism.tree.nv * EPS * x.noise + x.carried
-    slips = _slips(s, basis)
-    rounded = np.diagonal(noise, axis1=1, axis2=2) + _inertia_of_slips(s, legs, slips, I_star)
+    slips = slips_of(s, basis)
+    rounded = np.diagonal(noise, axis1=1, axis2=2) + inertia_of_slips(s, legs, slips, I_star)
     inertia = factor_inertia(x.A_t, rounded)
     solved, left = inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
-    slipping = _force_of_slips(s, legs, slips, tau, beta_star)
+    slipping = force_of_slips(s, legs, slips, tau, beta_star)
     check_massless_forces(s.module, basis, left[..., 6], np.maximum(x.size, slipping / FORCED))
     G, y = solved[..., :6], solved[..., 6]
     return ArticulatedModule(
         s, basis, unforced, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y)
     )
-
-
-def _slips(s: ModuleState, basis: Basis) -> Array:
-    """Compute the rates of rounding in each motion, without units, shape (T, N).
-
-    A joint that a motion leaves at rest has such a rate in it, and moves what it carries. That is all the
-    inertia of a motion that moves no mass, and all the force on it.
-    """
-    m = s.mechanism
-    if not m.closures.rows:
-        return np.zeros(basis.Psi.shape[::2])
-    largest_rate = np.abs(basis.Psi / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
-    out: Array = 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
-    return out
-
-
-def _inertia_of_slips(s: ModuleState, legs: LegTerms, slips: Array, I_star: Array) -> Array:
-    """Compute the inertia that rates of rounding bring into each motion, shape (T, N)."""
-    joints = np.einsum("tii,i->t", legs.M[:, 6:, 6:], s.mechanism.reduction.col_scale**2)
-    outputs = np.einsum("toii,i->t", I_star, np.repeat([s.mechanism.length**2, 1.0], 3))
-    out: Array = np.square(slips) * (joints + outputs)[:, None]
-    return out
-
-
-def _force_of_slips(s: ModuleState, legs: LegTerms, slips: Array, tau: Array, beta_star: Array) -> Array:
-    """Compute the largest force that rates of rounding bring onto a motion, shape (T,)."""
-    unit = s.mechanism.reduction.col_scale
-    joints = (np.abs(legs.f) + np.abs(legs.h)) @ unit + np.abs(tau) @ unit[s.module.motor_columns]
-    outputs = np.abs(beta_star).sum(axis=1) @ np.repeat([s.mechanism.length, 1.0], 3)
-    out: Array = slips.max(axis=1, initial=0.0) * (joints + outputs)
-    return out
 
 
 def _onto_base(
@@ -203,44 +179,16 @@ def _onto_base(
     T = len(G)
     with_base = np.concatenate([np.tile(np.eye(6), (T, 1, 1)), -np.matmul(Psi, G)], axis=1)
     inertia = congruence(with_base, legs.M)
-    handed = _cancelled_inertia(legs.M[:, 6:, 6:], np.abs(Psi) @ np.abs(G), Psi.shape[2])
+    handed = cancelled_inertia(legs.M[:, 6:, 6:], np.abs(Psi) @ np.abs(G), Psi.shape[2])
     beta = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], drift) + legs.p + np.einsum("tij,ti->tj", G, item.Q_0)
     for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
         follows = X - np.matmul(a_map, G)
         inertia += congruence(follows, I_star[:, o])
         handed += congruence(follows, rounding[:, o])
-        handed += _cancelled_inertia(I_star[:, o], np.abs(X) + np.abs(a_map) @ np.abs(G), Psi.shape[2])
+        handed += cancelled_inertia(I_star[:, o], np.abs(X) + np.abs(a_map) @ np.abs(G), Psi.shape[2])
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         beta += np.einsum("tij,ti->tj", X, b)
     return inertia, beta, handed
-
-
-def _cancelled_inertia(inertia: Array, terms: Array, freedoms: int) -> Array:
-    """Compute the inertia that the rounding of a motion feigns, as a matrix of shape (T, 6, 6).
-
-    A motion in which a body does not take part is a difference of equal terms: its rounding d gives d^T I d.
-    Without mass of its own, the base would seem to have this inertia.
-
-    Args:
-        inertia: Inertia of what moves, shape (T, n, n).
-        terms: Magnitudes of the terms of its motion per motion of the base, shape (T, n, 6).
-        freedoms: Number of freedoms of the module.
-    """
-    root = np.sqrt(np.abs(np.diagonal(inertia, axis1=1, axis2=2)))
-    slip = (freedoms + 2) * EPS * np.einsum("ti,tij->tj", root, terms)
-    out: Array = np.square(slip)[:, :, None] * np.eye(6)
-    return out
-
-
-def _rounding(inertia: Array) -> Array:
-    """Compute upper bounds on the rounding of inertias, as inertias of shape (T, outputs, 6, 6).
-
-    The error of an entry is at most eps sqrt(I_ii I_jj). Six times eps times the diagonal is a matrix that
-    bounds all these errors.
-    """
-    diagonal = np.diagonal(inertia, axis1=2, axis2=3)
-    out: Array = 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
-    return out
 
 
 def accelerate(

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from ..description.names import did_you_mean, listed
-from ..description.reading import read_bytes
+from ..description.opening import read_bytes
 from ..description.side_cars.schema import Schema
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError

@@ -221,12 +221,9 @@ def build_robot(
         AssemblyError: No posture closes the loops of a module.
     """
     base = description.base if base is None else base
-    gravity = description.gravity or EARTH if gravity is None else gravity
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
-    gravity = np.asarray(gravity, dtype=float)
-    if gravity.shape != (3,) or not (np.abs(gravity) <= LARGEST).all():
-        raise ModelError(f"gravity must be three finite numbers of at most {LARGEST:.0e}, not {gravity}")
+    gravity = _gravity(description.gravity or EARTH if gravity is None else gravity)
     kept = joints_to_keep(description, held)
     bodies, graphs = find_modules(description, kept)
     joints = [j.joint.name for j in bodies.joints]
@@ -260,6 +257,14 @@ def build_robot(
         payloads=payloads,
         rebuild=_with_parameters,
     )
+
+
+def _gravity(stated: ArrayLike) -> Array:
+    """Return the acceleration of gravity, shape (3,), [m/s^2]; raise ModelError if it is none."""
+    gravity = np.asarray(stated, dtype=float)
+    if gravity.shape != (3,) or not (np.abs(gravity) <= LARGEST).all():
+        raise ModelError(f"gravity must be three finite numbers of at most {LARGEST:.0e}, not {gravity}")
+    return gravity
 
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:
