@@ -4,7 +4,8 @@ Read `forward` (Eqs. (25), (28)), `inverse_recursion` (Eqs. (30)-(33)), `backwar
 `inverse` (`hybridyn.idm`), `articulation` (Eqs. (38)-(53)), `direct` (`hybridyn.ddm`), `passive` (joints
 without a motor). `loads` collects the wrenches and effects that act on the robot. `actuation` distributes
 efforts among motors. `inverse_guards`, `lost_rank`, `lost_digits` and `massless` raise errors or warn at
-samples without a meaningful result; `inertia_rounding` bounds what rounding feigns. The folder `quantities` has the model in independent coordinates.
+samples without a meaningful result; `inertia_rounding` bounds what rounding feigns. The folder `quantities`
+has the model in independent coordinates.
 
 May import: `effects`, `manifold`, `structure` and below.
 """
