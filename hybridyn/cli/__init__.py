@@ -102,8 +102,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with _program_manners():
             status = commands.main(words, prog_name="hybridyn", standalone_mode=False)
-        if arguments is None:
-            gc.freeze()  # the program ends: searching for cycles before takes 15 ms
+            if arguments is None:
+                gc.freeze()  # the program ends: searching for cycles before takes 15 ms
         return status if isinstance(status, int) else 0
     except (click.Abort, KeyboardInterrupt):
         return _fail("interrupted", INTERRUPTED)

@@ -76,9 +76,10 @@ class Workers:
 
     def prepare(self, work: object) -> None:
         """Send the function for the tasks to every process."""
-        text = pickle.dumps(work, protocol=pickle.HIGHEST_PROTOCOL)
-        for process in self._processes:
-            self._send(process, text)
+        if self._processes:
+            text = pickle.dumps(work, protocol=pickle.HIGHEST_PROTOCOL)
+            for process in self._processes:
+                self._send(process, text)
 
     def give(self, arguments: tuple[Any, ...]) -> None:
         """Send a task to the next process, which is idle: there are at most as many tasks as processes."""

@@ -121,10 +121,10 @@ def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
     if not is_plain(text) or any(line.count(separator) != width - 1 for line in lines):
         return None
     try:
-        values = np.array([float(cell) for cell in text.split(separator)]).reshape(len(lines), width)
+        values = np.fromiter(map(float, text.split(separator)), float, len(lines) * width)
     except ValueError:
         return None
-    return values if np.isfinite(values).all() else None
+    return values.reshape(len(lines), width) if np.isfinite(values).all() else None
 
 
 def _parse_slow(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..description.records import Array
+from ..spatial import cross
 from .spline import DEGREE, Spline
 from .table import Block
 
@@ -128,6 +129,6 @@ def angular_rates(p: Array, p_dot: Array, p_ddot: Array) -> tuple[Array, Array]:
 
 def _product(a: Array, b: Array) -> Array:
     """Compute the quaternion product a b, shapes (rows, 4)."""
-    vector = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + np.cross(a[:, :3], b[:, :3])
+    vector = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + cross(a[:, :3], b[:, :3])
     scalar: NDArray[np.float64] = a[:, 3] * b[:, 3] - np.sum(a[:, :3] * b[:, :3], axis=1)
     return np.column_stack([vector, scalar])
