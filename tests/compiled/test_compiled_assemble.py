@@ -328,6 +328,48 @@ def test_a_tick_from_any_other_posture_is_closed_too(ticks: Any) -> None:
     assert np.abs(again[1] - right[1][5]).max() <= SAME * 100
 
 
+def closed_in_c(compiled: CompiledRobot, position: Array, last: Array) -> bool:
+    """Return whether C alone closes a row from a posture that is not the last tick's."""
+    robot, still = compiled.robot, np.zeros(len(position))
+    return compiled._close_at_once(last, position, still, still, np.empty(robot.nq + 2 * robot.nv)) == 0
+
+
+def test_other_postures_that_close_the_loops_need_no_general_path(ticks: Any) -> None:
+    compiled, motors = ticks
+    robot = compiled.robot
+    rows = compiled.close(motors[0])[0]
+    assert closed_in_c(compiled, motors[0][20], rows[3].copy())
+    assert closed_in_c(compiled, motors[0][0], robot.home)
+    for some in (rows[3] + 1e-9, rows[3] * np.nan):  # open, and not a number
+        assert not closed_in_c(compiled, motors[0][20], some)
+    q = compiled.close(motors[0][20], last=rows[3] + 1e-9)[0]
+    assert np.abs(q - rows[20]).max() <= SAME * 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", ["fixed", "moving", "floating"])
+@pytest.mark.parametrize("kind", ["gough", "stack", "loop_planar"])
+def test_rows_follow_from_any_closed_posture(kind: str, base: Base) -> None:
+    """Postures with platforms anywhere, endless joints and bases: the rows of the general path."""
+    description = random_mechanism(8, kind=kind)
+    robot = build_robot(description, base=base)
+    compiled, (q, _, _) = hybridyn.compile(robot), random_states(description, base, 8, 3)
+    motors = [
+        np.array([float(position(robot, m, x)) for m in robot.motors]) for x in (q[0], q[1], robot.home)
+    ]
+    compiled.close(motors[2])
+    for start, to in ((q[0], motors[0]), (q[1], motors[1]), (q[0], motors[0] + 1e-3)):
+        wanted = dict(zip(robot.motors, to, strict=True))
+        try:
+            right = hybridyn.assemble(robot, motors=wanted, guess=start)
+        except AssemblyError as error:
+            with pytest.raises(AssemblyError, match=re.escape(str(error))):
+                compiled.close(to, last=start)
+            continue
+        for x, y in zip(compiled.close(to, last=start), right, strict=True):
+            assert np.abs(x - y).max() <= SAME_AT_RANDOM * (1.0 + np.abs(y).max())
+
+
 def test_a_tick_that_cannot_be_reached_is_refused(ticks: Any) -> None:
     compiled, motors = ticks
     q, _, _ = compiled.close(motors[0][0])

@@ -162,20 +162,31 @@ EXPORT void keep_place(const S *q, const S *p, const S *g) {
     memcpy(kept.g, g, sizeof(kept.g));
 }
 
+/* Keep a posture that closes the loops; 0 where it does. */
+static int kept_at(const S *q) {
+    static struct {
+        S p[NP], g[NG];
+    } at;
+    if (place_single_at(&q, (S *)&at)) return 1;
+    keep_place(q, at.p, at.g);
+    return 0;
+}
+
 /* Close a row from (last q, positions, rates, accelerations of the motors) into q, v, a; 0 where it is certain, 1 where
-   the arrays or the last posture are others. */
+   the arrays are others. From another posture than the last call gave, Newton's method must reach the row by itself. */
 EXPORT int close_row(const Array *const *a, S *result) {
     static const int motors[NG] = {MOTORS};
     static S given[3][NG];
     static Closed out;
     const S *last = numbers(a[0], NQ);
-    if (!last || memcmp(last, kept.q, sizeof(kept.q))) return 1;
+    if (!last) return 1;
     for (int n = 0; n < 3; n++) {
         const S *own = numbers(a[n + 1], NG);
         if (!own) return 1;
         for (int i = 0; i < NG; i++) given[n][i] = own[motors[i]];
     }
     const S *in[3] = {given[0], given[1], given[2]};
+    if (memcmp(last, kept.q, sizeof(kept.q)) && (kept_at(last) || reaches(kept.q, kept.p, in))) return 2;
     if (advanced(kept.q, kept.p, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return 2;
     keep_place(out.q, out.p, given[0]);
     memcpy(result, out.q, sizeof(out.q));

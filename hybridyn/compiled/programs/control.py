@@ -61,8 +61,7 @@ class ControlSteps(Postures):
             position: As in `close`.
             rate: As in `close`.
             acceleration: As in `close`.
-            last: Posture of the last tick, shape (nq,), as this function or `close` returned it; the home
-                posture by default. A row from another posture takes longer.
+            last: As in `close`, one posture.
 
         Returns:
             Efforts as of `idm`, then q, v, a as of `close`.
@@ -74,7 +73,8 @@ class ControlSteps(Postures):
         out = np.empty(nq + 2 * nv + len(self.robot.motors))
         speed = self._motors_still if rate is None else rate
         change = self._motors_still if acceleration is None else acceleration
-        status = self._control_at_once(last, position, speed, change, out)
+        start = self.robot.home if last is None else last
+        status = self._control_at_once(start, position, speed, change, out)
         q, v, a = out[:nq], out[nq : nq + nv], out[nq + nv : nq + 2 * nv]
         if status == 0:
             return out[nq + 2 * nv :], q, v, a

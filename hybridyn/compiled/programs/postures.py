@@ -124,8 +124,8 @@ class Postures:
             rate: Their rates, of the same shape; zero by default.
             acceleration: Their accelerations, of the same shape; zero by default.
             last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
-                default. A row from another posture takes longer. With parameters of each sample also
-                (T, nq).
+                default. C starts from any other posture that closes the loops, too; from one that does not,
+                the general path does. With parameters of each sample also (T, nq).
             parameters: Numbers of one design, shape (k,), whose samples follow one another; or of a design
                 for each sample, shape (T, k), which all start at `last`; None for those of the robot.
 
@@ -141,7 +141,8 @@ class Postures:
         out = np.empty(nq + 2 * nv)
         speed = self._motors_still if rate is None else rate
         change = self._motors_still if acceleration is None else acceleration
-        if self._close_at_once(last, position, speed, change, out) == 0:
+        start = self.robot.home if last is None else last
+        if self._close_at_once(start, position, speed, change, out) == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))

@@ -70,7 +70,7 @@ def closing_programs(
         modules, arguments = [part.module for part in same], [own[k] for k in numbers]
         kernels = ModuleKernels(modules, same[0].given, same[0].blocks, arguments, places)
         written = kernels.write()
-        entries = _places(parts, numbers)
+        entries = places_of(parts, numbers)
         for writer in writers.values():
             writer.add(shape, written, entries, len(numbers))
     return {name: writer.writer.program() for name, writer in writers.items()}
@@ -81,7 +81,7 @@ def _each(*names: str) -> list[tuple[str, str]]:
     return [(name, "each") for name in names]
 
 
-def _places(parts: Sequence[Part], numbers: Sequence[int]) -> dict[str, Index]:
+def places_of(parts: Sequence[Part], numbers: Sequence[int]) -> dict[str, Index]:
     """Return the indices of some modules' numbers of each kind, shape (modules, numbers) each."""
 
     def after(sizes: list[int]) -> Index:

@@ -12,6 +12,7 @@ from ...code.scalars import Scalar, text_of
 from ...program import Program
 from .closing_programs import closing_programs
 from .part import CLOSED_TO_ROUNDING, ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC, Part, motors_given
+from .place_program import place_program
 
 #: Shortest part of the way between two rows that is tried.
 SHORTEST = 2.0**-8
@@ -29,10 +30,12 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
     names = constants_of(programs) | {"SHORTEST": SHORTEST}
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     order = motors_given(robot, parts)
+    written = list(programs.values())
     if order:
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
+        written.append(place_program(robot, parts))
     lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", text_of("closing.h")]
-    return library_source(list(programs.values()), scalar, "\n".join(lines))
+    return library_source(written, scalar, "\n".join(lines))
 
 
 def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
