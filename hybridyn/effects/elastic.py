@@ -9,15 +9,17 @@ import numpy as np
 
 from ..errors import ModelError
 from ..spatial import LARGEST, Array
-from .joints import Numbers, Numerals, given
+from .joints import JointEffect, Numbers, Numerals, given
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)
-class RotorInertia:
+class RotorInertia(JointEffect):
     """Inertia of the motors' rotors at the joints, J n^2 on the diagonal of A, without gyroscopic terms.
+
+    It acts through accelerations, without an effort of its own; its energy is kinetic.
 
     `inertia`: J n^2 by joint [kg or kg m^2]; None uses rotor inertia and gear ratio of the robot's files.
     Source: Featherstone (2008), section 9.6.
@@ -25,7 +27,6 @@ class RotorInertia:
 
     inertia: Numbers | None = None
     name: ClassVar[str] = "rotor_inertia"
-    any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return J n^2 by joint."""
@@ -34,21 +35,9 @@ class RotorInertia:
         joints = (j.joint for j in robot.bodies.joints)
         return {j.name: (j.rotor_inertia * j.gear_ratio**2,) for j in joints if j.rotor_inertia}
 
-    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return zero: a rotor acts through accelerations."""
-        return np.zeros_like(v)
-
-    def energy(self, p: Numerals, x: Array) -> Array:
-        """Return zero: its energy is kinetic."""
-        return np.zeros_like(x)
-
-    def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return zero: it dissipates no power."""
-        return np.zeros_like(v)
-
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(JointEffect):
     """tau = -k (x - rest); for a continuous joint, x - rest is wrapped to [-pi, pi].
 
     `stiffness`: k by joint [N/m or N m/rad]. `rest`: position without force [m or rad], 0 by default.
@@ -57,7 +46,6 @@ class Spring:
     stiffness: Numbers = field(default_factory=dict)
     rest: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "spring"
-    any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, rest and whether the joint is continuous (1 or 0) by joint."""
@@ -83,17 +71,13 @@ class Spring:
         """Compute k (x - rest)^2 / 2."""
         return 0.5 * p[0] * self._stretch(p, x) ** 2
 
-    def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return zero: a spring dissipates no power."""
-        return np.zeros_like(v)
-
     def _stretch(self, p: Numerals, x: Array) -> Array:
         stretch = x - p[1]
         return stretch - p[2] * 2 * np.pi * np.round(stretch / (2 * np.pi))
 
 
 @dataclass(frozen=True)
-class Stop:
+class Stop(JointEffect):
     """Joint stops: at a penetration d beyond a limit, the effort back is k d max(0, 1 + c d_dot) >= 0.
 
     The damping is proportional to the penetration. The force is therefore continuous at touch-down and
@@ -108,7 +92,6 @@ class Stop:
     lower: Numbers = field(default_factory=dict)
     upper: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "stop"
-    any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, lower and upper limit by joint."""

@@ -9,22 +9,14 @@ import numpy as np
 
 from ..errors import ModelError
 from ..spatial import Array
-from .joints import WIDTH, Numbers, Numerals, given, positive, stated
+from .joints import WIDTH, JointEffect, Numbers, Numerals, given, positive, stated
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
 
 
-class Dissipative:
-    """Base of friction laws: no stored energy, all work of the effort is dissipated."""
-
-    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Compute the effort, shape (T, k)."""
-        raise NotImplementedError
-
-    def energy(self, p: Numerals, x: Array) -> Array:
-        """Return zero: friction stores no energy."""
-        return np.zeros_like(x)
+class Dissipative(JointEffect):
+    """Base of friction laws: all work of the effort is dissipated."""
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute -tau v, shape (T, k), [W]."""
@@ -62,7 +54,6 @@ class CoulombFriction(Dissipative):
     level: Numbers | None = None
     width: float = WIDTH
     name: ClassVar[str] = "coulomb_friction"
-    any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return f by joint."""
@@ -88,7 +79,6 @@ class StribeckFriction(Dissipative):
     speed: Numbers = field(default_factory=dict)
     width: float = WIDTH
     name: ClassVar[str] = "stribeck_friction"
-    any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return f, s, v_s by joint."""
@@ -109,7 +99,7 @@ class StribeckFriction(Dissipative):
 
 
 @dataclass(frozen=True)
-class Damper(Dissipative):
+class Damper(ViscousFriction):
     """tau = -c v, in addition to the viscous friction of the robot's files.
 
     `coefficient`: c by joint [N s/m or N m s/rad].
@@ -117,12 +107,3 @@ class Damper(Dissipative):
 
     coefficient: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "damper"
-    any_freedoms: ClassVar[bool] = True
-
-    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return c by joint."""
-        return given(self.name, self.coefficient)
-
-    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return -c v."""
-        return -p[0] * v

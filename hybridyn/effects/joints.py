@@ -7,9 +7,10 @@ joint's rate. Units are those of the joint: N, m, m/s for a prismatic joint, N m
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -27,8 +28,8 @@ Numerals = Sequence[Array]
 WIDTH = 1e-2
 
 
-class JointEffect(Protocol):
-    """A law of joint efforts.
+class JointEffect(ABC):
+    """A law of joint efforts; by default, it neither stores nor dissipates energy.
 
     Attributes:
         name: Name of the effect.
@@ -36,23 +37,23 @@ class JointEffect(Protocol):
     """
 
     name: ClassVar[str]
-    any_freedoms: ClassVar[bool]
+    any_freedoms: ClassVar[bool] = False
 
+    @abstractmethod
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return the law's parameters by joint."""
-        ...
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the effort, shape (T, k), from parameters p, positions x and rates v (T, k)."""
-        ...
+        return np.zeros_like(v)
 
     def energy(self, p: Numerals, x: Array) -> Array:
         """Compute the stored energy, shape (T, k), [J]."""
-        ...
+        return np.zeros_like(x)
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the dissipated power, shape (T, k), [W], never negative."""
-        ...
+        return np.zeros_like(v)
 
 
 @dataclass(frozen=True)
