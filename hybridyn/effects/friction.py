@@ -99,7 +99,7 @@ class StribeckFriction(Dissipative):
 
 
 @dataclass(frozen=True)
-class Damper(ViscousFriction):
+class Damper(Dissipative):
     """tau = -c v, in addition to the viscous friction of the robot's files.
 
     `coefficient`: c by joint [N s/m or N m s/rad].
@@ -107,3 +107,12 @@ class Damper(ViscousFriction):
 
     coefficient: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "damper"
+    any_freedoms: ClassVar[bool] = True
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Return c by joint."""
+        return given(self.name, self.coefficient)
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Return -c v."""
+        return -p[0] * v
