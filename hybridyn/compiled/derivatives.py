@@ -27,6 +27,7 @@ from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
 from .needs import WITHOUT_CASADI
 from .program import Program
+from .programs.derivatives.coordinates import check_coordinates
 from .programs.general import GENERAL, general, named
 
 try:
@@ -36,6 +37,8 @@ try:
     from .equations.request import request
     from .programs.derivatives.direct import direct_derivatives
     from .programs.derivatives.inverse import inverse_derivatives
+    from .programs.derivatives.motor_direct import motor_direct_derivatives
+    from .programs.derivatives.motor_inverse import motor_inverse_derivatives
     from .programs.interpreter import function_of
     from .programs.sources import robot_key
 except ModuleNotFoundError as error:
@@ -43,6 +46,13 @@ except ModuleNotFoundError as error:
 
 Jacobians = dict[str, Array]
 
+#: Builders of the programs, by model and by whether the motors are the coordinates.
+BUILDERS = {
+    ("idm", False): inverse_derivatives,
+    ("ddm", False): direct_derivatives,
+    ("idm", True): motor_inverse_derivatives,
+    ("ddm", True): motor_direct_derivatives,
+}
 
 #: Number of prepared derivatives that are kept.
 KEPT = 4
@@ -59,6 +69,7 @@ def idm_jacobian(
     *,
     effects: Choice = None,
     parameters: bool = False,
+    coordinates: str = "joints",
 ) -> Jacobians:
     """Compute the derivatives of motor efforts.
 
@@ -69,18 +80,20 @@ def idm_jacobian(
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
         effects: Effects to include, as for `hybridyn.idm`.
         parameters: Whether to differentiate over inertial parameters, too.
+        coordinates: "joints", or "motors": all joints then follow the motors, so that the loops stay closed.
 
     Returns:
         "q", "v", "a": derivatives of tau over the freedoms of q, over v and over a, shapes
-        ([T,] motors, nv); where asked for, "parameters": derivatives over the ten inertial parameters of each
-        body of `robot.bodies`, shape ([T,] motors, 10 bodies).
+        ([T,] motors, nv), or over positions, rates and accelerations of the motors, shapes
+        ([T,] motors, motors); where asked for, "parameters": derivatives over the ten inertial parameters of
+        each body of `robot.bodies`, shape ([T,] motors, 10 bodies).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.
         CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return prepared(robot, "idm", effects, parameters)(q, v, a)
+    return prepared(robot, "idm", effects, parameters, coordinates)(q, v, a)
 
 
 def ddm_jacobian(
@@ -91,6 +104,7 @@ def ddm_jacobian(
     *,
     effects: Choice = None,
     parameters: bool = False,
+    coordinates: str = "joints",
 ) -> Jacobians:
     """Compute the derivatives of accelerations.
 
@@ -101,10 +115,13 @@ def ddm_jacobian(
         tau: Motor efforts, shape (motors,) or (T, motors), [N or N m].
         effects: Effects to include, as for `hybridyn.ddm`.
         parameters: Whether to differentiate over inertial parameters, too.
+        coordinates: "joints", or "motors": all joints then follow the motors, so that the loops stay closed.
 
     Returns:
         "q", "v": derivatives of a over the freedoms of q and over v, shape (nv, nv) or (T, nv, nv); "tau":
-        derivatives over the efforts, shape ([T,] nv, motors); where asked for, "parameters": derivatives over
+        derivatives over the efforts, shape ([T,] nv, motors). With motors as coordinates: derivatives of the
+        motors' accelerations over positions and rates of the motors and over the efforts, each of shape
+        ([T,] motors, motors). Where asked for, "parameters": derivatives over
         the ten inertial parameters of each body of `robot.bodies`, shape ([T,] nv, 10 bodies).
 
     Raises:
@@ -112,34 +129,45 @@ def ddm_jacobian(
         CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return prepared(robot, "ddm", effects, parameters)(q, v, tau)
+    return prepared(robot, "ddm", effects, parameters, coordinates)(q, v, tau)
 
 
-def prepared(robot: HybridRobot, model: str, effects: Choice = None, parameters: bool = False) -> Derivatives:
+def prepared(
+    robot: HybridRobot,
+    model: str,
+    effects: Choice = None,
+    parameters: bool = False,
+    coordinates: str = "joints",
+) -> Derivatives:
     """Return the derivatives of a model, which are kept for the last `KEPT` robots and models.
 
     Args:
         model: "idm" or "ddm".
         effects: Effects to include, as for `hybridyn.idm`.
         parameters: Whether to differentiate over inertial parameters, too.
+        coordinates: "joints" or "motors", as for `idm_jacobian`.
 
     Raises:
         ModelError: As `Derivatives`.
+        SingularityError: As `Derivatives`.
         CompileError: As `Derivatives`.
     """
     robot.check_model()
-    latest = _latest.get((model, parameters)) if effects is None else None
+    asked = model, parameters, coordinates
+    latest = _latest.get(asked) if effects is None else None
     if latest and latest.robot is robot:
         return latest
     with as_compile_error(robot):
         on = choose(robot, effects)
-        key = model, robot_key(robot, on), parameters
-    found = _prepared.pop(key, None) or Derivatives(robot, model, on, parameters=parameters)
+        key = *asked, robot_key(robot, on)
+    found = _prepared.pop(key, None)
+    if found is None:
+        found = Derivatives(robot, model, on, parameters=parameters, coordinates=coordinates)
     _prepared[key] = found
     if len(_prepared) > KEPT:
         del _prepared[next(iter(_prepared))]
     if effects is None:
-        _latest[model, parameters] = found
+        _latest[asked] = found
     return found
 
 
@@ -151,7 +179,13 @@ class Derivatives:
     """
 
     def __init__(
-        self, robot: HybridRobot, model: str, effects: Choice = None, *, parameters: bool = False
+        self,
+        robot: HybridRobot,
+        model: str,
+        effects: Choice = None,
+        *,
+        parameters: bool = False,
+        coordinates: str = "joints",
     ) -> None:
         """Load the derivatives from the cache, or generate and build them.
 
@@ -161,10 +195,12 @@ class Derivatives:
             model: "idm" or "ddm".
             effects: Effects to include, as for `hybridyn.idm`.
             parameters: Whether to differentiate over inertial parameters, too.
+            coordinates: "joints" or "motors", as for `idm_jacobian`.
 
         Raises:
-            ModelError: `model` is unknown, or an effect is not available in compiled models or has no
-                derivative.
+            ModelError: `model` or `coordinates` is unknown, an effect is not available in compiled models or
+                has no derivative, or the motors are not coordinates of the robot (`check_motors`).
+            SingularityError: The motors of a module do not determine its motion at any posture.
             CompileError: The derivatives cannot be generated or built.
         """
         if model not in GENERAL:
@@ -174,19 +210,31 @@ class Derivatives:
             raise ModelError(
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
+        check_coordinates(robot, coordinates, parameters=parameters)
         self.robot, self._model, self._parameters = robot, model, parameters
+        self._motors = coordinates == "motors"
         with as_compile_error(robot):
             self.library = self._built()
-            about = self.program if self.library is None else self.library.programs[f"{model}_jacobian"]
+            about = self.program if self.library is None else self.library.programs[self._name]
         self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
-        self._widths = {name: robot.nv if name == "q" else size for name, size in self._inputs.items()}
-        self._rows, *ends = np.cumsum(list(self._outputs.values())).tolist()
-        self._size = [self._rows, *ends][-1]
-        starts = pairwise([self._rows, *ends])
+        motors = len(robot.motors)
+        self._widths = {
+            name: motors if self._motors else robot.nv if name == "q" else size
+            for name, size in self._inputs.items()
+        }
+        values, *ends = np.cumsum(list(self._outputs.values())).tolist()
+        self._rows, self._values = motors if self._motors else values, values
+        self._size = [values, *ends][-1]
+        starts = pairwise([values, *ends])
         pairs = zip(self._widths.items(), starts, strict=True)
         self._blocks = [(name, slice(a, b), (self._rows, width)) for (name, width), (a, b) in pairs]
-        self._at_once = None if self.library is None else self.library.programs[f"{model}_jacobian"].at_once
+        self._at_once = None if self.library is None else self.library.programs[self._name].at_once
         self._last = (self._numbers,) if parameters else ()
+
+    @property
+    def _name(self) -> str:
+        """Name of the program."""
+        return f"{self._model}_motor_jacobian" if self._motors else f"{self._model}_jacobian"
 
     def _built(self) -> Library | None:
         """Return the library from the cache, or build it; None without a C compiler."""
@@ -195,14 +243,14 @@ class Derivatives:
         except CompileError:
             return None
         scalar = Scalar("float64", best_lanes())
-        key = f"{self._model}_jacobian {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
+        key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
         return loaded(lambda: cached(key, lambda: library_source([self.program], scalar)))
 
     @cached_property
     def program(self) -> Program:
         """The model and its derivatives as a program."""
         asked = request(self.robot, self._effects, parameters=self._parameters)
-        return direct_derivatives(asked) if self._model == "ddm" else inverse_derivatives(asked)
+        return BUILDERS[self._model, self._motors](asked)
 
     @cached_property
     def _flat(self) -> ca.Function:
@@ -214,12 +262,12 @@ class Derivatives:
     def casadi(self) -> ca.Function:
         """The derivatives as a CasADi function with named inputs and outputs, and "guard" last."""
         columns = [ca.SX.sym(name, size) for name, size in self._inputs.items()]
-        value, *flat, guard = self._flat.call(columns)
-        rows = value.numel()
+        _, *flat, guard = self._flat.call(columns)
+        rows = self._rows
         blocks = [ca.reshape(x, x.numel() // rows if rows else 0, rows).T for x in flat]
         names = list(self._inputs)
         return ca.Function(
-            f"{self._model}_jacobian", columns, [*blocks, guard], names, [*(f"d_{n}" for n in names), "guard"]
+            self._name, columns, [*blocks, guard], names, [*(f"d_{n}" for n in names), "guard"]
         )
 
     def allocate(self, samples: int | None = None) -> Jacobians:
@@ -237,7 +285,7 @@ class Derivatives:
         if samples < 0:
             raise TrajectoryError(f"samples must not be negative; {samples} were given")
         outs = [np.zeros((samples, self._rows * width)) for width in self._widths.values()]
-        value = np.zeros((samples, self._rows))
+        value = np.zeros((samples, self._values))
         pairs = zip(self._widths.items(), outs, strict=True)
         blocks = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs}
         return _Allocated(self, blocks, (value, *outs))
@@ -314,7 +362,7 @@ class Derivatives:
         if self._parameters:
             rows.append(np.tile(self._numbers, (samples, 1)))
         if self.library is not None:
-            return self.library.batch(f"{self._model}_jacobian", *rows, outs=outs)
+            return self.library.batch(self._name, *rows, outs=outs)
         new = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
         for t in range(samples):
             for out, found in zip(new, self._flat.call([x[t] for x in rows]), strict=True):
@@ -363,6 +411,6 @@ class _Allocated(Jacobians):
         return len(self.arrays[0]) if len(self.arrays) > 1 else None
 
 
-_prepared: dict[tuple[str, str, bool], Derivatives] = {}
+_prepared: dict[tuple[str, bool, str, str], Derivatives] = {}
 #: The last derivatives of each model with default effects: found without hashing the robot's description.
-_latest: dict[tuple[str, bool], Derivatives] = {}
+_latest: dict[tuple[str, bool, str], Derivatives] = {}

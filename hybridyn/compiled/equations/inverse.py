@@ -85,6 +85,7 @@ def write_inverse(
     pivots: Pivots | None,
     *,
     balance: bool = False,
+    motions: bool = False,
     counted: bool = False,
 ) -> InverseModule:
     """Write a module's inverse model and cut it into its stages.
@@ -95,6 +96,7 @@ def write_inverse(
         pivots: Pivots of the motor map.
         balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,
             instead of the motor efforts "tau". Motor efforts are then among the laws.
+        motions: Whether the first stage has the output "u_dot", the accelerations along its motions.
         counted: As in `Request`.
     """
     parts, spanning = plan.parts, plan.mechanism.spanning
@@ -121,13 +123,22 @@ def write_inverse(
         efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
         efforts["F_base"] = pack(_base_wrench(core, needed.b))
+    along = {"u_dot": pack(_along_motions(core, plan, a))} if motions else {}
     stages = cut(
         name,
         [motion | base.V_column | base.A_column, needed.received],
-        [_motion_outwards(core, options), efforts],
+        [_motion_outwards(core, options) | along, efforts],
         [core.motion()] if counted else None,
     )
     return InverseModule(stages, at_q, at_v, tuple(sorted(core.platforms)), parts.tree_v[laws])
+
+
+def _along_motions(core: Core, plan: Plan, a: Expression) -> Expression:
+    """Return the accelerations along a module's motions, as `write_direct` does; `a` of the spanning tree."""
+    y = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
+    for i, platform in core.platforms.items():
+        y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
+    return y[[k for k in range(len(y)) if k not in plan.loop_pivots.cols]]
 
 
 def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:

@@ -35,6 +35,7 @@ class InverseCalls(ModuleCalls):
         motors: Wrenches along delta of unit motor efforts in its groups of legs, by group.
         calls: Its calls, in order.
         left: What is left of the forces along its motions, if `write_balance` writes the calls.
+        u_dot: Accelerations along its motions, where `write_balance` is asked for them.
         F_base: Target of the wrench on its base; None on a fixed base.
     """
 
@@ -45,6 +46,7 @@ class InverseCalls(ModuleCalls):
     motors: dict[int, Each] = field(default_factory=dict)
     calls: list[Call] = field(default_factory=list)
     left: Shared | None = None
+    u_dot: Shared | None = None
     F_base: Target | None = None
 
 
@@ -82,21 +84,29 @@ def write_inverse_sweeps(request: Request, w: Writer) -> None:
     _write_sweeps(request, w, None)
 
 
-def write_balance(request: Request, w: Writer) -> Balance:
+def write_balance(request: Request, w: Writer, *, motions: bool = False) -> Balance:
     """Add the sweeps that compute what is left of the forces along each module's motions, zero for `ddm`.
 
     The inputs are those of the direct model, and its accelerations.
+
+    Args:
+        request: The robot and its effects.
+        w: The program under construction.
+        motions: Whether the accelerations along the modules' motions are kept (`InverseCalls.u_dot`).
     """
-    return _write_sweeps(request, w, [w.shared(module.mobility) for module in request.robot.modules])
+    left = [w.shared(module.mobility) for module in request.robot.modules]
+    return _write_sweeps(request, w, left, motions)
 
 
-def _write_sweeps(request: Request, w: Writer, balance: list[Shared] | None) -> Balance:
+def _write_sweeps(
+    request: Request, w: Writer, balance: list[Shared] | None, motions: bool = False
+) -> Balance:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
     robot = request.robot
     start = len(w.steps)
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
     root_calls = w.calls_from(start)
-    sweeps = _Sweeps(request, w, root, balance)
+    sweeps = _Sweeps(request, w, root, balance, motions)
     modules: list[InverseCalls] = []
     for k in range(len(robot.modules)):
         start = len(w.steps)
@@ -118,8 +128,10 @@ class _Sweeps:
         writer: Writer,
         root: tuple[Source, Source] | None,
         balance: list[Shared] | None,
+        motions: bool,
     ) -> None:
         self.request, self.w, self.root, self.balance = request, writer, root, balance
+        self.motions = motions
         self.efforts = Efforts(request, writer, motors=balance is not None)
         self._code: dict[Any, InverseModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
@@ -134,6 +146,8 @@ class _Sweeps:
                 calls.V[o], calls.A[o] = w.shared(twist_width(calls.options.velocity)), w.shared(6)
                 calls.received[o] = w.start(w.shared(6), np.zeros(6))
                 targets |= {f"V {o}": calls.V[o], f"A {o}": calls.A[o]}
+        if self.motions:
+            targets["u_dot"] = calls.u_dot = w.shared(calls.module.mobility)
         calls.stages.call(0, calls.sources(), targets)
         for n in range(len(calls.groups)):
             self._legs_outwards(calls, n)
@@ -167,7 +181,9 @@ class _Sweeps:
         if key not in self._code:
             pivots = None if balance else self._motor_pivots(k, options)
             name, counted = f"module_{len(self._code)}", self.request.counted
-            self._code[key] = write_inverse(name, plan, options, pivots, balance=balance, counted=counted)
+            self._code[key] = write_inverse(
+                name, plan, options, pivots, balance=balance, motions=self.motions, counted=counted
+            )
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...equations.expressions import pack
-from ...program import Add, Constants, Each, Own, Shared, Source, Target
+from ...program import Constants, Each, Own, Shared, Source, Target, Turned
 from ..writer import Writer
 from .local import Local, local_jacobian
 from .nodes import Node, Number, identity, numbers_of
@@ -27,7 +27,7 @@ DENSE = "dense derivatives"
 
 Pattern = NDArray[np.bool_]
 #: Parts of an adjoint: the block and the entry in it.
-Parts = list[tuple[Own | Constants, int]]
+Parts = list[tuple[Own | Constants | Turned, int]]
 
 
 @dataclass
@@ -39,13 +39,13 @@ class Reading:
         pattern: For each adjoint the block and the entry of its parts.
     """
 
-    blocks: list[Own | Constants]
+    blocks: list[Own | Constants | Turned]
     pattern: tuple[tuple[tuple[int, int], ...], ...]
 
     @classmethod
     def of(cls, adjoints: list[Parts]) -> Reading:
         """Return the reading of some adjoints."""
-        blocks: list[Own | Constants] = []
+        blocks: list[Own | Constants | Turned] = []
         known: dict[int, int] = {}
         pattern = []
         for parts in adjoints:
@@ -75,9 +75,31 @@ class Reading:
         return tuple(map(block_size, self.blocks)), self.pattern
 
 
-def block_size(block: Own | Constants) -> int:
-    """Return the number of entries of a row of a block."""
+def block_size(block: Own | Constants | Turned) -> int:
+    """Return the number of entries that a lane reads from a block."""
+    if isinstance(block, Turned):
+        return block.rows
     return int(block.values.shape[1]) if isinstance(block, Constants) else block.size
+
+
+def evaluated(
+    w: Writer, known: dict[Any, tuple[Shared, Each]], node: Node, local: Local
+) -> tuple[Shared, Each]:
+    """Return the places of a node's local derivatives: sums over its copies, and those of each copy.
+
+    Args:
+        w: The program under construction.
+        known: Places of local derivatives; those of the node are computed once and added.
+    """
+    key = local.key, tuple(map(identity, node.sources))
+    if key not in known:
+        summed = w.shared(len(local.summed))
+        added: Target = summed if node.copies == 1 else w.start(summed, np.zeros(summed.size))
+        each = w.each(node.copies, len(local.own))
+        kernel = w.kernel(("local", local.key), local.function, PART)
+        w.call(kernel, node.copies, list(node.sources), [added, each])
+        known[key] = summed, each
+    return known[key]
 
 
 @dataclass
@@ -139,29 +161,13 @@ class Adjoints:
         outs = [n for n, target in enumerate(node.targets) if any(x in self.of for x in node.numbers(target))]
         if not ins or not outs:
             return
-        alone = node.copies == 1
-        common_in = [alone or isinstance(node.sources[n], Shared) for n in ins]
-        common_out = [alone or isinstance(node.targets[n], Add) for n in outs]
-        local = local_jacobian(node, ins, outs, common_in, common_out)
-        key = local.key, tuple(map(identity, node.sources))
-        if key not in self.known:
-            self.known[key] = self._evaluated(node, local)
-        summed, each = self.known[key]
+        local = local_jacobian(node, ins, outs, *node.common(ins, outs))
+        summed, each = evaluated(self.writer, self.known, node, local)
         if local.summed:
             self._one(node, 0, local, summed, True, live)
         if local.own:
             for i in copies:
                 self._one(node, i, local, Shared(each.start + i * each.size, each.size), False, live)
-
-    def _evaluated(self, node: Node, local: Local) -> tuple[Shared, Each]:
-        """Add the call that evaluates local derivatives: sums over the copies, and those of each copy."""
-        w = self.writer
-        summed = w.shared(len(local.summed))
-        added: Target = summed if node.copies == 1 else w.start(summed, np.zeros(summed.size))
-        each = w.each(node.copies, len(local.own))
-        kernel = w.kernel(("local", local.key), local.function, PART)
-        w.call(kernel, node.copies, list(node.sources), [added, each])
-        return summed, each
 
     def _one(
         self, node: Node, copy: int, local: Local, values: Shared, summed: bool, live: set[Number]

@@ -135,6 +135,17 @@ def along_freedoms(kinds: Sequence[str], x: Expression, values: list[Any]) -> li
     return out
 
 
+def from_freedoms(kinds: Sequence[str], x: Expression, given: Expression) -> list[Any]:
+    """Convert changes along freedoms to changes of coordinates."""
+    out: list[Any] = []
+    first = 0
+    for kind in kinds:
+        E = _tangent(kind, x[len(out) :])
+        out += list(dot(E, given[first : first + E.shape[1]]))
+        first += E.shape[1]
+    return out
+
+
 def _tangent(kind: str, x: Expression) -> Expression:
     """Return the derivatives of a joint's coordinates over its freedoms, shape (nq, nv)."""
     if kind in ONE:

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ...equations.expressions import Expression, dot, eye, pack, symbols
-from ...program import Each, Own, Shared, Source, Target
+from ...program import Constants, Each, Own, Shared, Source, Target, Turned
 from ..writer import Writer
 from .adjoints import DENSE, PART, Pattern
 
@@ -74,6 +74,24 @@ def add_terms(w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Sour
 
     kernel = w.kernel(("columns", sizes, len(more)), function, DENSE)
     w.call(kernel, copies, [*sources_of(terms), *more], [target])
+
+
+def copy_columns(w: Writer, count: int, source: Source, target: Target) -> None:
+    """Add the call that copies columns, or writes constants."""
+    size = int(source.values.shape[1]) if isinstance(source, Constants) else width_of(source)
+
+    def function() -> ca.Function:
+        """Return a column as it is."""
+        column, x = symbols("x", size)
+        return ca.Function("copy", [column], [pack(x)])
+
+    if size and count:
+        w.call(w.kernel(("copy", size), function, DENSE), count, [source], [target])
+
+
+def width_of(end: Source | None) -> int:
+    """Return how many numbers a column of own numbers has."""
+    return end.rows if isinstance(end, Turned) else end.size if isinstance(end, Own) else 0
 
 
 def sources_of(terms: Sequence[Term]) -> list[Source]:

@@ -27,7 +27,7 @@ from ..inverse import Balance, write_balance
 from ..writer import Writer
 from .adjoints import DENSE, PART, Adjoints
 from .columns import Coordinates, collect, coordinates_of, parameters_of
-from .dense import Term, by_columns, matrix, sources_of, sum_of
+from .dense import Term, by_columns, copy_columns, matrix, sources_of, sum_of, width_of
 from .groups import BASE, Group, groups_of
 from .memory import compacted
 from .motion import Motion, Motions, rows_of
@@ -212,7 +212,8 @@ class _Results:
 
         if self._base is not None:
             one = name == "base_acceleration"
-            self._write(place(self._base.v), np.eye(6) if one else np.zeros((len(index), 6)))
+            values = np.eye(6) if one else np.zeros((len(index), 6))
+            copy_columns(self._w, len(values), Constants(values), place(self._base.v))
         for group, x in self._relations.items():
             self._add_to(x.motion, group, len(index), causes, place(group.at.v))
 
@@ -230,7 +231,7 @@ class _Results:
         if not n or not (terms or motions):
             terms, motions = [], []
         if not (terms or motions or more):
-            self._write(place, np.zeros((count, len(group.at.v))))
+            copy_columns(w, count, Constants(np.zeros((count, len(group.at.v)))), place)
             return
         sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
         pattern = Psi.pattern if terms or motions else np.zeros((len(group.at.v), 0), dtype=bool)
@@ -260,7 +261,7 @@ class _Results:
         for output, (A, V) in cause.outputs.items():
             if group in responses.to_motion[output]:
                 known = responses.to_motion[output][group]
-                size = self._width(V)
+                size = width_of(V)
                 twist = [Term(by_columns(known, 6, size), V, size)] if V else []
                 return [Term(by_columns(known, 0, 6), A, 6), *twist]
         if cause.group is None or cause.wrench is None:
@@ -270,21 +271,3 @@ class _Results:
         else:
             found = responses.to_wrench.get(cause.group.base, {}).get(group)
         return [Term(by_columns(found, 0, 6), cause.wrench, 6)] if found else []
-
-    @staticmethod
-    def _width(end: Source | None) -> int:
-        """Return how many numbers a column has."""
-        return end.rows if isinstance(end, Turned) else end.size if isinstance(end, Own) else 0
-
-    def _write(self, place: Target, values: np.ndarray) -> None:
-        """Add a call that writes constants, one column in each lane."""
-        size = values.shape[1]
-
-        def function() -> ca.Function:
-            """Return a column as it is."""
-            column, x = symbols("x", size)
-            return ca.Function("constants", [column], [pack(x)])
-
-        if values.size:
-            kernel = self._w.kernel(("constants", size), function, DENSE)
-            self._w.call(kernel, len(values), [Constants(values)], [place])

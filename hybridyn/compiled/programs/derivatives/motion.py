@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ....spatial import Index
 from ...equations.direct import write_motion
 from ...equations.stages import Stage
-from ...program import Call, Each, Own, Shared, Target
+from ...program import Call, Each, Given, Own, Result, Shared, Source, Target
 from ..direct import DirectCalls
 from ..stage_calls import Stages
 from ..writer import Writer
@@ -45,8 +46,15 @@ class Motions:
         known: Places of local derivatives, for sweeps that go on through the motions.
     """
 
-    def __init__(self, writer: Writer) -> None:
-        self._writer = writer
+    def __init__(self, writer: Writer, instead: dict[Shared, Shared] | None = None) -> None:
+        """Prepare the motions.
+
+        Args:
+            writer: The program under construction.
+            instead: Places that are read instead of places of the direct model. Accelerations are then user
+                inputs, and the direct model is not evaluated; None where it is.
+        """
+        self._writer, self._instead = writer, instead
         self._code: dict[Any, list[Stage]] = {}
         self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
         self.known: dict[Any, tuple[Shared, Each]] = {}
@@ -54,7 +62,7 @@ class Motions:
     def of(self, modules: list[DirectCalls], at: Coordinates) -> Motion:
         """Add the calls of connected modules."""
         w, rows = self._writer, len(at.v)
-        nodes = self._joiner.nodes([call for calls in modules for call in self._calls(calls)])
+        nodes = self.nodes(modules)
         adjoints = Adjoints(w, rows, self.known)
         adjoints.seed(w.result("a", at.v))
         motions = [calls.u_dot for calls in modules if calls.u_dot is not None]
@@ -67,14 +75,47 @@ class Motions:
         over_v = v, rows_of(collect(adjoints, "v", at.v, [v]))
         return Motion(nodes, motions, Psi, over_q, over_v)
 
+    def nodes(self, modules: list[DirectCalls]) -> list[Node]:
+        """Return the nodes that lead from u_dot of connected modules to the accelerations."""
+        calls = [call for x in modules for call in self._calls(x)]
+        return self._joiner.nodes([self._moved(call) for call in calls])
+
+    def accelerations(self, index: Index) -> Source:
+        """Return the accelerations of some freedoms."""
+        return (
+            self._writer.result("a", index) if self._instead is None else self._writer.from_given("a", index)
+        )
+
+    def evaluate(self, calls: DirectCalls) -> None:
+        """Add the calls that compute the motion of a module's platforms, which its legs read."""
+        w = self._writer
+        core = [self._moved(call) for call in self._calls(calls, core=True)]
+        for call in core:
+            scratch = [w.shared(x.index.size) if isinstance(x, Given) else x for x in call.targets]
+            w.steps.append(replace(call, targets=tuple(scratch)))
+
+    def _moved(self, call: Call) -> Call:
+        """Return a call that reads and writes other places instead of those of the direct model."""
+        if self._instead is None:
+            return call
+        w, instead = self._writer, self._instead
+
+        def moved(end: Any) -> Any:
+            """Return the place instead of a source or target."""
+            if isinstance(end, Result) and (end.index >= w.results["a"]).all():
+                return w.from_given("a", end.index - w.results["a"])
+            return instead.get(end, end) if isinstance(end, Shared) else end
+
+        return replace(call, sources=tuple(map(moved, call.sources)), targets=tuple(map(moved, call.targets)))
+
     def through(self, adjoints: Adjoints, nodes: list[Node], motions: list[Shared], at: Coordinates) -> None:
         """Sweep back from accelerations to positions, rates and u_dot."""
         w = self._writer
         leaves = [w.from_given("q", at.q), w.from_given("v", at.v), *motions]
         adjoints.sweep(nodes, {x for leaf in leaves for x in numbers_of(leaf, 0)})
 
-    def _calls(self, calls: DirectCalls) -> list[Call]:
-        """Return the calls that lead from u_dot to the accelerations; they are not made."""
+    def _calls(self, calls: DirectCalls, *, core: bool = False) -> list[Call]:
+        """Return the calls from u_dot to the accelerations, or those of the core; they are not made."""
         w, written, v_index = self._writer, calls.written, calls.module.v_index
         plan = calls.request.plans[calls.k]
         key = ("motion", id(plan), calls.options)
@@ -89,12 +130,12 @@ class Motions:
         targets["a_core"] = w.result("a", v_index[written.joints])
         stages.call(0, sources, targets)
         stages.call(1, sources, targets)
-        core = [step for step in w.steps[start:] if isinstance(step, Call)]
+        own = w.calls_from(start)
         middle = len(w.steps)
         stages.call(2, sources, {"a_wrists": w.result("a", v_index[written.wrists])})
-        wrists = [step for step in w.steps[middle:] if isinstance(step, Call)]
+        wrists = w.calls_from(middle)
         del w.steps[start:]
-        return [*core, *calls.leg_calls, *wrists]
+        return own if core else [*own, *calls.leg_calls, *wrists]
 
 
 def rows_of(pattern: Pattern) -> Pattern:

@@ -40,6 +40,12 @@ class Node:
         """Return the numbers that its copies read from a source or write to a target."""
         return [number for copy in range(self.copies) for number in numbers_of(end, copy)]
 
+    def common(self, ins: list[int], outs: list[int]) -> tuple[list[bool], list[bool]]:
+        """Return which sources all copies read alike, and which targets the copies add up."""
+        alone = self.copies == 1
+        common_in = [alone or isinstance(self.sources[n], Shared) for n in ins]
+        return common_in, [alone or isinstance(self.targets[n], Add) for n in outs]
+
 
 def numbers_of(end: Source | Target, copy: int) -> list[Number]:
     """Return the numbers that one copy reads from a source or writes to a target; none for constants."""

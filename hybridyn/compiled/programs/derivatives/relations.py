@@ -32,18 +32,12 @@ from .rows import Rows
 Columns = dict[str, Index]
 
 
-@dataclass
-class Relations:
-    """Relations of one group, its motions eliminated.
+@dataclass(kw_only=True)
+class Eliminated:
+    """What unit columns on a group cause, its motions eliminated.
 
     Attributes:
         group: The group.
-        motion: Derivatives of its accelerations.
-        inputs: Columns of its inputs.
-        forces: R over each input.
-        outputs: S over each input that moves an output.
-        patterns: Which entries of S over each input are not always zero.
-        S_u: S over the motions, row by row.
         elimination: Elimination of the motions.
         unit: Columns of unit wrenches on its outputs, then of accelerations and twists of its base.
         motions: The motions that they cause, one column after the other.
@@ -52,15 +46,9 @@ class Relations:
     """
 
     group: Group
-    motion: Motion
-    inputs: Columns
     elimination: Elimination
-    S_u: Each
-    motions: Each
     unit: int
-    forces: dict[str, Own]
-    outputs: dict[str, Own]
-    patterns: dict[str, Pattern]
+    motions: Each
     wrenches: Each | None = None
     through: dict[Place, tuple[Each, Each]] = field(default_factory=dict)
 
@@ -79,6 +67,27 @@ class Relations:
         """The wrench on the base over the base's motion, column by column."""
         assert self.wrenches is not None
         return by_columns(self.wrenches, *self.moved)
+
+
+@dataclass(kw_only=True)
+class Relations(Eliminated):
+    """Relations of one group, its motions eliminated.
+
+    Attributes:
+        motion: Derivatives of its accelerations.
+        inputs: Columns of its inputs.
+        forces: R over each input.
+        outputs: S over each input that moves an output.
+        patterns: Which entries of S over each input are not always zero.
+        S_u: S over the motions, row by row.
+    """
+
+    motion: Motion
+    inputs: Columns
+    S_u: Each
+    forces: dict[str, Own]
+    outputs: dict[str, Own]
+    patterns: dict[str, Pattern]
 
 
 class Builder:
@@ -137,8 +146,8 @@ class Builder:
         received = rows.add(backwards, read, carried, sent)
         unit = len(read["W"]) + len(read["moved"])
         out = Relations(
-            group,
-            motion,
+            group=group,
+            motion=motion,
             inputs={name: inputs[name] for name in received if name in inputs},
             elimination=Elimination.of(w, received["u"].all, backwards.rows),
             S_u=sent["u"].all if sent else Each(0, 0),

@@ -7,13 +7,14 @@ the wrench that it passes on.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...program import Each
 from ..writer import Writer
 from .dense import Term, add_terms, by_columns
 from .groups import BASE, Group, Place
-from .relations import Relations
+from .relations import Eliminated
 
 
 @dataclass
@@ -31,7 +32,7 @@ class Responses:
     """
 
     writer: Writer
-    relations: dict[Group, Relations]
+    relations: Mapping[Group, Eliminated]
     to_motion: dict[Place, dict[Group, Each]] = field(default_factory=dict)
     to_wrench: dict[Place, dict[Group, Each]] = field(default_factory=dict)
     motion: dict[Place, Each] = field(default_factory=dict)
@@ -40,7 +41,7 @@ class Responses:
 
     def __post_init__(self) -> None:
         """Add all responses."""
-        for group in reversed(self.relations):
+        for group in reversed(list(self.relations)):
             for place in group.children:
                 self._to_motion(group, place)
         roots = [group for group in self.relations if group.parent is None]

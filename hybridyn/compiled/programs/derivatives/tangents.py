@@ -1,0 +1,153 @@
+"""Forward sweep over the nodes of a program: columns of derivatives, one column in each lane.
+
+A tangent is the change of a number of the program that one column of changes of the inputs causes. A number
+that several copies or nodes add to has its tangent in parts, which whoever needs it adds up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+from ...equations.expressions import pack
+from ...program import Constants, Each, Own, Shared, Source, Target, Turned
+from ..writer import Writer
+from .adjoints import PART, Parts, Reading, evaluated
+from .local import local_jacobian
+from .nodes import Node, Number, numbers_of
+
+#: Places of local derivatives, which several sweeps share.
+Known = dict[Any, tuple[Shared, Each]]
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Nodes between inputs and results.
+
+    Attributes:
+        nodes: The nodes in order of evaluation.
+        live: Numbers that depend on the inputs.
+        needed: Numbers that the results depend on.
+    """
+
+    nodes: list[Node]
+    live: set[Number]
+    needed: set[Number]
+
+    @classmethod
+    def between(
+        cls, nodes: list[Node], inputs: Sequence[Source], results: Sequence[Source | Target]
+    ) -> Graph:
+        """Return the graph of nodes between inputs and results."""
+        live = {x for end in inputs for x in numbers_of(end, 0)}
+        needed = {x for end in results for x in numbers_of(end, 0)}
+        for node in nodes:
+            if any(x in live for source in node.sources for x in node.numbers(source)):
+                live.update(x for target in node.targets for x in node.numbers(target))
+        for node in reversed(nodes):
+            if any(x in needed for target in node.targets for x in node.numbers(target)):
+                needed.update(x for source in node.sources for x in node.numbers(source))
+        return cls(nodes, live, needed)
+
+
+@dataclass
+class Tangents:
+    """Tangents of the numbers of a program.
+
+    Attributes:
+        writer: The program under construction.
+        columns: Number of columns.
+        known: Places of local derivatives.
+        of: The parts of each number's tangent; numbers that do not change are left out.
+    """
+
+    writer: Writer
+    columns: int
+    known: Known
+    of: dict[Number, Parts] = field(default_factory=dict)
+
+    def seed(self, source: Source, block: Own | Constants | Turned) -> None:
+        """Set the tangents of a source's numbers: one lane of `block` for each column."""
+        for k, number in enumerate(numbers_of(source, 0)):
+            self.of.setdefault(number, []).append((block, k))
+
+    def sweep(self, graph: Graph) -> None:
+        """Add the calls that compute the tangents of all needed numbers that the seeds change.
+
+        Args:
+            graph: The nodes; their local derivatives are the same for all sweeps that share `known`.
+        """
+        for node in graph.nodes:
+            self._forwards(node, graph)
+
+    def _forwards(self, node: Node, graph: Graph) -> None:
+        """Add the calls of one node: its local derivatives and the tangents of its targets."""
+        if not any(x in self.of for source in node.sources for x in node.numbers(source)):
+            return
+        ins = [n for n, x in enumerate(node.sources) if not graph.live.isdisjoint(node.numbers(x))]
+        outs = [n for n, x in enumerate(node.targets) if not graph.needed.isdisjoint(node.numbers(x))]
+        if not outs:
+            return
+        local = local_jacobian(node, ins, outs, *node.common(ins, outs))
+        summed, each = evaluated(self.writer, self.known, node, local)
+        if local.summed:
+            self._one(node, 0, (local.key, True), local.summed, summed)
+        if local.own:
+            for i in range(node.copies):
+                values = Shared(each.start + i * each.size, each.size)
+                self._one(node, i, (local.key, False), local.own, values)
+
+    def _one(self, node: Node, copy: int, key: Any, entries: Sequence[Any], values: Shared) -> None:
+        """Add the tangents of the targets of one copy (or of all, from the sum of their derivatives)."""
+        changed = {
+            s: [number in self.of for number in numbers_of(node.sources[s], copy)] for _, _, s, _ in entries
+        }
+        used = [k for k, (_, _, s, col) in enumerate(entries) if changed[s][col]]
+        wanted = sorted({entries[k][2:] for k in used})
+        if not wanted:
+            return
+        reading = Reading.of([self.of[numbers_of(node.sources[s], copy)[col]] for s, col in wanted])
+        rows: dict[int, list[int]] = {}
+        for k in used:
+            n, row = entries[k][:2]
+            if row not in rows.setdefault(n, []):
+                rows[n].append(row)
+
+        def function() -> ca.Function:
+            """Return the products of derivatives and tangents."""
+            J = ca.SX.sym("J", len(entries))
+            blocks, tangents = reading.symbols()
+            known = dict(zip(wanted, tangents, strict=True))
+            sums: dict[tuple[int, int], Any] = {}
+            for k in used:
+                n, row, s, col = entries[k]
+                sums[n, row] = sums.get((n, row), 0.0) + J[k] * known[s, col]
+            return ca.Function("forward", [J, *blocks], [pack([sums[n, r] for r in rows[n]]) for n in rows])
+
+        w = self.writer
+        places = [w.own(self.columns, len(of)) for of in rows.values()]
+        whole = ("forward", key, reading.key, tuple(wanted), tuple((n, tuple(of)) for n, of in rows.items()))
+        w.call(w.kernel(whole, function, PART), self.columns, [values, *reading.blocks], list(places))
+        for place, (n, of) in zip(places, rows.items(), strict=True):
+            numbers = numbers_of(node.targets[n], copy)
+            for k, row in enumerate(of):
+                self.of.setdefault(numbers[row], []).append((place, k))
+
+    def reading(self, numbers: Sequence[Number]) -> Reading:
+        """Return the reading of the tangents of some numbers; those that do not change read zeros."""
+        return Reading.of([self.of.get(number, []) for number in numbers])
+
+    def gather(self, numbers: Sequence[Number], targets: Sequence[Target]) -> None:
+        """Add the call that writes the tangents of some numbers to each of the targets."""
+        reading = self.reading(numbers)
+
+        def function() -> ca.Function:
+            """Return the sums of the parts."""
+            blocks, values = reading.symbols()
+            return ca.Function("gather", blocks, [pack(values)] * len(targets))
+
+        kernel = self.writer.kernel(("gather", reading.key, len(targets)), function, PART)
+        self.writer.call(kernel, self.columns, list(reading.blocks), list(targets))

@@ -1,0 +1,89 @@
+"""Derivatives over the motors: against those over all joints along the loops, and against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.derivatives import Derivatives
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.errors import ModelError
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.comparing import close_to
+from tests.samples import slow
+from tests.shipped import shipped
+
+ROUNDING = 1e-12  # of both derivatives, and the condition of the mass matrix; 8e-14 is found (snake)
+STEP = 1e-3  # of differences of fourth order: STEP^4 and rounding of the closed loops over STEP
+DIFFERENCES = 1e-7  # 8e-8 is found (tanev, over rates, whose derivatives are small)
+
+
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let CasADi run the derivatives: there is nothing to build."""
+    monkeypatch.setenv("CC", "no-such-compiler")
+
+
+def columns_of(robot: HybridRobot) -> list[int]:
+    """Return the entries of v of the motors."""
+    return [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["five_bar", "gough_stewart", "delta", "tanev", "scara_delta", "lx4", "snake"]
+)
+def test_they_are_those_over_joints_along_the_loops(name: str, interpreted: None) -> None:
+    """In E and its rate, d(E u)/dm and dE/dt are the same: second derivatives of q by m."""
+    robot = build_robot(shipped(name))
+    q, v, a, tau = (x[0] for x in random_states(robot, 1))
+    E, E_dot = hybridyn.motion_map(robot, q, v)
+    found = hybridyn.ddm_jacobian(robot, q, v, tau, coordinates="motors")
+    J = {x: block[columns_of(robot)] for x, block in hybridyn.ddm_jacobian(robot, q, v, tau).items()}
+    if name != "delta":  # whose spherical joints turn: their rates are no derivatives
+        close_to(found["q"], J["q"] @ E + J["v"] @ E_dot, ROUNDING)
+    close_to(found["v"], J["v"] @ E, ROUNDING)
+    close_to(found["tau"], J["tau"], ROUNDING)
+    efforts = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
+    close_to(efforts["a"], hybridyn.mass_matrix(robot, q), ROUNDING)
+    np.testing.assert_allclose(
+        efforts["a"] @ found["v"], -efforts["v"], atol=ROUNDING * np.abs(efforts["v"]).max()
+    )
+    np.testing.assert_allclose(
+        efforts["a"] @ found["q"], -efforts["q"], atol=ROUNDING * np.abs(efforts["q"]).max()
+    )
+
+
+@pytest.mark.parametrize("name", ["five_bar", *map(slow, ("gough_stewart", "rps3", "delta", "tanev", "lx4"))])
+def test_columns_against_differences_along_each_motor(name: str, interpreted: None) -> None:
+    """The general path of `idm` at postures that `assemble` closes: single columns have a meaning here."""
+    robot = build_robot(shipped(name))
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    columns, n = columns_of(robot), len(robot.motors)
+    at = [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
+    start = np.concatenate([q[at], v[columns], a[columns]])
+    found = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
+    J = np.concatenate([found["q"], found["v"], found["a"]], axis=1)
+
+    def efforts(x: np.ndarray) -> np.ndarray:
+        """Compute the efforts at positions, rates and accelerations of the motors."""
+        motion = {name: tuple(x[i::n]) for i, name in enumerate(robot.motors)}
+        return hybridyn.idm(robot, *hybridyn.assemble(robot, motors=motion, guess=q))
+
+    picked = range(3 * n) if n < 10 else (0, 23, 30, 47, 50)
+    for j in picked:
+        x = start + STEP * np.arange(-2, 3)[:, None] * np.eye(3 * n)[j]
+        f = [np.ravel(efforts(row)) for row in x]
+        close_to(J[:, j], (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / (12 * STEP), DIFFERENCES)
+
+
+def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
+    robot = build_robot(shipped("five_bar"))
+    with pytest.raises(ModelError, match="coordinates of derivatives are 'joints' or 'motors', not 'u'"):
+        Derivatives(robot, "idm", coordinates="u")
+    with pytest.raises(ModelError, match="no derivatives over parameters beside those over motors"):
+        Derivatives(robot, "idm", coordinates="motors", parameters=True)
+    with pytest.raises(ModelError, match="need a fixed base; this one is 'floating'"):
+        Derivatives(build_robot(shipped("five_bar"), base="floating"), "ddm", coordinates="motors")
