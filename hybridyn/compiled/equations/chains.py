@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.joints import NQ
-from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, times, zeros
+from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, plus, times, zeros
 from .links import TURNING, Link
 from .rigid import (
     crf,
@@ -123,18 +123,18 @@ def sweep(
             chain.root.append(i + 1)
             continue
         turn, shift = joint_motion(link, at)
-        R, p = dot(numbers(link.R), turn), numbers(link.p) + dot(numbers(link.R), shift)
+        R, p = dot(numbers(link.R), turn), plus(numbers(link.p), dot(numbers(link.R), shift))
         S = motion_subspace(link)
         rate = dot(S, v[cols])
-        V = to_child(R, p, chain.V[link.parent]) + rate
-        c = to_child(R, p, chain.c[link.parent]) + crm(V, rate)
+        V = plus(to_child(R, p, chain.V[link.parent]), rate)
+        c = plus(to_child(R, p, chain.c[link.parent]), crm(V, rate))
         chain.R.append(R)
         chain.p.append(p)
         chain.R0.append(dot(chain.R0[link.parent], R))
-        chain.p0.append(chain.p0[link.parent] + dot(chain.R0[link.parent], p))
+        chain.p0.append(plus(chain.p0[link.parent], dot(chain.R0[link.parent], p)))
         chain.S.append(S)
         chain.V.append(V)
-        chain.c.append(c if a is None else c + dot(S, a[cols]))
+        chain.c.append(c if a is None else plus(c, dot(S, a[cols])))
         chain.root.append(chain.root[link.parent])
     return chain
 
@@ -191,7 +191,7 @@ def forces(chain: Chain) -> Expression:
         inertia = numbers(link.inertia)
         if any(not is_zero(x) for x in inertia):
             V, A = chain.V[i + 1], chain.c[i + 1]
-            wrench[i + 1] = momentum(inertia, A) + crf(V, momentum(inertia, V))
+            wrench[i + 1] = plus(momentum(inertia, A), crf(V, momentum(inertia, V)))
     out = zeros(6 + chain.nv)
     for i, cols in reversed(list(enumerate(chain.v_slices))):
         at = slice(6 + cols.start, 6 + cols.stop)
@@ -257,9 +257,10 @@ def motion_map(chain: Chain, body: int) -> Expression:
 
 def point_velocity(V: Expression, point: Expression) -> Expression:
     """Compute the velocity of a body's point in the body's axes, shape (3,)."""
-    return V[:3] + cross(V[3:], point)
+    return plus(V[:3], cross(V[3:], point))
 
 
 def point_acceleration(V: Expression, c: Expression, point: Expression) -> Expression:
     """Compute the classical acceleration of a body's point in the body's axes, shape (3,)."""
-    return c[:3] + cross(c[3:], point) + cross(V[3:], point_velocity(V, point))
+    turning = cross(V[3:], point_velocity(V, point))
+    return plus(plus(c[:3], cross(c[3:], point)), turning)

@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi as ca
 
-from .expressions import Expression, is_zero, times
+from .expressions import Expression, is_zero, plus, times
 from .static_elimination import TRUSTED_PIVOT, Trust
 
 #: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
@@ -67,7 +67,7 @@ def squares(values: Expression) -> Any:
     out: Any = ca.SX(0.0)
     for value in values.ravel():
         if not is_zero(value):
-            out = out + value * value
+            out = plus(out, times(value, value))
     return out
 
 
@@ -80,7 +80,7 @@ def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
     """
     total: Any = ca.SX(0.0)
     for values, unit in residuals:
-        total = total + times(squares(values), 1.0 / unit**2)
+        total = plus(total, times(squares(values), 1.0 / unit**2))
     return times(total, weight)
 
 
@@ -89,11 +89,11 @@ def size_of(joints: Expression, units: Any, motions: list[Expression], length: f
     size: Any = 0.0
     for value, unit in zip(joints, units, strict=True):
         if not is_zero(value):
-            size = size + ca.fabs(value) * (1.0 / unit)
+            size = plus(size, times(ca.fabs(value), 1.0 / unit))
     for motion in motions:
         for k, value in enumerate(motion):
             if not is_zero(value):
-                size = size + ca.fabs(value) * (1.0 / length if k < 3 else 1.0)
+                size = plus(size, times(ca.fabs(value), 1.0 / length if k < 3 else 1.0))
     return size
 
 

@@ -18,7 +18,20 @@ import numpy as np
 
 from ...spatial import Array
 from .chains import Chain, forces, mass_matrix, point_acceleration, point_velocity, sweep
-from .expressions import Expression, congruence, cross, dot, hat, numbers, pack, symbols, upper, zeros
+from .expressions import (
+    Expression,
+    congruence,
+    cross,
+    dot,
+    hat,
+    minus,
+    numbers,
+    pack,
+    plus,
+    symbols,
+    upper,
+    zeros,
+)  # fmt: skip
 from .folding import Folding
 from .guards import Scale, trusted, weighed
 from .links import Link
@@ -167,24 +180,24 @@ def write_leg(
     leg = group[0]
     chain = sweep(links, q, v, base[0], a, None if a is None else base[1])
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
-    point = chain.p0[leg.end] + dot(R0, p_s)
+    point = plus(chain.p0[leg.end], dot(R0, p_s))
     rotation = leg.closure.rotation
     N = _rows(rotation, R_s)
     J = dot(N, _jacobian(chain, leg.end, p_s))
     v_other, w_other = point_velocity(platform.V, point), platform.V[3:]
-    apart = dot(R0.T, v_other) - point_velocity(V, p_s)
-    turning = dot(R0.T, w_other) - V[3:]
-    drift = dot(R0.T, point_acceleration(platform.V, platform.A, point)) - point_acceleration(V, c, p_s)
-    k = dot(N, np.concatenate([drift, dot(R0.T, platform.A[3:]) - c[3:]]))
+    apart = minus(dot(R0.T, v_other), point_velocity(V, p_s))
+    turning = minus(dot(R0.T, w_other), V[3:])
+    drift = minus(dot(R0.T, point_acceleration(platform.V, platform.A, point)), point_acceleration(V, c, p_s))
+    k = dot(N, np.concatenate([drift, minus(dot(R0.T, platform.A[3:]), c[3:])]))
     if rotation == "parallel":
         k[3:] = k[3:] + [dot(cross(V[3:], R_s[:, i]), turning[:, None])[0] for i in range(2)]
     right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
     if pivots is None:
         pivots = Pivots(tuple(range(len(J))), tuple(range(len(J))), (1.0,) * len(J))
     X, trust = solve(J, right, pivots)
-    other = platform.p + dot(platform.R, p_o)
+    other = plus(platform.p, dot(platform.R, p_o))
     open_by = [
-        (other - point, scale.length),
+        (minus(other, point), scale.length),
         *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
     ]
     slipping = [(apart, scale.length), (dot(N[3:, 3:], turning), 1.0)]

@@ -19,6 +19,7 @@ from .expressions import (
     hat,
     numbers,
     plain,
+    plus,
     symmetric,
     times,
     upper,
@@ -67,35 +68,36 @@ def inertia_matrix(inertia: Expression) -> Expression:
 def momentum(inertia: Expression, V: Expression) -> Expression:
     """Compute the spatial momentum I V, shape (6,)."""
     v, w, h = V[:3], V[3:], inertia[1:4]
-    linear = np.array([times(inertia[0], x) for x in v], dtype=object) + cross(w, h)
-    return np.concatenate([linear, cross(h, v) + dot(symmetric(inertia[4:], 3), w)])
+    linear = np.array([times(inertia[0], x) for x in v], dtype=object)
+    turning = plus(cross(h, v), dot(symmetric(inertia[4:], 3), w))
+    return np.concatenate([plus(linear, cross(w, h)), turning])
 
 
 def to_child(R: Expression, p: Expression, V: Expression) -> Expression:
     """Transform a motion vector from the parent's frame to the child's."""
-    return np.concatenate([dot(R.T, V[:3] + cross(V[3:], p)), dot(R.T, V[3:])])
+    return np.concatenate([dot(R.T, plus(V[:3], cross(V[3:], p))), dot(R.T, V[3:])])
 
 
 def to_parent(R: Expression, p: Expression, F: Expression) -> Expression:
     """Transform a wrench from the child's frame to the parent's."""
     f = dot(R, F[:3])
-    return np.concatenate([f, dot(R, F[3:]) + cross(p, f)])
+    return np.concatenate([f, plus(dot(R, F[3:]), cross(p, f))])
 
 
 def motion_to_parent(R: Expression, p: Expression, V: Expression) -> Expression:
     """Transform a motion vector from the child's frame to the parent's."""
     w = dot(R, V[3:])
-    return np.concatenate([dot(R, V[:3]) + cross(p, w), w])
+    return np.concatenate([plus(dot(R, V[:3]), cross(p, w)), w])
 
 
 def crm(V: Expression, U: Expression) -> Expression:
     """Compute the cross product V x U of motion vectors, shape (6,)."""
-    return np.concatenate([cross(V[3:], U[:3]) + cross(V[:3], U[3:]), cross(V[3:], U[3:])])
+    return np.concatenate([plus(cross(V[3:], U[:3]), cross(V[:3], U[3:])), cross(V[3:], U[3:])])
 
 
 def crf(V: Expression, F: Expression) -> Expression:
     """Compute the cross product V x* F of a twist and a wrench, shape (6,)."""
-    return np.concatenate([cross(V[3:], F[:3]), cross(V[3:], F[3:]) + cross(V[:3], F[:3])])
+    return np.concatenate([cross(V[3:], F[:3]), plus(cross(V[3:], F[3:]), cross(V[:3], F[:3]))])
 
 
 def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
@@ -122,7 +124,7 @@ def resting(V: Expression) -> Expression:
 
 def classical(V: Expression, A: Expression) -> Expression:
     """Convert a spatial acceleration to the classical one, that of the body's point at the origin."""
-    return np.concatenate([A[:3] + cross(V[3:], V[:3]), A[3:]])
+    return np.concatenate([plus(A[:3], cross(V[3:], V[:3])), A[3:]])
 
 
 def quaternion_matrix(q: Expression) -> Expression:

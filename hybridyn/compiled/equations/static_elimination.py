@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Mask
-from .expressions import Expression, dot, is_zero, times, zeros
+from .expressions import Expression, dot, is_zero, minus, times, zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
@@ -147,7 +147,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
             factor = times(W[j, i], inverses[i])
             for c in range(i + 1, W.shape[1]):
                 if not is_zero(W[i, c]):
-                    W[j, c] = W[j, c] - times(factor, W[i, c])
+                    W[j, c] = minus(W[j, c], times(factor, W[i, c]))
             W[j, i] = 0.0
     X = zeros(n, k + len(free))
     solved = zeros(rank, k + len(free))
@@ -185,9 +185,9 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
                 continue
             L[j, i] = W[j, i] * inverse[i]
             for c in range(i + 1, j + 1):
-                W[j, c] = W[j, c] - times(L[j, i], W[c, i])
+                W[j, c] = minus(W[j, c], times(L[j, i], W[c, i]))
             for c in range(B.shape[1]):
-                B[j, c] = B[j, c] - times(L[j, i], B[i, c])
+                B[j, c] = minus(B[j, c], times(L[j, i], B[i, c]))
     X = zeros(*right.shape)
     for i in reversed(range(n)):
         for c in range(B.shape[1]):

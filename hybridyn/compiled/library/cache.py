@@ -36,6 +36,9 @@ from .eviction import remove_unused
 if TYPE_CHECKING:
     from ..code.library_source import Source
 
+#: Folders of the package that generate no source.
+UNREAD = ("cli", "figures", "oracle", "studies", "view")
+
 
 @dataclass(frozen=True)
 class Built:
@@ -132,13 +135,16 @@ def _tools(libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:
 @cache
 def package_state() -> str:
     """Return a hash of the sizes and times of the package's files that generate the source."""
-    root = Path(__file__).parents[2]
-    lines = []
-    for file in sorted([*root.rglob("*.py"), *root.rglob("*.h")]):
-        name, stat = file.relative_to(root), file.stat()
-        if name.parts[0] not in ("cli", "figures", "oracle", "studies", "view"):
-            lines.append(f"{name} {stat.st_size} {stat.st_mtime_ns}")
-    return hashed(*lines)
+    root, lines = str(Path(__file__).parents[2]), []
+    for place, inner, files in os.walk(root):
+        left_out = UNREAD if place == root else ()
+        inner[:] = [name for name in inner if name not in left_out]
+        for name in files:
+            if name.endswith((".py", ".h")):
+                file = os.path.join(place, name)
+                stat = os.stat(file)
+                lines.append(f"{file[len(root) :]} {stat.st_size} {stat.st_mtime_ns}")
+    return hashed(*sorted(lines))
 
 
 def _load(at: Path, name: str) -> Built | None:
