@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..description.writing import write_text
 from ..dynamics.quantities.joint_map import motors_beside
-from ..effects.choice import Choice, choose
+from ..effects.choice import Choice, Effects, choose
 from ..errors import CompileError, ModelError
 from ..structure.parameters.entries import Parameters
-from ..structure.parameters.slots import values_of
+from ..structure.parameters.slots import Slot, values_of
 from ..structure.robot import HybridRobot
 from .equations.arguments.coefficients import check_coefficients, with_stated_springs
 from .failures import as_compile_error
@@ -21,6 +22,7 @@ from .needs import WITHOUT_CASADI
 from .verifying import check_trusted
 
 try:
+    from .code.control_c import ControlStep
     from .code.plain_c import REAL, WRITTEN, plain_source, prototype
     from .code.transmission_package import Place, transmission_package
     from .equations.request import request
@@ -29,6 +31,7 @@ try:
     from .programs.c_header import header_text
     from .programs.close import largest_turn
     from .programs.closing.platform_program import close_platforms_program
+    from .programs.inverse import inverse_program
     from .programs.map_programs import map_programs
     from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
@@ -94,14 +97,28 @@ def export(
         models += [] if posed is None else [posed]
         check_trusted(guards_of(models, values), robot, on)
         models += map_programs(asked, map_joints) if map_joints else []
+        step = _control_step(robot, on, models, dtype, slots)
+        public = [*models, step.form] if step else models
+        more = ((step.inverse,), step.text(name, dtype)) if step else ((), "")
         contents = {
-            f"{name}.h": header_text(robot, models, name, dtype, map_joints, slots),
-            f"{name}.c": plain_source(models, name, dtype),
-            f"test_{name}.c": test_text(robot, on, models, name, dtype, map_joints, values),
+            f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots),
+            f"{name}.c": plain_source(models, name, dtype, more),
+            f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values),
             "Makefile": _makefile(name),
-            "README.md": _readme(robot, on.names, models, name, dtype, arguments=bool(slots)),
+            "README.md": _readme(robot, on.names, public, name, dtype, arguments=bool(slots)),
         }
     return written(Path(directory), contents)
+
+
+def _control_step(
+    robot: HybridRobot, effects: Effects, models: Sequence[Program], dtype: str, slots: Sequence[Slot]
+) -> ControlStep | None:
+    """Return the control step, or None if the models lack one of its two parts."""
+    parts = {program.name: program for program in models}
+    if not {"close", "idm"} <= parts.keys():
+        return None
+    asked = replace(request(robot, effects, parameters=slots, dtype=dtype), compared=False)
+    return ControlStep(parts["close"], inverse_program(asked))
 
 
 def export_transmission(

@@ -129,7 +129,10 @@ def _references(
                 values = {}
         elif program.name == "close":
             read = rates_read(program)
-            values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
+            closed = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
+            values = closed
+        elif program.name == "idm_from_motors":
+            values = closed | {"tau": out[0]["tau"]} if out[0] else {}
         elif program.name == "close_platforms":
             read = np.zeros(robot.nv)
             read[[robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]] = 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 import re
 import shutil
 import subprocess
@@ -332,13 +333,33 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
         given = [q[t], v[t], a[t], np.array([0.7, 0.27, 0.0, 0.0]), found, work]
         assert model(*(ctypes.c_void_p(x.ctypes.data) for x in map(np.ascontiguousarray, given))) <= 1.0
         np.testing.assert_allclose(found, hybridyn.idm(other, q, v, a)[t], rtol=1e-11)
-    close = ctypes.CDLL(str(library)).bar_close
-    close.restype = ctypes.c_double
+    close, step = (getattr(ctypes.CDLL(str(library)), f"bar_{x}") for x in ("close", "idm_from_motors"))
+    close.restype = step.restype = ctypes.c_double
     states = [np.empty(size) for size in (robot.nq, robot.nv, robot.nv)]
     given = [q[0], v[0], a[0], np.array([0.7, 0.27, 0.0, 0.0]), *states, np.empty(10_000)]
     assert close(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
     for found, wanted in zip(states, (q[0], v[0], a[0]), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    given.insert(-1, np.empty(2))
+    driven = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
+    given[0] = q[0] + np.where(np.isin(np.arange(robot.nq), driven), 0.0, 1e-3)  # the last tick's posture
+    assert step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
+    wanted = hybridyn.idm(other, q, v, a)[0]
+    for found, right in zip([*states, given[-2]], (q[0], v[0], a[0], wanted), strict=True):
+        np.testing.assert_allclose(found, right, rtol=0, atol=1e-9 * np.abs(right).max())
+    given[0] = q[0] * np.nan
+    assert not step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
+    given[0], given[1] = q[0], v[0] * np.inf
+    assert not step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
+    given[1], refused = v[0], 0
+    for left, right in itertools.product((-2.5, -1.5, 1.5, 2.5), repeat=2):  # some are out of reach
+        given[0] = q[0].copy()
+        given[0][driven] = left, right
+        if step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0:
+            assert hybridyn.closure_residual(other, states[0][None]).max() <= 1e-12
+        else:
+            refused += 1
+    assert 0 < refused < 16
 
 
 @pytest.mark.slow

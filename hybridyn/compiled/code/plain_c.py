@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from ..program import Program
 from .across_samples import across_samples
@@ -42,17 +43,25 @@ REAL = {"float64": "double", "float32": "float"}
 WRITTEN = "Written by hybridyn"
 
 
-def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> str:
+def plain_source(
+    programs: list[Program],
+    name: str,
+    dtype: str = "float64",
+    more: tuple[Sequence[Program], str] = ((), ""),
+) -> str:
     """Return the C source of programs.
 
     Args:
         name: Prefix of every public identifier.
         dtype: "float64" or "float32".
+        more: Programs without a public function, and C that calls them.
     """
     kernels: dict[str, str] = {}
     drivers: list[str] = []
     tables = Tables(dtype)
-    for program in map(trimmed, programs):
+    hidden, calling = more
+    public = {program.name for program in programs}
+    for program in map(trimmed, (*programs, *hidden)):
         check(program)
         names = []
         for kernel in program.kernels:
@@ -60,7 +69,9 @@ def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> 
             if text not in kernels:
                 kernels[text] = kernel.name
             names.append(kernels[text])
-        drivers += [across_samples(program, names, tables), _call(program, name, dtype)]
+        drivers.append(across_samples(program, names, tables))
+        drivers += [_call(program, name, dtype)] if program.name in public else []
+    drivers += [calling] if calling else []
     bodies = [f"static void {called}{text}" for text, called in kernels.items()]
     code = "\n\n".join([*bodies, tables.text, *drivers])
     moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]

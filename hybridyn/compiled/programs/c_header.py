@@ -22,6 +22,8 @@ WHAT = {
     "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
     "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
     "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
+    "idm_from_motors": "A control step: `close` from the posture `near` as often as it takes, then motor "
+    "efforts as of `idm`, whose guard does not compare the loops again. v and a as in `close`.",
     "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
     "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
     "(their time derivatives, classical) in the axes of that base. Other modules follow their motors as in "

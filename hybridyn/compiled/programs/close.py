@@ -130,8 +130,8 @@ def by_motors(
     Args:
         motors: Freedoms of their motors.
         closed: Largest step of closed loops.
-        specs: The modules' numbers where some are arguments. The guard then includes the rows without a
-            pivot, which may depend on the others no longer.
+        specs: The modules' numbers where some are arguments. The guard includes the rows without a pivot,
+            which may depend on the others no longer, or not on this branch.
     """
     m, folding = modules[0].mechanism, Folding()
     tree = m.spanning
@@ -148,7 +148,7 @@ def by_motors(
         drift = _drift(K, q_col, v, tree)
         a[dependent] = solve(K, (-dot(K, a) - drift)[:, None], pivots)[0][dependent, 0]
         guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
-        if specs:
+        if specs or len(K) > len(pivots.rows):
             scale, unit = m.spanning_row_scale, m.spanning_col_scale
             speed = largest(v / unit)
             guard = ca.fmax(guard, largest(residual * scale) / closed)
