@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,13 +93,7 @@ def module_reactions(
         lam, free = multipliers[:, at], idle[:, at]
         if i < authors:
             author = m.spanning_closures.closures[i]
-
-            def wrench(
-                x: Array, cut: TreeClosure = m.closures.closures[i], author: TreeClosure = author
-            ) -> Array:
-                """Return the wrench of multipliers of a closure."""
-                return _closure_wrench(state, cut, author, x)
-
+            wrench = partial(_closure_wrench, state, m.closures.closures[i], author)
             lam = wrench(lam) + _from_cut_wrists(state, load, author)
             free = _each(wrench, free)
             free[:, :3] *= m.length

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -47,9 +48,7 @@ def by_rates(
     peak = np.abs(wanted).max(axis=0)
     peak = np.where(peak > 0, peak, 1.0)
 
-    def spline() -> tuple[Array, Array]:
-        """Fit rates by the spline of tables."""
-        return derivatives(time, p, slice(0, len(time)))
+    spline = partial(derivatives, time, p, slice(0, len(time)))
 
     def differences() -> tuple[Array, Array]:
         """Fit rates by central differences."""

@@ -57,11 +57,7 @@ class Quantities:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
         q, _, single = checked_state(self.robot, q, None)
         rows = self._rows(joints)
-
-        def general(q: Array) -> Array:
-            """Compute it by the general path."""
-            return mass_matrix(self.robot, q, joints=joints, effects=self.effects)
-
+        general = partial(mass_matrix, self.robot, joints=joints, effects=self.effects)
         return self._finished(
             "mass_matrix", rows.mass if rows else None, general, rows.moves.u.size if rows else 1, single, q
         )
@@ -92,11 +88,7 @@ class Quantities:
         """Compute c(q, v), shape (N,) or (T, N), like `hybridyn.coriolis`."""
         q, v, single = checked_state(self.robot, q, v)
         rows = None if self._has(Stop) else self._rows(joints)  # a stop's damping is not odd in the rates
-
-        def general(q: Array, v: Array) -> Array:
-            """Compute it by the general path."""
-            return coriolis(self.robot, q, v, joints=joints, effects=self.effects)
-
+        general = partial(coriolis, self.robot, joints=joints, effects=self.effects)
         return self._finished("coriolis", rows.coriolis if rows else None, general, 3, single, q, v)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
@@ -105,11 +97,7 @@ class Quantities:
         rows = None if self._has(Stop) else self._rows(joints)
         if self.robot.base == "moving" and v[:, :6].any():
             rows = None  # the general path refuses it
-
-        def general(q: Array, v: Array) -> Array:
-            """Compute it by the general path."""
-            return coriolis_matrix(self.robot, q, v, joints=joints, effects=self.effects)
-
+        general = partial(coriolis_matrix, self.robot, joints=joints, effects=self.effects)
         lanes = 6 * rows.moves.u.size if rows else 1
         compute = rows.coriolis_matrix if rows else None
         return self._finished("coriolis_matrix", compute, general, lanes, single, q, v)
@@ -118,11 +106,7 @@ class Quantities:
         """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""
         q, _, single = checked_state(self.robot, q, None)
         rows = None if self._has(Spring, Stop) else self._rows(joints)  # they act at rest, too
-
-        def general(q: Array) -> Array:
-            """Compute it by the general path."""
-            return gravity(self.robot, q, joints=joints, effects=self.effects)
-
+        general = partial(gravity, self.robot, joints=joints, effects=self.effects)
         return self._finished("gravity", rows.gravity if rows else None, general, 1, single, q)
 
     @overload
@@ -135,13 +119,8 @@ class Quantities:
         """Compute dq/du, and with rates also its rate, (nv, N) or (T, nv, N), like `hybridyn.motion_map`."""
         moves = self._following(joints)
         q, rates, single = checked_state(self.robot, q, v)
-
         if v is None:
-
-            def general(q: Array) -> Array:
-                """Compute it by the general path."""
-                return motion_map(self.robot, q, joints=joints)
-
+            general = partial(motion_map, self.robot, joints=joints)
             return self._finished("motion_map", moves.map if moves else None, general, 6, single, q)
 
         def both(q: Array, v: Array) -> Array:
@@ -161,10 +140,7 @@ class Quantities:
     def energy(self, q: ArrayLike, v: ArrayLike) -> Energy:
         """Compute kinetic and potential energy, shape () or (T,), like `hybridyn.energy`."""
         q, v, single = checked_state(self.robot, q, v)
-
-        def compute(q: Array, v: Array) -> Computed:
-            """Compute it in C, and where it can be trusted."""
-            return energy_rows(self._trusted, self.robot, self.effects, q, v)
+        compute = partial(energy_rows, self._trusted, self.robot, self.effects)
 
         def general(q: Array, v: Array) -> Array:
             """Compute it by the general path."""

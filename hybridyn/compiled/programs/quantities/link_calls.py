@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,9 +43,7 @@ class LinkQuantities(Quantities):
         one_of("axes", axes, "world", "link")
         q, _, single = checked_state(self.robot, q, None)
 
-        def general(q: Array) -> Array:
-            """Compute it by the general path."""
-            return link_jacobian(self.robot, q, link, joints=joints, axes=axes)
+        general = partial(link_jacobian, self.robot, link=link, joints=joints, axes=axes)
 
         def compiled(q: Array) -> Computed:
             """Compute it in C, and where it can be trusted."""
@@ -66,9 +65,7 @@ class LinkQuantities(Quantities):
         held = self._held_base if floating and moves else None
         moves = None if floating and held is None else moves
 
-        def general(q: Array) -> Array:
-            """Compute it by the general path."""
-            return delassus(self.robot, q, names, axes=axes, effects=self.effects)
+        general = partial(delassus, self.robot, links=names, axes=axes, effects=self.effects)
 
         def compiled(q: Array) -> Computed:
             """Compute it in C, and where it can be trusted."""
