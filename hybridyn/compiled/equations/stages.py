@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -148,6 +149,26 @@ def _handed(
     return {key: list(found) for key, found in needed.items()}
 
 
+def _value(
+    graph: _Graph, given: list[tuple[int, Any, ca.SX]], values: dict[Node, Any], used: set[int], node: Node
+) -> Any:
+    """Return the CasADi expression of a node from those of its operands; record it, and an input it uses."""
+    op, operands, extra = graph.code[node]
+    if node in values:
+        return values[node]
+    if op == ca.OP_CONST:
+        out = ca.SX(extra)
+    elif op == ca.OP_INPUT:
+        used.add(extra[0])
+        out = given[extra[0]][2][extra[1]]
+    elif len(operands) == 1:
+        out = ca.SX.unary(op, values[operands[0]])
+    else:
+        out = ca.SX.binary(op, values[operands[0]], values[operands[1]])
+    values[node] = out
+    return out
+
+
 def _stage(
     name: str,
     s: int,
@@ -163,25 +184,8 @@ def _stage(
     taken = {t: ca.SX.sym(f"from_{t}", len(nodes)) for (t, by), nodes in sorted(handed.items()) if by == s}
     for t, column in taken.items():
         values |= {node: column[i] for i, node in enumerate(handed[t, s])}
-    used: dict[int, None] = {}
-
-    def value(node: Node) -> Any:
-        """Return the CasADi expression of a node, and record the inputs and earlier values it uses."""
-        op, operands, extra = graph.code[node]
-        if node in values:
-            return values[node]
-        if op == ca.OP_CONST:
-            out = ca.SX(extra)
-        elif op == ca.OP_INPUT:
-            used[extra[0]] = None
-            out = given[extra[0]][2][extra[1]]
-        elif len(operands) == 1:
-            out = ca.SX.unary(op, values[operands[0]])
-        else:
-            out = ca.SX.binary(op, values[operands[0]], values[operands[1]])
-        values[node] = out
-        return out
-
+    used: set[int] = set()
+    value = partial(_value, graph, given, values, used)
     for node in asked:
         op, operands, _ = graph.code[node]
         if graph.stage[node] == s and op not in (ca.OP_CONST, ca.OP_INPUT):
