@@ -257,10 +257,12 @@ def motion_map(chain: Chain, body: int) -> Expression:
 
 def point_velocity(V: Expression, point: Expression) -> Expression:
     """Compute the velocity of a body's point in the body's axes, shape (3,)."""
-    return plus(V[:3], cross(V[3:], point))
+    out: Expression = plus(V[:3], cross(V[3:], point))
+    return out
 
 
 def point_acceleration(V: Expression, c: Expression, point: Expression) -> Expression:
     """Compute the classical acceleration of a body's point in the body's axes, shape (3,)."""
     turning = cross(V[3:], point_velocity(V, point))
-    return plus(plus(c[:3], cross(c[3:], point)), turning)
+    out: Expression = plus(plus(c[:3], cross(c[3:], point)), turning)
+    return out
