@@ -23,6 +23,9 @@ from ..linkage.closures import TreeClosure, TreeCoupling
 from .bodies import Bodies, merge_fixed_joints
 from .wrists import Wrist, find_wrist, wrist_closure
 
+#: Fewest legs of a platform.
+PLATFORM_LEGS = 3
+
 
 @dataclass
 class ModuleGraph:
@@ -138,7 +141,7 @@ def _cut(bodies: Bodies, module: ModuleGraph, driven: set[int]) -> None:
     held = driven | {i for c in module.couplings for i, _ in c.terms}
     _cut_terminal_wrists(bodies, module, held)
     for body in sorted(i + 1 for i in module.joints):
-        if _legs_touching(bodies, module, body) < 3:
+        if not _is_platform(bodies, module, body):
             continue
         wrist = find_wrist(bodies, module.joints, module.cut_closures, module.carried, held, body)
         if wrist:
@@ -212,14 +215,16 @@ def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[
     return list(out.values())
 
 
-def _legs_touching(bodies: Bodies, module: ModuleGraph, body: int) -> int:
-    """Count the legs at a body.
+def _is_platform(bodies: Bodies, module: ModuleGraph, body: int) -> bool:
+    """Return whether at least `PLATFORM_LEGS` legs touch a body.
 
-    These are the adjacent components that remain without the body and the base, and the direct joints
-    between the two.
+    Legs are the adjacent components that remain without the body and the base, and the direct joints
+    between the two. There are at most as many as edges at the body, which decide for most bodies.
     """
-    edges = _edges(bodies, module)
-    near = {b if a == body else a for a, b in edges if body in (a, b)}
+    at_body = [edge for edge in _edges(bodies, module) if body in edge]
+    if len(at_body) < PLATFORM_LEGS:
+        return False
+    near = {b if a == body else a for a, b in at_body}
     components = _components(bodies, module, {module.base, body, *module.platforms})
-    direct = sum(1 for a, b in edges if {a, b} == {body, module.base})
-    return sum(1 for c in components if near & set(c)) + direct
+    direct = sum(1 for edge in at_body if {*edge} == {body, module.base})
+    return sum(1 for c in components if near & set(c)) + direct >= PLATFORM_LEGS

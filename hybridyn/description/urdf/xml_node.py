@@ -90,6 +90,14 @@ def _refuse_dangerous(text: bytes, file: str) -> None:
             )
 
 
+def _written(xml: etree._Element, tag: str) -> str:
+    """Return the name of an element with its prefix, from its tag, which has the namespace instead."""
+    if not tag.startswith("{"):
+        return tag
+    name = tag.rpartition("}")[2]
+    return f"{xml.prefix}:{name}" if xml.prefix else name
+
+
 @dataclass(frozen=True)
 class Node:
     """An element of an XML file, with strict readers of attributes; every error names file and line.
@@ -105,8 +113,7 @@ class Node:
     @property
     def tag(self) -> str:
         """Name of the element as the author wrote it, prefix included."""
-        name = str(self.xml.tag).rpartition("}")[2]
-        return f"{self.xml.prefix}:{name}" if self.xml.prefix else name
+        return _written(self.xml, str(self.xml.tag))
 
     @property
     def line(self) -> int | None:
@@ -130,8 +137,12 @@ class Node:
 
     def children(self, *tags: str) -> list[Node]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        nodes = [Node(child, self.file) for child in self.xml if isinstance(child.tag, str)]
-        return [node for node in nodes if node.tag in tags] if tags else nodes
+        elements = ((child, child.tag) for child in self.xml)
+        return [
+            Node(child, self.file)
+            for child, tag in elements
+            if isinstance(tag, str) and (not tags or _written(child, tag) in tags)
+        ]
 
     def descendants(self) -> Iterator[Node]:
         """Yield every element below this one, in file order."""
