@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...effects.choice import Effects
-from ...linkage.newton import Closed, LoopProblem, close
+from ...linkage.newton import LoopProblem, close
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
@@ -115,9 +115,7 @@ class Newton:
         """Return the postures after a number of steps, and the time of these steps [s]."""
         while len(self.taken) <= steps:
             number = len(self.taken)
-            closed, seconds = timed(partial(self._closed, number), 3)
+            step = partial(close, self.problem, self.start, np.arange(len(self.start)), iterations=number)
+            closed, seconds = timed(step, 3)
             self.taken.append((closed.q, max(seconds, self.taken[-1][1])))
         return self.taken[steps]
-
-    def _closed(self, steps: int) -> Closed:
-        return close(self.problem, self.start, np.arange(len(self.start)), iterations=steps)

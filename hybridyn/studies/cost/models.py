@@ -95,16 +95,14 @@ def study_models(
     rates = keep(by_rates(robot, trajectory.time, trajectory.q, trajectory.v, trajectory.a, effects))
     points = [
         *(replace(p, seconds=p.seconds + exact) for p in general + written),
-        *(replace(p, seconds=p.seconds + _of_model(p, whole)) for p in closing),
+        *(  # after closing the loops, a model in C is evaluated
+            replace(p, seconds=p.seconds + sum(x for line, x in whole.items() if p.setting.endswith(line)))
+            for p in closing
+        ),
         *(replace(p, seconds=p.seconds + exact + usual) for p in rates),
     ]
     question = f"error of motor efforts against time per sample, {len(some.q):,} at once"
     return Study(question, points, words, own, "per sample")
-
-
-def _of_model(closing: Point, whole: dict[str, float]) -> float:
-    """Return the time of the C model that is evaluated after closing the loops [s]."""
-    return next((seconds for line, seconds in whole.items() if closing.setting.endswith(line)), 0.0)
 
 
 def _reference(robot: HybridRobot, some: Trajectory, effects: Effects) -> tuple[Array, float, str]:

@@ -60,23 +60,14 @@ def of_integration(step: float) -> Iterator[Setting]:
     Args:
         step: The step that `FACTORS` multiplies [s].
     """
-    for dtype, engine in ENGINES.items():
-        yield from _family("dopri5", "stages", step, dtype, engine)
-        yield from _family("rk4", "stages", step, dtype, engine)
-    for projection in ("steps", "never"):
-        for method in ("dopri5", "rk4"):
-            yield from _family(method, projection, step, "", f", projected {projection}")
+    lines = [("stages", dtype, engine) for dtype, engine in ENGINES.items()]
+    lines += [(projection, "", f", projected {projection}") for projection in ("steps", "never")]
+    for projection, dtype, suffix in lines:
+        yield from _adaptive("dopri5", projection, dtype, suffix)
+        yield from _fixed("rk4", projection, step, dtype, suffix)
     yield from _adaptive("implicit", "stages", "", "")
     yield from _fixed("implicit", "stages", step, "", ", fixed steps")
     yield from _fixed("conserving", "stages", step, "", "")
-
-
-def _family(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Yield the settings of one line, coarse to fine."""
-    if method == "dopri5":
-        yield from _adaptive(method, projection, dtype, suffix)
-    else:
-        yield from _fixed(method, projection, step, dtype, suffix)
 
 
 def _adaptive(method: str, projection: str, dtype: str, suffix: str) -> Iterator[Setting]:
