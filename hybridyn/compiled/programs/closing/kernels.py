@@ -298,8 +298,8 @@ class ModuleKernels:
         return ca.SX(ca.if_else(fast <= BOUNDED_RATES * asked, 0.0, 2.0))
 
     def _kept(self, left: tuple[Expression, Expression], motion: tuple[Expression, Expression]) -> Any:
-        """Return the guard of rows that were no pivot's: what their rates and accelerations leave of them."""
-        rest = [i for i in range(len(self.scale)) if i not in self.pivots.rows]
+        """Return the guard of redundant rows of the loops: what rates and accelerations leave of them."""
+        rest = [i for i in range(self.loops) if i not in self.pivots.rows]
         rate, acceleration = (largest(x / self.e.unit) for x in motion)
         guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])
         for miss, size in zip(left, (rate, acceleration + rate * rate), strict=True):
