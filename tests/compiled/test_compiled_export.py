@@ -17,16 +17,17 @@ import pytest
 import hybridyn
 from hybridyn.cli import main
 from hybridyn.compiled.code.operations import Counts, operations, operations_table
-from hybridyn.compiled.code.plain_c import plain_source
+from hybridyn.compiled.code.plain_c import in_lanes, plain_source, prototype, work_type
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.export import c_name, export
+from hybridyn.compiled.library.building import NATIVE
 from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import ModelError
-from tests.compiled_toys import toy
+from tests.compiled_toys import inputs, toy
 
 #: Parts of the models that every module has.
 PARTS = {"idm": ("kinematics", "efforts"), "ddm": ("kinematics", "inertia", "accelerations")}
@@ -200,20 +201,33 @@ def test_make_runs_the_test(bar: Path) -> None:
     assert "largest difference from the reference" in done.stdout
 
 
-def test_every_kind_of_program_compiles(tmp_path: Path) -> None:
-    for seed, copies in ((1, 3), (2, 6)):
-        source = plain_source([toy(seed, copies)], "toy").replace('#include "toy.h"', "")
-        work = f"typedef struct {{ double numbers[1000]; }} toy_toy{seed}_{copies}_work;\n"
-        prototype = re.search(r"^double toy_\w+\([^{]*", source, re.MULTILINE)
-        assert prototype
-        head, rest = source.split("\n", 1)
+def test_every_kind_of_program_compiles_with_the_same_bits_in_lanes(tmp_path: Path) -> None:
+    for seed, copies in ((1, 1), (2, 6)):
+        program = toy(seed, copies)
+        assert in_lanes([program]) == (copies == 6)
+        name = f"toy_{program.name}"
+        head, rest = plain_source([program], "toy").replace('#include "toy.h"', "").split("\n", 1)
+        work = work_type(program, "toy", lanes=copies == 6)
         file = tmp_path / f"toy{seed}.c"
-        file.write_text(head + "\n" + work + prototype.group().strip() + ";\n" + rest)
-        built = subprocess.run(
-            [*find_compiler().command, *STRICT, "-c", str(file), "-o", str(tmp_path / "toy.o")],
-            capture_output=True, text=True,
-        )  # fmt: skip
-        assert (built.returncode, built.stderr) == (0, "")
+        file.write_text("\n".join([head, work, f"{prototype(program, 'toy')};", rest]))
+        given = [x[0] for x in inputs(program, 1)]
+        results = []
+        for n, flags in enumerate([[], NATIVE, [*NATIVE, "-DHYBRIDYN_SCALAR"]]):
+            made = tmp_path / f"toy{seed}{n}.so"
+            command = [*find_compiler().command, *STRICT, *flags, "-shared", "-fPIC"]
+            built = subprocess.run(
+                [*command, str(file), "-o", str(made), "-lm"], capture_output=True, text=True
+            )
+            assert (built.returncode, built.stderr) == (0, "")
+            function = getattr(ctypes.CDLL(str(made)), name)
+            function.restype = ctypes.c_double
+            out = [np.zeros(size) for _, size in program.outputs]
+            room = np.zeros(1000)
+            guard = function(*(ctypes.c_void_p(x.ctypes.data) for x in (*given, *out, room)))
+            results.append(np.concatenate([*out, [guard]]))
+        assert np.isfinite(results[0]).all()
+        np.testing.assert_array_equal(results[1], results[2])
+        np.testing.assert_allclose(results[0], results[1], rtol=1e-9)  # without fused products
 
 
 def test_names_are_names_in_c(tmp_path: Path) -> None:
@@ -267,6 +281,7 @@ def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "base inertial parameters" in out
     assert "axes of the joints" in out
     assert out.count("single calls on this machine: ") == 2
+    assert out.endswith("exported C: plain numbers\n")
     totals = [int(line.split()[-1]) for line in out.splitlines() if line.strip().startswith("total")]
     shared = [
         [int(n) for n in re.findall(r": (\d+)", line)]

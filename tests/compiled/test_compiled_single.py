@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,7 +94,9 @@ def test_statistics_name_the_code_of_single_calls(monkeypatch: pytest.MonkeyPatc
         head + "4 lanes for equal legs (when built: 0.5 us with 8 lanes for equal legs"
     )
     times = {"idm": [2e-6, 1e-6], "ddm": [1e-6, 3e-6]}
-    about = {"programs": {"lift": {}} | {name: {"times": both} for name, both in times.items()}}
+    about: dict[str, Any] = {
+        "programs": {"lift": {}} | {name: {"times": both} for name, both in times.items()}
+    }
     monkeypatch.setattr(statistics, "known", lambda key: Built(Path("library.so"), about))
     assert statistics._measured(build_robot(shipped("five_bar")), None) == times
     monkeypatch.setattr(statistics, "known", lambda key: None)

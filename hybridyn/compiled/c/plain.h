@@ -10,34 +10,23 @@ typedef float S;
 #endif
 #else
 typedef double S;
+#define DOUBLE
 #define FUNCTION(name) name
 #ifdef FP_FAST_FMA
 #define FAST_FMA
 #endif
 #endif
-typedef S V;
-typedef int M;
-
-#define C(x) ((V)(x))
-#define ALIGNED
-#ifdef FAST_FMA
-#define FMA(a, b, c) FUNCTION(fma)(a, b, c)
-#else
-#define FMA(a, b, c) ((a) * (b) + (c))
+#if !defined(FAST_FMA) && defined(__GNUC__) && (defined(__FMA__) || defined(__aarch64__))
+#define FAST_FMA
 #endif
-#define FMS(a, b, c) FMA(a, b, -(c))
-#define FNMA(a, b, c) FMA(-(a), b, c)
-#define FNMS(a, b, c) FMA(-(a), b, -(c))
-#define LT(a, b) ((a) < (b))
-#define LE(a, b) ((a) <= (b))
-#define EQ(a, b) ((a) == (b))
-#define NE(a, b) ((a) != (b))
-#define NOT(m) (!(m))
-#define AND(a, b) ((a) && (b))
-#define OR(a, b) ((a) || (b))
-#define TRUE(x) ((x) != 0)
-#define NUMBER(m) ((m) ? C(1) : C(0))
-#define CHOOSE(m, x) ((m) ? (x) : C(0))
-#define FMIN(a, b) FUNCTION(fmin)(a, b)
-#define FMAX(a, b) FUNCTION(fmax)(a, b)
-#define SIGN(x) C(((x) > 0) - ((x) < 0))
+
+#ifdef __GNUC__
+#define INLINE static inline __attribute__((always_inline, unused))
+#define SELDOM static __attribute__((noinline, cold, unused))
+#if __FLT_EVAL_METHOD__ == 0
+#define EXACT /* every operation rounds to its type: the sines below count on it */
+#endif
+#endif
+#if defined(EXACT) && defined(__AVX__) && !defined(HYBRIDYN_SCALAR) /* shorter vectors gain nothing */
+#define VECTORS
+#endif

@@ -19,10 +19,8 @@ INLINE double WITH_BITS(MD k) {
 }
 #define SELECT_D(m, a, b) ((m) ? (a) : (b))
 #define BEYOND(x) (!(__builtin_fabs(x) <= LIMIT))
-#define ANY_D(m) (m)
+#define ANY_D(m) ((m) != 0)
 /* trigonometry.h */
-INLINE V SQRT(V x) { return SCALAR(__builtin_sqrt)(x); }
-INLINE V FABS(V x) { return SCALAR(__builtin_fabs)(x); }
 INLINE void SINCOS(V x, V *s, V *c) {
     double a, b;
     SINCOS_D((double)x, &a, &b);

@@ -2,8 +2,10 @@
 typedef S V __attribute__((vector_size(W * sizeof(S))));
 typedef I M __attribute__((vector_size(W * sizeof(S))));
 
+#ifndef INLINE
 #define INLINE static inline __attribute__((always_inline, unused))
 #define SELDOM static __attribute__((noinline, cold, unused))
+#endif
 #define C(x) ((S)(x) - (V){0}) /* exact, also for -0 */
 #define LANE(x, i) ((x)[i])
 
@@ -23,31 +25,7 @@ typedef I M __attribute__((vector_size(W * sizeof(S))));
 #endif
 #endif
 
-#ifndef ROOT
-#if defined(__AVX__) || defined(__SSE2__)
-#include <immintrin.h>
-#endif
-#if defined(__AVX512F__) && W == 8 && defined(DOUBLE)
-#define X86(operation) _mm512_##operation##_pd
-#define ANY_BIT(m) (_mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0)
-#elif defined(__AVX__) && W == 4 && defined(DOUBLE)
-#define X86(operation) _mm256_##operation##_pd
-#elif defined(__SSE2__) && W == 2 && defined(DOUBLE)
-#define X86(operation) _mm_##operation##_pd
-#elif defined(__AVX512F__) && W == 16
-#define X86(operation) _mm512_##operation##_ps
-#elif defined(__AVX__) && W == 8 && !defined(DOUBLE)
-#define X86(operation) _mm256_##operation##_ps
-#elif defined(__SSE2__) && W == 4 && !defined(DOUBLE)
-#define X86(operation) _mm_##operation##_ps
-#endif
-#ifdef X86
-#define ROOT(x) X86(sqrt)(x)
-#ifdef __FMA__
-#define FUSED(operation, a, b, c) X86(operation)(a, b, c)
-#endif
-#endif
-#endif
+/* intrinsics.h */
 
 /* a b + c with one rounding where the machine has it; never left to the compiler's taste. */
 #ifdef FUSED
@@ -55,7 +33,7 @@ INLINE V FMA(V a, V b, V c) { return (V)FUSED(fmadd, a, b, c); }
 INLINE V FMS(V a, V b, V c) { return (V)FUSED(fmsub, a, b, c); }
 INLINE V FNMA(V a, V b, V c) { return (V)FUSED(fnmadd, a, b, c); }
 INLINE V FNMS(V a, V b, V c) { return (V)FUSED(fnmsub, a, b, c); }
-#elif defined(__FMA__) || defined(__aarch64__)
+#elif defined(__FMA__) || defined(__aarch64__) || defined(FAST_FMA)
 INLINE V FMA(V a, V b, V c) {
     V r;
     for (int i = 0; i < W; i++) r[i] = SCALAR_FMA(a[i], b[i], c[i]);

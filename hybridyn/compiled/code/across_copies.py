@@ -32,8 +32,8 @@ from .tables import Tables, steps_of_one
 HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
 
 
-def across_copies(program: Program, names: list[str], lanes: int, tables: Tables) -> str:
-    """Return the C function `<program>_copies`."""
+def across_copies(program: Program, names: list[str], lanes: int, tables: Tables, head: str = HEAD) -> str:
+    """Return the C function `<program>_copies`, or the one that `head` declares."""
 
     def call(step: Call, name: str) -> list[str]:
         """Return the lines of C that call a kernel for all copies: one by one, or in packs of lanes."""
@@ -42,7 +42,7 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
         packs = range(-(-step.copies // lanes))
         return [line for pack in packs for line in _Pack(step, pack, lanes, tables).text(name)]
 
-    return driver(program, HEAD.format(name=program.name), names, tables, call)
+    return driver(program, head.format(name=program.name), names, tables, call)
 
 
 def _alone(call: Call, name: str, lanes: int, tables: Tables) -> list[str]:

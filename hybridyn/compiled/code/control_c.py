@@ -40,7 +40,7 @@ class ControlStep:
         lines = [
             f"{prototype(self.form, name, dtype)} {{",
             f"    {real} *from = work->numbers, *given = from + {near}, *result = given + {given};",
-            f"    {real} *shared = result + {result}, *own = shared + {max(self.inverse.shared, 1)};",
+            f"    V *shared = ROOM(result + {result}), *own = shared + {max(self.inverse.shared, 1)};",
             f"    {real} guard = 0;",
             "    int k, n;",
             f"    for (k = 0; k < {near}; k++) from[k] = near[k];",

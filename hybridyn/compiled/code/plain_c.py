@@ -1,16 +1,26 @@
-"""Generate portable C99 from programs: scalar code, no allocation, no library but <math.h>."""
+"""Generate portable C99 from programs: no allocation, no library but <math.h>.
+
+Where many legs are equal, the source has vectors, too, whose lanes hold equal legs: GCC and Clang take them
+for processors with AVX, others take the plain numbers, with the same bits.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from ..program import Program
+from ..program import Call, Program
+from .across_copies import across_copies
 from .across_samples import across_samples
+from .alone import CALLED_ALONE, VECTOR_STATEMENT
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import text_of
+from .scalars import moves_of_copies, own_sines, text_of
 from .tables import Tables
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 #: Functions of kernels that have the same name in the C library.
 FUNCTIONS = (
@@ -18,21 +28,22 @@ FUNCTIONS = (
     "EXPM1", "LOG", "LOG1P", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW",
 )  # fmt: skip
 
+#: First line of the drivers in lanes: the arguments of those on plain numbers, where V is S.
+COPIES = "static void {name}_samples(const S *given, S *result, V *shared, V *own, S *guard) {{"
+
 #: Functions that drivers and kernels call; only those in use are printed.
 MOVES = {
     "worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }",
     **{
         name: f"static void {name}({given}, int n) {{\n    int k;\n    for (k = 0; k < n; k++) {move};\n}}"
         for name, given, move in (
-            ("set_all", "V *to, const S *from", "to[k] = from[k]"),
+            ("set_all", "V *to, const S *from", "to[k] = C(from[k])"),
             ("copy", "V *to, const V *from", "to[k] = from[k]"),
             ("gather", "V *to, const V *from, const int *at", "to[k] = from[at[k]]"),
             ("scatter", "V *to, const int *at, const V *from", "to[at[k]] = from[k]"),
             ("add", "V *to, const V *from", "to[k] += from[k]"),
         )
     },
-    "SINCOS": "static void SINCOS(V x, V *s, V *c) {\n"
-    "    *s = FUNCTION(sin)(x);\n    *c = FUNCTION(cos)(x);\n}",
 }
 
 
@@ -41,6 +52,22 @@ REAL = {"float64": "double", "float32": "float"}
 
 #: Mark in every exported file; a file without it is never overwritten.
 WRITTEN = "Written by hybridyn"
+
+
+#: Numbers in a vector: doubles in a register of AVX.
+LANES = 4
+
+#: Sine and cosine of the C library, of a number and of each lane.
+SINES = """static void SINCOS(V x, V *s, V *c) {
+    *s = FUNCTION(sin)(x);
+    *c = FUNCTION(cos)(x);
+}"""
+SINES_OF_LANES = """SELDOM void SINCOS(V x, V *s, V *c) {
+    for (int i = 0; i < W; i++) {
+        (*s)[i] = FUNCTION(sin)(x[i]);
+        (*c)[i] = FUNCTION(cos)(x[i]);
+    }
+}"""
 
 
 def plain_source(
@@ -56,37 +83,37 @@ def plain_source(
         dtype: "float64" or "float32".
         more: Programs without a public function, and C that calls them.
     """
+    ways = (1, LANES) if in_lanes(programs) else (1,)
+    programs, (hidden, calling) = [trimmed(program) for program in programs], more
+    every = [*programs, *map(trimmed, hidden)]
     kernels: dict[str, str] = {}
-    drivers: list[str] = []
-    tables = Tables(dtype)
-    hidden, calling = more
-    public = {program.name for program in programs}
-    for program in map(trimmed, (*programs, *hidden)):
+    names: list[list[str]] = []
+    for program in every:
         check(program)
-        names = []
-        for kernel in program.kernels:
-            text = kernel_text(kernel_graph(kernel))
-            if text not in kernels:
-                kernels[text] = kernel.name
-            names.append(kernels[text])
-        drivers.append(across_samples(program, names, tables))
-        drivers += [_call(program, name, dtype)] if program.name in public else []
-    drivers += [calling] if calling else []
+        texts = [kernel_text(kernel_graph(kernel)) for kernel in program.kernels]
+        for kernel, text in zip(program.kernels, texts, strict=True):
+            kernels.setdefault(text, kernel.name)
+        names.append([kernels[text] for text in texts])
     bodies = [f"static void {called}{text}" for text, called in kernels.items()]
-    code = "\n\n".join([*bodies, tables.text, *drivers])
-    moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
-    functions = [
-        f"#define {word} FUNCTION({word.lower()})" for word in FUNCTIONS if re.search(rf"\b{word}\(", code)
-    ]
+    code = "\n\n".join(bodies)
+    arithmetic = _either([_arithmetic(code, dtype, lanes) for lanes in ways])
+    drivers = _either([_drivers(every, names, lanes, dtype) for lanes in ways])
     single = "#define SINGLE\n" if dtype == "float32" else ""
     parts = [
         f'/* {WRITTEN}. What it offers stands in {name}.h. */\n#include <math.h>\n\n#include "{name}.h"',
         single + text_of("plain.h").strip(),
-        "\n".join(functions),
-        *moves,
+        arithmetic,
         code,
+        drivers,
+        *(_call(program, name, dtype) for program in programs),
+        calling,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _either(ways: list[str]) -> str:
+    """Return the C source on plain numbers, or also the one in lanes for compilers that have vectors."""
+    return ways[0] if len(ways) == 1 else f"#ifdef VECTORS\n{ways[1]}\n#else\n{ways[0]}\n#endif"
 
 
 def prototype(program: Program, name: str, dtype: str = "float64") -> str:
@@ -97,10 +124,60 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
     return f"{real} {name}_{program.name}({', '.join(arguments)}, {name}_{program.name}_work *work)"
 
 
-def work_type(program: Program, name: str, dtype: str = "float64") -> str:
-    """Return the C type of the workspace of a program's function."""
-    room = f"{REAL[dtype]} numbers[{sum(_sizes(program))}]"
+def work_type(program: Program, name: str, dtype: str = "float64", *, lanes: bool = False) -> str:
+    """Return the C type of the workspace of a program's function; `lanes` as from `in_lanes`."""
+    given, result, shared, own = _sizes(program)
+    vectors = LANES * (shared + own) + LANES - 1 if lanes else shared + own  # from an aligned place on
+    room = f"{REAL[dtype]} numbers[{given + result + vectors}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
+
+
+def in_lanes(programs: list[Program]) -> bool:
+    """Return whether the source of programs has vectors: whether equal legs save enough statements."""
+    counts = [(f.n_instructions(), copies) for f, copies in _calls(programs)]
+    vectors = sum(length * -(-copies // LANES) for length, copies in counts)
+    return sum(length * copies for length, copies in counts) > VECTOR_STATEMENT * vectors
+
+
+def _calls(programs: list[Program]) -> list[tuple[ca.Function, int]]:
+    """Return function and copies of the calls of the models, or of all programs where there are none."""
+    models = [program for program in programs if program.name in CALLED_ALONE] or programs
+    return [
+        (program.kernels[step.kernel].function, step.copies)
+        for program in models
+        for step in program.steps
+        if isinstance(step, Call)
+    ]
+
+
+def _arithmetic(code: str, dtype: str, lanes: int) -> str:
+    """Return the C source of the arithmetic of kernels, on plain numbers or in lanes."""
+    if lanes == 1:
+        used = [word for word in FUNCTIONS if re.search(rf"\b{word}\(", code)]
+        parts = [text_of("plain_scalar.h"), *(f"#define {word} FUNCTION({word.lower()})" for word in used)]
+    else:
+        vector = text_of("vector.h").replace("/* intrinsics.h */\n\n", "")
+        parts = [f"#define W {lanes}", text_of("plain_vector.h"), vector]
+        parts += [text_of("functions.h"), moves_of_copies(lanes)]
+    if "SINCOS(" in code:
+        library = SINES if lanes == 1 else SINES_OF_LANES
+        own = dtype == "float64"
+        parts += [f"#ifdef EXACT\n{own_sines(lanes)}#else\n{library}\n#endif" if own else library]
+    return "\n".join(part.strip() for part in parts)
+
+
+def _drivers(programs: list[Program], names: list[list[str]], lanes: int, dtype: str) -> str:
+    """Return the tables and drivers of programs, on plain numbers or in lanes, and what they call."""
+    tables = Tables(dtype)
+    drivers = [
+        across_samples(program, called, tables)
+        if lanes == 1
+        else across_copies(program, called, lanes, tables, COPIES)
+        for program, called in zip(programs, names, strict=True)
+    ]
+    code = "\n\n".join(drivers)
+    moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
+    return "\n\n".join(part for part in (*moves, tables.text, code) if part)
 
 
 def _sizes(program: Program) -> tuple[int, int, int, int]:
@@ -114,17 +191,17 @@ def _call(program: Program, name: str, dtype: str) -> str:
     given, result, shared, _ = _sizes(program)
     lines = [
         f"{prototype(program, name, dtype)} {{",
-        f"    V *given = work->numbers, *result = given + {given}, *shared = result + {result};",
-        f"    V guard = C(0), *own = shared + {shared};",
+        f"    S guard = 0, *given = work->numbers, *result = given + {given};",
+        f"    V *shared = ROOM(result + {result}), *own = shared + {shared};",
         "    int k;",
     ]
     at = 0
     for word, size in program.inputs:
         lines.append(f"    for (k = 0; k < {size}; k++) given[{at} + k] = {word}[k];")
         at += size
-    lines.append(f"    for (k = 0; k < {given}; k++) guard += given[k] * C(0); /* not finite: NaN */")
+    lines.append(f"    for (k = 0; k < {given}; k++) guard += given[k] * (S)0; /* not finite: NaN */")
     lines.append(f"    {program.name}_samples(given, result, shared, own, &guard);")
-    lines.append(f"    for (k = 0; k < {result}; k++) guard += result[k] * C(0); /* not finite: NaN */")
+    lines.append(f"    for (k = 0; k < {result}; k++) guard += result[k] * (S)0; /* not finite: NaN */")
     at = 0
     for word, size in program.outputs:
         lines.append(f"    for (k = 0; k < {size}; k++) {word}[k] = result[{at} + k];")

@@ -62,7 +62,8 @@ class Scalar:
             }.get(self.name, ""),
         ]
         if self.lanes > 1:
-            lines += [f"#define I {integer}", f"#define W {self.lanes}", text_of("vector.h")]
+            vector = text_of("vector.h").replace("/* intrinsics.h */", text_of("intrinsics.h"))
+            lines += [f"#define I {integer}", f"#define W {self.lanes}", vector]
         else:
             lines += [text_of("scalar.h")]
         lines += [text_of("functions.h"), _sines(self)]
@@ -71,12 +72,14 @@ class Scalar:
     def moves(self) -> str:
         """Return the C source that moves numbers into several lanes and out of them."""
         lanes = range(self.lanes)
-        lines = [
-            f"#define FROM(from, at) {', '.join(f'(from)[(at)[{i}]]' for i in lanes)}",
-            f"#define ROWS(row, k) {', '.join(f'(row)[{i}][k]' for i in lanes)}",
-            text_of("lanes.h"),
-        ]
-        return "\n".join(lines)
+        rows = f"#define ROWS(row, k) {', '.join(f'(row)[{i}][k]' for i in lanes)}"
+        return "\n".join([moves_of_copies(self.lanes), rows, text_of("lanes.h")])
+
+
+def moves_of_copies(lanes: int) -> str:
+    """Return the C source that moves numbers between the lanes of vectors, which hold copies."""
+    entries = ", ".join(f"(from)[(at)[{i}]]" for i in range(lanes))
+    return f"#define FROM(from, at) {entries}\n{text_of('copies.h')}"
 
 
 def _sines(scalar: Scalar) -> str:
@@ -89,7 +92,16 @@ def _sines(scalar: Scalar) -> str:
                 "INLINE void SINCOS(V x, V *s, V *c) { *s = SCALAR(sin)(x); *c = SCALAR(cos)(x); }",
             ]
         )
-    own = "sines_vector.h" if scalar.lanes > 1 else "sines_scalar.h"
+    roots = [
+        "INLINE V SQRT(V x) { return SCALAR(__builtin_sqrt)(x); }",
+        "INLINE V FABS(V x) { return SCALAR(__builtin_fabs)(x); }",
+    ]
+    return "\n".join([*(roots if scalar.lanes == 1 else []), own_sines(scalar.lanes)])
+
+
+def own_sines(lanes: int) -> str:
+    """Return the C source of SINCOS in float64 and float32."""
+    own = "sines_vector.h" if lanes > 1 else "sines_scalar.h"
     return text_of(own).replace("/* trigonometry.h */", text_of("trigonometry.h"))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ...dynamics.quantities.joint_map import motors_beside
 from ...structure.parameters.slots import Slot, values_of
 from ...structure.robot import HybridRobot
-from ..code.plain_c import WRITTEN, prototype, work_type
+from ..code.plain_c import WRITTEN, in_lanes, prototype, work_type
 from ..equations.guards import GUARD_CLOSED
 from ..program import Program
 from .closing.platform_program import posed_modules
@@ -92,10 +92,10 @@ def header_text(
         "   is not finite came in or out. `work` is memory of yours; nothing in it is kept between calls,",
         "   and nothing else is written: calls may run at the same time, each with its own.",
     ]  # fmt: skip
-    guard = f"{name.upper()}_H"
+    guard, lanes = f"{name.upper()}_H", in_lanes(programs)
     lines = [comment(about), f"#ifndef {guard}\n#define {guard}", '#ifdef __cplusplus\nextern "C" {\n#endif']
     for program in programs:
-        lines.append(work_type(program, name, dtype))
+        lines.append(work_type(program, name, dtype, lanes=lanes))
         lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")
     return "\n\n".join([*lines, "#ifdef __cplusplus\n}\n#endif", "#endif"]) + "\n"
 

@@ -8,6 +8,7 @@ from ...structure.robot import HybridRobot
 from ..code.alone import describe_single, lanes_of_codes
 from ..code.kernels import kernel_graph, kernel_text
 from ..code.operations import operations_table
+from ..code.plain_c import in_lanes
 from ..code.quotients import costing, operations_of
 from ..code.rules import trimmed
 from ..code.scalars import Scalar
@@ -60,7 +61,9 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
         single = describe_single(codes, times.get(model))
         shared = f"as one expression, shared across legs and stages: {with_guard}; without the guard: {alone}"
         tables.append(f"{title}\n\n{table}\n{shared}\n{single}")
-    return "\n\n".join(tables)
+    own = [variants["base inertial parameters"][model] for model in titles]
+    exported = "4 lanes for equal legs with AVX, else plain numbers" if in_lanes(own) else "plain numbers"
+    return "\n\n".join([*tables, f"exported C: {exported}"])
 
 
 def _measured(robot: HybridRobot, effects: Choice) -> dict[str, list[float]]:
