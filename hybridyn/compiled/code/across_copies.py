@@ -62,6 +62,8 @@ def _turned(source: Turned, copies: Index, lanes: int) -> Index:
 def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; scalars are first spread over the lanes."""
     match source:
+        case Shared(_, 0) | Each(_, 0) | Own(_, 0):
+            return "0"
         case Shared(start, _) | Each(start, _):
             return f"shared + {start}"
         case Own(start, _):
@@ -90,6 +92,8 @@ def _alone_target(tables: Tables, n: int, target: Target, free: bool, block: Blo
     """Return an argument that is written; results and the guard are taken from the first lane."""
     y = f"y{n}"
     match target:
+        case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):
+            size = 0
         case Shared(start, size) | Each(start, size) | Own(start, size):
             place = f"{'own' if isinstance(target, Own) else 'shared'} + {start}"
             if free:
@@ -129,6 +133,8 @@ class _Pack:
     def _source(self, n: int, source: Source, block: Block) -> str:
         """Return an argument that is read; the copies' numbers are first gathered into their lanes."""
         match source:
+            case Shared(_, 0) | Own(_, 0):
+                return "0"
             case Shared(start, _):
                 return f"shared + {start}"
             case Own(start, size):
@@ -155,6 +161,8 @@ class _Pack:
         """Return an argument that is written; all but the copies' own numbers are moved on afterwards."""
         y, first, valid = f"y{n}", self.first, self.valid
         match target:
+            case Own(_, 0) | Add(_, 0) | Each(_, 0):
+                size = 0
             case Own(start, size):
                 place = f"own + {start + self.pack * size}"
                 if free:
