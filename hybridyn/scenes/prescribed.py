@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,14 +46,12 @@ def follow_motion(
     """
     x = reference.rows(times)
     motors = {name: tuple(level[:, i] for level in x) for i, name in enumerate(robot.motors)}
-    if compiled is None:
-        q, v, a = assemble(robot, motors=motors, guess=guess)
-    else:
-        q, v, a = compiled.assemble(motors=motors, guess=guess)
+    close = partial(assemble, robot) if compiled is None else compiled.assemble
+    q, v, a = close(motors=motors, guess=guess)
     if effects.base is not None:
         q, v, a = effects.base.into(robot, times, q, v, a)
-    quick = None if compiled is None else compiled.idm(q, v, a)
-    tau = idm(robot, q, v, a, effects=effects, time=times) if quick is None else quick
+    model = partial(idm, robot, effects=effects, time=times) if compiled is None else compiled.idm
+    tau = model(q, v, a)
     stored = energy(robot, q, v, effects=effects)
     return Result(
         origin=Origin(robot.name, "prescribed"), t=times, q=q, v=v, a=a, tau=tau, kinetic=stored.kinetic,

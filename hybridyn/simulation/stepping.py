@@ -231,13 +231,9 @@ class Stepper:
             try:
                 stepped = self._one(state, h)
                 error = self._error(state, stepped)
+                factor = float(np.clip(0.9 * max(error, 1e-10) ** (-1 / self._solver.error_order), 0.2, 5))
             except (AssemblyError, StepError) as caught:
-                failure, error = caught, np.inf
-            factor = (
-                0.25
-                if failure
-                else float(np.clip(0.9 * max(error, 1e-10) ** (-1 / self._solver.error_order), 0.2, 5))
-            )
+                failure, error, factor = caught, np.inf, 0.25
             if error <= 1.0:
                 if not (last and factor > 1 and abs(h) < abs(self.next_step)):
                     self.next_step = h * factor

@@ -163,13 +163,9 @@ def _effect_sets(effects: Effects, measured: Sequence[Point]) -> list[Choice]:
     growing = list(_growing_sets(effects))
     errors = {p.setting: p.error for p in measured}
     order = [name for name in effects.names if name not in KEPT]
-    worth = {}
-    for name in order:
-        without = {x for x in effects.names if x != name}
-        words = next((w for w, names in growing if set(names) == without), None)
-        if words in errors:
-            worth[name] = errors[str(words)]
-    known = {frozenset(names) for _, names in growing}
+    known = {frozenset(names): words for words, names in growing}
+    without = {name: known.get(frozenset(effects.names) - {name}, "") for name in order}
+    worth = {name: errors[words] for name, words in without.items() if words in errors}
     return growing + [x for x in _reduced_sets(effects, worth) if frozenset(x[1]) not in known]
 
 
