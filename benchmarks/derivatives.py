@@ -1,5 +1,6 @@
 """Derivatives of both models beside Pinocchio's, of robots with loops and of serial arms.
 
+They are measured over all joints and over the motors, which is what a controller or an optimiser reads.
 Errors are those of one directional derivative, along a random motion that keeps the loops closed, against
 differences of the oracle in long double. Pinocchio's `computeConstraintDynamicsDerivatives` needs
 `constraintDynamics`, which is called before and not counted.
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +37,8 @@ from hybridyn.spatial import Array
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
 #: Names of our calls: with new arrays, and with arrays that are filled again, as Pinocchio's data are.
 OURS, GIVEN = "hybridyn, compiled", "hybridyn, compiled, given arrays"
+#: What follows the name of a model whose derivatives are over the motors.
+MOTORS = " over motors"
 #: Largest error of hybridyn's derivatives.
 LIMIT = 1e-10
 #: Step of the differences: its fourth power, and the rounding of long doubles over it, are about 1e-15.
@@ -64,6 +68,14 @@ class Exact(NamedTuple):
         found = sum(J @ x for J, x in zip(blocks, self.along, strict=True))
         error = np.abs(found - self.value).max() / np.abs(self.value).max()
         return float(error) if np.isfinite(error) else math.inf
+
+    def of_motors(self, robot: HybridRobot, model: Model) -> Exact:
+        """Return the same of the motors alone."""
+        at = np.array([robot.v_slices[robot.joint_index[name]].start for name in robot.motors])
+        dq, dv, dx = self.along
+        if model == "idm":
+            return Exact((dq[at], dv[at], dx[at]), self.value, self.error)
+        return Exact((dq[at], dv[at], dx), self.value[at], self.error)
 
 
 def exact(robot: HybridRobot, model: Model, q: Array, v: Array, given: Array) -> Exact:
@@ -129,32 +141,40 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
     out: list[Check | Point] = [
         Check(case, f"{what}: the reference (long double), its own error", reference.error, math.nan)
     ]
-    derive = Derivatives(robot, model)
-    found = derive(q, v, x)
-    error = reference.off(tuple(found[name] for name in ("q", "v", "a" if model == "idm" else "tau")))  # type: ignore[arg-type]
-    refuse(error, LIMIT, f"{what} of {case}")
-    out.append(Check(case, f"{what} by hybridyn, compiled", error, LIMIT))
     model_alone = operations(programs(robot, models=(model,))[model])
-    dense, whole = operations(derive.program, DENSE), operations(derive.program)
-    ratios = f"{whole / model_alone:.3g}", f"{(whole - dense) / model_alone:.3g}"
-    count = f"{ratios[0]} times the model's operations, {ratios[1]} without dense products"
-    rows = [(name, count, samples, error) for name in (OURS, GIVEN) for samples in (1, batch)]
-    one, many = derive.allocate(), derive.allocate(batch)
-    calls: list[Callable[[], object]] = [
-        lambda: derive(q, v, x), lambda: derive(*given), lambda: derive(q, v, x, out=one),
-        lambda: derive(*given, out=many),
-    ]  # fmt: skip
+    rows: list[tuple[str, str, str, int, float]] = []
+    calls: list[Callable[[], object]] = []
+    for coordinates, words, truth in (
+        ("joints", what, reference),
+        ("motors", what + MOTORS, reference.of_motors(robot, model)),
+    ):
+        derive = Derivatives(robot, model, coordinates=coordinates)
+        found = derive(q, v, x)
+        error = truth.off((found["q"], found["v"], found["a" if model == "idm" else "tau"]))
+        refuse(error, LIMIT, f"{words} of {case}")
+        out.append(Check(case, f"{words} by hybridyn, compiled", error, LIMIT))
+        dense, whole = operations(derive.program, DENSE), operations(derive.program)
+        ratios = f"{whole / model_alone:.3g}", f"{(whole - dense) / model_alone:.3g}"
+        count = f"{ratios[0]} times the model's operations, {ratios[1]} without dense products"
+        rows += [(words, name, count, samples, error) for name in (OURS, GIVEN) for samples in (1, batch)]
+        one, many = derive.allocate(), derive.allocate(batch)
+        calls += [
+            partial(derive, q, v, x), partial(derive, *given), partial(derive, q, v, x, out=one),
+            partial(derive, *given, out=many),
+        ]  # fmt: skip
     try:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):
-            rows.append((name, written(setting), 1, reference.off(blocks)))
+            rows.append((what, name, written(setting), 1, reference.off(blocks)))
             calls.append(call)
     except NotMeasuredError as why:
         nothing = math.nan
         out.append(Point(what, case, "pinocchio", "", 0, 0, nothing, nothing, nothing, str(why)))
     times = interleaved(calls, rounds, clock=time.process_time)
-    for (name, words, samples, off), taken in zip(rows, times, strict=True):
+    for (model_of, name, words, samples, off), taken in zip(rows, times, strict=True):
         us = 1e6 / samples
-        out.append(Point(what, case, name, words, samples, 1, off, us * taken.least, us * taken.median, ""))
+        out.append(
+            Point(model_of, case, name, words, samples, 1, off, us * taken.least, us * taken.median, "")
+        )
     return out
 
 

@@ -20,6 +20,7 @@ from benchmarks.texts import (
     JOB,
     LIMITS,
     METHODS,
+    OVER_MOTORS,
     PEAK,
     SINGULAR,
     THROUGHPUT,
@@ -179,6 +180,8 @@ def _throughput(results: Results) -> Iterator[str]:
 
 def _derivatives(results: Results) -> Iterator[str]:
     yield DERIVATIVES
+    if any(p.model.endswith("over motors") for p in results["derivatives"]):
+        yield OVER_MOTORS
     rows = [
         [p.model, p.case, p.method, p.setting, f"{p.batch:,}", number(p.error), number(p.us)]
         for p in results["derivatives"]

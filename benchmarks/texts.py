@@ -55,6 +55,14 @@ double. In Pinocchio 4.1.0 the derivatives over q of robots with loops differ fr
 own `constraintDynamics`, which agree with the oracle: for these robots the ratio compares times alone.
 """
 
+OVER_MOTORS = """\
+Rows "over motors" give fewer numbers: derivatives of the motors' accelerations (or efforts) over the motors'
+positions, rates and efforts (or accelerations), along which the loops stay closed. Of the LX4 that is 24 by
+72 numbers instead of 84 by 192, all that a controller or an optimiser in these coordinates reads. Pinocchio
+has no such derivatives: its function computes those of all joints and of the loops' forces, which would have
+to be projected afterwards.
+"""
+
 METHODS = """\
 ## What is compared
 

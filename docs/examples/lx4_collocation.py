@@ -37,7 +37,9 @@ class Dynamics:
 
     def __init__(self, robot: hybridyn.HybridRobot) -> None:
         self.robot, self.compiled = robot, hybridyn.compile(robot)
-        self.derivatives = Derivatives(robot, "ddm")  # what hybridyn.ddm_jacobian prepares
+        self.derivatives = Derivatives(
+            robot, "ddm", coordinates="motors"
+        )  # as hybridyn.ddm_jacobian prepares
         self.columns = [robot.v_slices[robot.joint_index[m]].start for m in robot.motors]
         self.at = [robot.q_slices[robot.joint_index[m]].start for m in robot.motors]
 
@@ -57,14 +59,8 @@ class Dynamics:
         return self.compiled.ddm(*self.states(x))[:, self.columns]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Compute their derivatives, shape (T, 24, 72): through q and v along the loops, and by the forces.
-
-        d(E u)/dm is the rate of the motion map E: second derivatives of q by m are symmetric.
-        """
-        q, v, tau = self.states(x)
-        E, E_dot = self.compiled.motion_map(q, v)
-        J = {name: block[:, self.columns] for name, block in self.derivatives(q, v, tau).items()}
-        return np.concatenate([J["q"] @ E + J["v"] @ E_dot, J["v"] @ E, J["tau"]], axis=2)
+        """Compute their derivatives, shape (T, 24, 72), along motions that keep the loops closed."""
+        return np.concatenate(list(self.derivatives(*self.states(x)).values()), axis=2)
 
     def differences(self, x: np.ndarray) -> np.ndarray:
         """Compute the same by central differences of the compiled model, all in one batch."""

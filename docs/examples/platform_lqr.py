@@ -37,10 +37,9 @@ class Platform:
 
     def linear(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compute A and B of x_dot = A x + B tau about the posture at rest, x = (m, u)."""
-        J = hybridyn.ddm_jacobian(self.robot, self.posture, 0 * self.posture, tau)
-        E, still, one = self.compiled.motion_map(self.posture), np.zeros((6, 6)), np.eye(6)
-        over = [(J[name] @ E)[self.columns] for name in ("q", "v")]
-        return np.block([[still, one], over]), np.vstack([still, J["tau"][self.columns]])
+        v, still, one = np.zeros(self.robot.nv), np.zeros((6, 6)), np.eye(6)
+        J = hybridyn.ddm_jacobian(self.robot, self.posture, v, tau, coordinates="motors")
+        return np.block([[still, one], [J["q"], J["v"]]]), np.vstack([still, J["tau"]])
 
     def by_differences(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compute the same by central differences of the compiled model, all in one batch."""

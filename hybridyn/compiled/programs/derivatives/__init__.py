@@ -1,7 +1,8 @@
 """Build the derivatives of the models as programs: those of each module, joined by the chain rule.
 
 Read `nodes` (stages joined to functions), `local` (their derivatives), `adjoints` (the sweep back), `columns`
-(derivatives over coordinates), then `inverse` and `direct`.
+(derivatives over coordinates), then `inverse` and `direct`. Over motors: `tangents` (the sweep forward),
+`motor_motion` (how joints follow motors), `motor_forces`, then `motor_inverse` and `motor_direct`.
 
 May import: what `programs` may.
 """

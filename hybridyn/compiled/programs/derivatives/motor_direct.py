@@ -66,7 +66,7 @@ class MotorRelations(Eliminated):
 
     Attributes:
         forces: Forces of the group.
-        S: Accelerations and twists of the outputs over motor accelerations, column by column.
+        S: Accelerations of the outputs over motor accelerations, column by column.
     """
 
     forces: GroupForces
@@ -77,13 +77,13 @@ class MotorRelations(Eliminated):
         """Add the relations of a group."""
         w, group, n, rows = x.writer, x.group, x.group.mobility, x.rows
         total = sum(x.sizes)
-        D, F, S, first = w.each(n, n), w.each(n, rows - n), w.each(n, total), 0
+        D, F, S, first = w.each(n, n), w.each(n, rows - n), w.each(n, 6 * len(x.places)), 0
         for i, part in enumerate(x.parts):
             targets: dict[str, Target] = {"motors": columns_from(D, first)}
             if rows > n:
                 targets["base"] = columns_from(F, first)
             if total:
-                targets["outputs"] = columns_from(S, first)
+                targets["accelerations"] = columns_from(S, first)
             x.over_motors(i, "a", targets)
             first += len(part.motors)
         over = w.each(rows, n)
@@ -140,17 +140,17 @@ class MotorRelations(Eliminated):
                 column by column; or nothing.
         """
         w, n, sizes = self.forces.writer, self.group.mobility, self.forces.sizes
-        total = sum(sizes)
+        total, places = sum(sizes), len(sizes) // 2
 
         def function() -> ca.Function:
             """Return one column."""
-            (kept, S), (column, u) = matrix("S", n, total), symbols("u", n)
-            columns, s = [kept, column], dot(S.T, u)
+            (kept, S), (column, u) = matrix("S", n, 6 * places), symbols("u", n)
+            columns, s = [kept, column], np.zeros(total).astype(object)
             if sent is not None:
-                column, more = symbols("s", total)
+                column, s = symbols("s", total)
                 columns.append(column)
-                s = s + more
             parts = np.split(s, np.cumsum(sizes)[:-1])
+            parts[::2] = [x + y for x, y in zip(parts[::2], np.split(dot(S.T, u), places), strict=True)]
             if onto:
                 column, wrench = symbols("wrench", 6)
                 columns.append(column)
@@ -165,7 +165,7 @@ class MotorRelations(Eliminated):
         w.call(
             w.kernel(key, function, PART),
             count,
-            [Shared(self.S.start, total * n), motions, *more, *onto],
+            [Shared(self.S.start, self.S.size * n), motions, *more, *onto],
             targets,
         )
 

@@ -26,8 +26,8 @@ from .rows import filled
 from .tangents import Graph, Known, Tangents
 
 #: Targets of columns: "motors" are forces along the motors, "base" the wrench on the base, "both" these one
-#: after the other, "outputs" accelerations and twists of all outputs one after the other, "A 0" and "V 0"
-#: those of the first output.
+#: after the other, "outputs" accelerations and twists of all outputs one after the other, "accelerations"
+#: these alone, "A 0" and "V 0" those of the first output.
 Targets = dict[str, Target]
 
 
@@ -153,6 +153,7 @@ class GroupForces:
                 columns.append(column)
                 forces = forces + dot(entries.T, wrench)
             stored = {"motors": forces[:n], "base": forces[n:], "both": forces, "outputs": moved}
+            stored["accelerations"] = np.concatenate([x[:0], *parts[::2]])
             stored |= {f"A {k}": A for k, A in enumerate(parts[::2])}
             stored |= {f"V {k}": V for k, V in enumerate(parts[1::2])}
             return ca.Function("forces", columns, [pack(stored[name]) for name in names])
