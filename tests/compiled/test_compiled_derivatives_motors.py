@@ -8,10 +8,12 @@ import pytest
 import hybridyn
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.errors import ModelError
+from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
+from tests.compiled.test_compiled_derivatives import assert_filled
+from tests.effect_cases import CASES
 from tests.samples import slow
 from tests.shipped import shipped
 
@@ -87,3 +89,51 @@ def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
         Derivatives(robot, "idm", coordinates="motors", parameters=True)
     with pytest.raises(ModelError, match="need a fixed base; this one is 'floating'"):
         Derivatives(build_robot(shipped("five_bar"), base="floating"), "ddm", coordinates="motors")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effects", ["viscous_friction", "spring"])
+def test_laws_of_joints_are_among_the_forces(effects: str, interpreted: None) -> None:
+    robot = build_robot(shipped("gough_stewart"))
+    on = ["default", *CASES[effects](robot)]
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    tau = hybridyn.idm(robot, q, v, a, effects=on)
+    E, E_dot = hybridyn.motion_map(robot, q, v)
+    joints = hybridyn.ddm_jacobian(robot, q, v, tau, effects=on)
+    J = {name: block[columns_of(robot)] for name, block in joints.items()}
+    rates = hybridyn.ddm_jacobian(robot, q, v, tau, effects=on, coordinates="motors")
+    close_to(rates["q"], J["q"] @ E + J["v"] @ E_dot, ROUNDING)
+    close_to(rates["v"], J["v"] @ E, ROUNDING)
+    efforts = hybridyn.idm_jacobian(robot, q, v, a, effects=on, coordinates="motors")
+    without = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
+    for name in ("q", "v"):
+        close_to(efforts["a"] @ rates[name], -efforts[name], ROUNDING)
+    changed = "q" if effects == "spring" else "v"
+    assert np.abs(efforts[changed] - without[changed]).max() > 1e-3 * np.abs(efforts[changed]).max()
+
+
+@pytest.mark.slow
+def test_where_pivots_vanish_the_words_are_those_over_joints(
+    monkeypatch: pytest.MonkeyPatch, interpreted: None
+) -> None:
+    robot = build_robot(shipped("five_bar"))
+    motors = dict(zip(robot.motors, np.array([[-1.0703831736303813], [0.88]]), strict=True))
+    q = hybridyn.assemble(robot, motors=motors)[0]
+    monkeypatch.setattr("hybridyn.compiled.derivatives.DERIVATIVE_AGREES", 1e-16)
+    with pytest.raises(SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"):
+        Derivatives(robot, "ddm", coordinates="motors")(q, np.zeros(robot.nv), np.array([0.3, -0.2]))
+
+
+@pytest.mark.slow
+def test_in_c_calls_and_batches_give_the_same_bits() -> None:
+    robot = build_robot(shipped("five_bar"))
+    q, v, a, tau = random_states(robot, 3)
+    for model, x in (("idm", a), ("ddm", tau)):
+        derive = Derivatives(robot, model, coordinates="motors")
+        assert_filled(derive, q, v, x)
+        many = derive(q, v, x)
+        for name, block in derive(q[1], v[1], x[1]).items():
+            assert (block == many[name][1]).all()
+        found = derive.casadi.call([q[1], v[1], x[1]])[:3]
+        for name, block in zip(many, found, strict=True):
+            close_to(np.array(block), many[name][1], ROUNDING)

@@ -37,7 +37,8 @@ def motor_inverse_derivatives(request: Request) -> Program:
     w.results["a"] = sum(size for _, size in outputs)  # no place: no call that writes there is made
     start = len(w.steps)
     modules = write_direct_sweeps(request, w, motions=True)
-    del w.steps[start:]
+    efforts = [call for call in w.calls_from(start) if w.kernels[call.kernel].part == "effects"]
+    w.steps[start:] = efforts  # which the legs' kernels read; of the rest only derivatives are needed
     balance = write_balance(request, w, motions=True)
     steps = w.calls_from(start)
     instead: dict[Shared, Shared] = {}
