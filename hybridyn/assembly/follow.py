@@ -124,11 +124,7 @@ def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
     targets = [t.from_here(motion) for t in problem.targets]
     known = np.vstack([start.q, task.known[:1]])
     winding = None if problem.winding is None else problem.winding.from_posture(start.q[0], known)
-    way = replace(
-        task,
-        problem=replace(problem, targets=targets, winding=winding),
-        known=known,
-    )
+    way = replace(task, problem=replace(problem, targets=targets, winding=winding), known=known)
     path = np.vstack([start.q, found])
     if _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
         return found

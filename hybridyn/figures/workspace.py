@@ -95,10 +95,8 @@ def _levels(index: Array) -> list[int]:
     values = np.unique(index)
     if len(values) <= SLICES:
         return [int(value) for value in values]
-    inner = np.linspace(0, len(values) - 1, SLICES + 2)[
-        1:-1
-    ]  # the ends are single points, more often than not
-    return [int(values[round(at)]) for at in inner]
+    places = np.linspace(0, len(values) - 1, SLICES + 2)
+    return [int(values[round(at)]) for at in places[1:-1]]  # the ends are often single points
 
 
 def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, low: float, high: float | None) -> Any:

@@ -77,9 +77,8 @@ class Implicit:
                 raise AmbiguousBranchError(str(failure)) from None
             k.append(guess)
             spent += more
-        error = np.asarray(
-            np.linalg.solve(W, h * weighted(self.e, k)), dtype=float
-        )  # filtered, so that stiff parts do not count
+        # The error is filtered, so that stiff parts do not count.
+        error = np.asarray(np.linalg.solve(W, h * weighted(self.e, k)), dtype=float)
         return Stepped(State(state.t + h, end.q, end.v, a), chart.rates(error[:N]), chart.rates(error[N:]),
                        spent, chart.pivot)  # fmt: skip
 
@@ -114,9 +113,8 @@ class Implicit:
     def _jacobian(self, system: System, chart: Coordinates, state: State, z0: Array, f0: Array) -> Array:
         """Compute d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
         N = chart.size
-        size = (JACOBIAN_DIFFERENCE if chart.pivot > HELD else WIDE_JACOBIAN_DIFFERENCE) * np.maximum(
-            1.0, np.abs(z0)
-        )
+        step = JACOBIAN_DIFFERENCE if chart.pivot > HELD else WIDE_JACOBIAN_DIFFERENCE
+        size = step * np.maximum(1.0, np.abs(z0))
         postures = []
         for i in range(2 * N):
             z = z0.copy()
