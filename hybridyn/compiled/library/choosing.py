@@ -33,10 +33,10 @@ def with_choices(path: Path, about: dict[str, Any]) -> dict[str, Any]:
     Returns:
         The same description; programs of several codes also have "times" [s], in their order.
     """
-    if all(len(program["codes"]) == 1 for program in about["programs"].values()):
+    programs = dict(about.get("programs", {}))
+    if all(len(program["codes"]) == 1 for program in programs.values()):
         return about
     library = ctypes.PyDLL(str(path))
-    programs = dict(about["programs"])
     for name, program in programs.items():
         if len(program["codes"]) > 1:
             programs[name] = program | {"times": _times(library, name, program, about["number"])}
