@@ -3,6 +3,11 @@
 The peak is measured in the same run: independent fused multiply-adds on vectors of the machine's width, two
 operations each. Models also divide, shuffle and load, and wait for their own results: no straight-line code
 of this kind comes near it; the share says how much room there is.
+
+Counted from the kernels of gough_stewart and lx4, two vector operations in every cycle would be 0.52 to 0.64
+of the peak: 45 % of the arithmetic statements are fused, and a sine with its cosine counts as two operations
+and takes some fifty. Moves to and from the stack are 8 % of the vector instructions; statements ordered depth
+first, and other flags of scheduling and register allocation, change neither them nor the time.
 """
 
 from __future__ import annotations
