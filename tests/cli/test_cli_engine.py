@@ -250,13 +250,13 @@ def test_effects_too(near_singular: Motion, tmp_path: Path, capsys: Any, monkeyp
     table = near_singular.table(tmp_path / "motion.csv", "position", "velocity", "acceleration")
     asked = ["effects", "five_bar", table, "--effects", "default,rotor_inertia"]
     said = run(capsys, *asked)
-    assert "engine: general (484 samples times freedoms; compiled from 2,000,000 on)\n" in said
-    monkeypatch.setattr("hybridyn.cli.effects.WORTH_OF_EFFECTS", 400)
+    assert "engine: general (244 samples times freedoms; compiled from 2,000,000 on)\n" in said
+    monkeypatch.setattr("hybridyn.cli.effects.WORTH_OF_EFFECTS", 200)
     for words in ([], ["--engine", "general"]):
         assert main([*asked, *words]) == 0
         told, said = capsys.readouterr()
         out[not words] = told.split("time per sample")[0]
-        why = "as asked" if words else "484 samples times freedoms"
+        why = "as asked" if words else "244 samples times freedoms"
         assert f"engine: {'general' if words else 'compiled'} ({why})" in said
         if not words:
             assert f"; {5 * compiled.recomputed} samples by the general path (near lost rank" in said
