@@ -73,12 +73,14 @@ def ticks(robot: HybridRobot) -> tuple[Array, Array, Array]:
     return home + SIZE * sine, SIZE * w * cosine, -SIZE * w * w * sine
 
 
-def steps(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> Iterator[tuple[str, list[float]]]:
+def steps(
+    compiled: CompiledRobot, motors: tuple[Array, Array, Array], count: int = STEPS
+) -> Iterator[tuple[str, list[float]]]:
     """Yield the times of `idm`, of closing the loops, of both, and of a step in one call."""
     there = [[x[i] for i in [*range(ROWS), *reversed(range(ROWS))]] for x in motors]
     q = compiled.close(*(x[0] for x in there))[0]
-    closing, inverse, step = np.empty(STEPS), np.empty(STEPS), np.empty(STEPS)
-    for i in range(STEPS):
+    closing, inverse, step = np.empty(count), np.empty(count), np.empty(count)
+    for i in range(count):
         position, rate, acceleration = (x[i % (2 * ROWS)] for x in there)
         start = time.perf_counter()
         q, v, a = compiled.close(position, rate, acceleration, last=q)
@@ -87,7 +89,7 @@ def steps(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> Iterat
         end = time.perf_counter()
         closing[i], inverse[i] = 1e6 * (between - start), 1e6 * (end - between)
     q = compiled.idm_from_motors(*(x[0] for x in there))[1]
-    for i in range(STEPS):
+    for i in range(count):
         position, rate, acceleration = (x[i % (2 * ROWS)] for x in there)
         start = time.perf_counter()
         q = compiled.idm_from_motors(position, rate, acceleration, last=q)[1]

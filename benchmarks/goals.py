@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from benchmarks.fronts import cheapest
@@ -68,6 +68,7 @@ class ProgramGoal(NamedTuple):
 #: Largest value of each program's part by its unit.
 PROGRAM_GOALS = {
     ("idm", "operations with the guard over those without", ""): 1.2,
+    ("idm_from_motors", "operations with the guard over those without", ""): 1.2,
     ("simulate, RK4", "a step with PD", "bare steps"): 3.0,
     ("simulate, RK4", "a step with computed torque", "bare steps"): 3.0,
     ("simulate, RK4", "a law in Python, beyond its own call", "us"): 5.0,
@@ -82,12 +83,19 @@ STEP_GOALS = {
     ("five_bar", "from Python, median"): 5.0,
     ("five_bar", "in C"): 1.0,
 }
+#: Largest time of derivatives over that of Pinocchio's, by robot, model and whether samples are batched.
+DERIVATIVE_GOALS = {
+    ("lx4", "ddm_jacobian", False): 1 / 15,
+    ("lx4", "ddm_jacobian", True): 1 / 60,
+    ("gough_stewart", "ddm_jacobian", False): 1 / 8,
+    ("ur5", "idm_jacobian", False): 1.0,
+}
 #: Least share of the peak rate in a batch.
 PEAK_GOAL = 0.6
 
 
 def program_goals(results: dict[str, list[Any]]) -> list[ProgramGoal]:
-    """Return the goals of what was measured around the models."""
+    """Return the goals of what was measured around the models, of batches and of derivatives."""
     out = []
     for row in results["programs"]:
         goal = PROGRAM_GOALS.get((row.program, row.what, row.unit))
@@ -98,7 +106,24 @@ def program_goals(results: dict[str, list[Any]]) -> list[ProgramGoal]:
     for row in results["peak"]:
         what = f"{row.model}, batch: share of the peak rate"
         out.append(ProgramGoal(row.case, what, PEAK_GOAL, row.share, "", at_least=True))
-    return out
+    return [*out, *_derivatives(results["derivatives"])]
+
+
+def _derivatives(points: Sequence[Point]) -> Iterator[ProgramGoal]:
+    """Yield the goals of derivatives, over all joints and over the motors."""
+    for (case, model, batched), goal in DERIVATIVE_GOALS.items():
+        own = [p for p in points if p.case == case and math.isfinite(p.us)]
+        peer = min((p.us for p in own if p.model == model and p.method.startswith("pin.")), default=math.nan)
+        for name in (model, f"{model} over motors"):
+            ours = [p.us for p in own if p.model == name and (p.batch > 1) == batched and _is_ours(p)]
+            if ours:
+                how = "batch" if batched else "a call"
+                yield ProgramGoal(case, f"{name}, {how}: time over Pinocchio's", goal, min(ours) / peer, "")
+
+
+def _is_ours(point: Point) -> bool:
+    """Tell whether a point is of hybridyn."""
+    return point.method.startswith("hybridyn")
 
 
 def goals(results: dict[str, list[Any]]) -> list[Goal]:

@@ -116,7 +116,7 @@ def short() -> list[Task]:
         Task("derivatives", "five_bar", derivatives.measure, ("five_bar", 32, 2)),
         *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
         Task("job", "idm 1000 2", job.measure, (1_000, 2)),
-        Task("programs", "five_bar", programs.measure, ("five_bar",)),
+        Task("programs", "five_bar", programs.measure, ("five_bar", 2_000)),
     ]
 
 

@@ -14,27 +14,33 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import hybridyn
+from benchmarks import closing
 from benchmarks.cases import LX4, case_of, write_long_trajectory
 from benchmarks.methods import NotMeasuredError
 from benchmarks.processes import only_cores
 from benchmarks.results import Waited
 from benchmarks.timing import timed
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.inverse import inverse_program
 from hybridyn.compiled.programs.statistics import flattened
-from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description.cache_folder import VARIABLE
+from hybridyn.effects.choice import choose
 from hybridyn.scenes.controllers import ComputedTorque, Pd
 from hybridyn.scenes.references import MotorAxes, Point, from_points
 from hybridyn.spatial import Array
 
 #: Robots that are measured.
 ROBOTS = ("five_bar", "gough_stewart", "delta", "tanev", "lx4")
+#: What is said of a guard.
+GUARD = "operations with the guard over those without"
 #: Gains of the controllers: critically damped at 30 rad/s.
 KP, KD = 900.0, 60.0
 #: Step [s], number of steps and way of the motors [rad, m] of a controlled run.
@@ -60,17 +66,34 @@ print(time.perf_counter() - started)
 """
 
 
-def measure(case: str) -> list[Waited]:
-    """Measure everything around the models of a robot; the command line with the LX4 alone."""
-    rows = [*guard(case), *controlled_steps(case)]
+def measure(case: str, ticks: int = closing.STEPS) -> list[Waited]:
+    """Measure everything around the models of a robot; the command line with the LX4 alone.
+
+    Args:
+        case: Robot.
+        ticks: Number of control steps from Python, of which percentiles are given.
+    """
+    rows = [*guard(case), *control_step(case, ticks), *controlled_steps(case)]
     return [*rows, *command_line(), *cold()] if case == "lx4" else rows
 
 
 def guard(case: str) -> Iterator[Waited]:
-    """Yield the operations of the inverse model, and how many more its guard needs."""
-    program = programs(case_of(case).load(), models=("idm",))["idm"]
-    with_guard, alone = flattened(program)
-    yield Waited(case, "idm", "operations with the guard over those without", with_guard / alone, "")
+    """Yield how many operations the inverse model has with its guard, over those without."""
+    robot = case_of(case).load()
+    asked = request(robot, choose(robot, None))
+    for program, compared in (("idm", True), ("idm_from_motors", False)):
+        with_guard, alone = flattened(inverse_program(replace(asked, compared=compared)))
+        yield Waited(case, program, GUARD, with_guard / alone, "")
+
+
+def control_step(case: str, ticks: int) -> Iterator[Waited]:
+    """Yield the time of a step from the motors' encoders to their efforts, from Python and in C."""
+    compiled = hybridyn.compile(case_of(case).load())
+    motors = closing.ticks(compiled.robot)
+    _, median, ninety, last, _ = dict(closing.steps(compiled, motors, ticks))["idm_from_motors"]
+    for what, us in (("median", median), ("90 %", ninety), ("99 %", last)):
+        yield Waited(case, "control step", f"from Python, {what}", us, "us")
+    yield Waited(case, "control step", "in C", closing.step_alone(compiled, motors), "us")
 
 
 def controlled_steps(case: str) -> Iterator[Waited]:

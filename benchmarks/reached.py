@@ -30,7 +30,7 @@ def _of_models(goal: Goal) -> list[str]:
 
 
 def _of_programs(goal: ProgramGoal) -> list[str]:
-    limit = f"at {'least' if goal.at_least else 'most'} {goal.goal:g} {goal.unit}".rstrip()
+    limit = f"at {'least' if goal.at_least else 'most'} {goal.goal:.3g} {goal.unit}".rstrip()
     return [goal.case, goal.what, limit, number(goal.value), goal.verdict()]
 
 

@@ -548,7 +548,7 @@ def test_goals_of_programs_are_judged() -> None:
         Waited("lx4", "hybridyn idm", "3 rows", 2.1, "imports of pinocchio"),
         Waited("five_bar", "idm", "operations with the guard over those without", 1.3, ""),
     ]
-    found = program_goals({"programs": rows, "peak": []})
+    found = program_goals({"programs": rows, "peak": [], "derivatives": []})
     assert [(goal.case, goal.unit, goal.verdict()) for goal in found] == [
         ("lx4", "s", "met"), ("five_bar", "", "missed"),
     ]  # fmt: skip

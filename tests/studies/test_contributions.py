@@ -59,7 +59,7 @@ def test_a_sufficient_set_stays_within(worth: Worth) -> None:
 
 @pytest.mark.slow
 def test_compiled_models_give_the_same() -> None:
-    """Each effect is left out once; models without inertia are refused, and the general path computes them."""
+    """Each effect is left out once; models without inertia are refused, which the general path computes."""
     description = shipped("five_bar")
     robot = build_robot(description)
     q, v, a = states_near_home(description, "fixed", 0, 5)
