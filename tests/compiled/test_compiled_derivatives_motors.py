@@ -8,12 +8,14 @@ import pytest
 import hybridyn
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
 from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
 from tests.compiled.test_compiled_derivatives import assert_filled
 from tests.effect_cases import CASES
+from tests.mechanisms import random_mechanism
 from tests.samples import slow
 from tests.shipped import shipped
 
@@ -58,10 +60,14 @@ def test_they_are_those_over_joints_along_the_loops(name: str, interpreted: None
     )
 
 
-@pytest.mark.parametrize("name", ["five_bar", *map(slow, ("gough_stewart", "rps3", "delta", "tanev", "lx4"))])
+@pytest.mark.parametrize(
+    "name",
+    ["five_bar", *map(slow, ("gough_stewart", "rps3", "delta", "tanev", "lx4", "gough_floating"))],
+)
 def test_columns_against_differences_along_each_motor(name: str, interpreted: None) -> None:
     """The general path of `idm` at postures that `assemble` closes: single columns have a meaning here."""
-    robot = build_robot(shipped(name))
+    drawn = name == "gough_floating"  # its platform has a joint of six freedoms
+    robot = build_robot(random_mechanism(1, kind=name) if drawn else shipped(name))
     q, v, a, _ = (x[0] for x in random_states(robot, 1))
     columns, n = columns_of(robot), len(robot.motors)
     at = [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
@@ -79,6 +85,27 @@ def test_columns_against_differences_along_each_motor(name: str, interpreted: No
         x = start + STEP * np.arange(-2, 3)[:, None] * np.eye(3 * n)[j]
         f = [np.ravel(efforts(row)) for row in x]
         close_to(J[:, j], (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / (12 * STEP), DIFFERENCES)
+
+
+def test_brackets_are_commutators_of_matrices() -> None:
+    kinds, columns = ("planar", "floating", "revolute", "spherical"), ([0, 1, 5], range(6), [3], [3, 4, 5])
+    x, y = np.random.default_rng(0).normal(size=(2, 13))
+    found, first = _brackets(kinds, x.astype(object), y.astype(object)), 0
+    for kind, at in zip(kinds, columns, strict=True):
+        twists = np.zeros((2, 6))
+        twists[:, list(at)] = x[first : first + len(at)], y[first : first + len(at)]
+        X, Y = (_matrix(twist) for twist in twists)
+        bracket = found[first : first + len(at)].astype(float)
+        expected = np.zeros(6)
+        expected[list(at)] = bracket
+        np.testing.assert_allclose(X @ Y - Y @ X, _matrix(expected), atol=1e-15, err_msg=kind)
+        first += len(at)
+
+
+def _matrix(twist: np.ndarray) -> np.ndarray:
+    """Return the matrix of a twist (linear part first), shape (4, 4)."""
+    (vx, vy, vz, x, y, z) = twist
+    return np.array([[0, -z, y, vx], [z, 0, -x, vy], [-y, x, 0, vz], [0, 0, 0, 0]])
 
 
 def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:

@@ -269,5 +269,8 @@ def _brackets(kinds: tuple[str, ...], v: Expression, e: Expression) -> Expressio
         elif kind == "planar":
             out[at] = x[1] * y[2] - x[2] * y[1]
             out[at + 1] = x[2] * y[0] - x[0] * y[2]
+        elif kind == "floating":
+            out[at : at + 3] = cross(x[3:], y[:3]) + cross(x[:3], y[3:])
+            out[at + 3 : at + 6] = cross(x[3:], y[3:])
         at += NV[kind]
     return out
