@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -287,11 +289,9 @@ def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch, interpreted
     made: list[tuple[str, ...]] = []
 
     class Counted(file.Derivatives):
-        def __init__(
-            self, robot: hybridyn.HybridRobot, model: str, effects: object = None, *, parameters: bool = False
-        ) -> None:
+        def __init__(self, robot: hybridyn.HybridRobot, model: str, *given: Any, **options: Any) -> None:
             made.append((robot.name, model))
-            super().__init__(robot, model, effects, parameters=parameters)  # type: ignore[arg-type]
+            super().__init__(robot, model, *given, **options)
 
     monkeypatch.setattr(file, "Derivatives", Counted)
     monkeypatch.setattr(file, "_prepared", {})
