@@ -109,7 +109,10 @@ class GroupForces:
         """Add the columns of the motors of part i: of their positions "q", rates "v" or accelerations "a"."""
         part = self.parts[i]
         index = {"q": part.at.q, "v": part.at.v, "a": part.at.v}
-        seeds = [(self.writer.from_given(x, index[x]), block) for x, block in part.over[name].items()]
+        seeds = [
+            (self.writer.from_given(x, index[x] if x == name else part.rest), block)
+            for x, block in part.over[name].items()
+        ]
         self.columns(seeds, len(part.motors), targets)
 
     def columns(self, seeds: Sequence[tuple[Source, Block]], count: int, targets: Targets) -> None:

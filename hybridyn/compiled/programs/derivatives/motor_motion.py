@@ -71,14 +71,17 @@ class MotorMotion:
     Attributes:
         motors: Their indices in tau.
         at: Coordinates of the modules.
+        rest: Indices in the robot's v of their freedoms without a motor.
         left: Places of the forces left along the modules' own motions among those of the group.
         factors: Factors of the motor map; None where each joint has a motor: those forces are the motors'.
         over: Changes of "q" (of coordinates), "v" and "a" that motor positions "q", rates "v" and
-            accelerations "a" cause; what does not change is left out.
+            accelerations "a" cause; what does not change is left out. Changes of "v" and "a" that others than
+            they themselves cause are those of `rest`: the motors' own do not change.
     """
 
     motors: Index
     at: Coordinates
+    rest: Index
     left: Index
     factors: Factors | None
     over: dict[str, dict[str, Block]]
@@ -111,7 +114,7 @@ class MotorMotions:
         units = Constants(np.array([[float(k == x) for k in at.v] for x in freedoms]))
         q = self._coordinates(at, units, len(motors))
         over: dict[str, dict[str, Block]] = {"q": {"q": q}, "v": {"v": units}, "a": {"a": units}}
-        return MotorMotion(motors, at, left, None, over)
+        return MotorMotion(motors, at, at.v[:0], left, None, over)
 
     def _closed(self, calls: DirectCalls, left: Index) -> MotorMotion:
         """Add the motion of a module with loops."""
@@ -119,6 +122,7 @@ class MotorMotions:
         at = coordinates_of_freedoms(robot, set(calls.module.v_index.tolist()))
         motors = calls.module.motor_index
         rows = [at.v.tolist().index(_freedom(robot, int(m))) for m in motors]
+        rest = [k for k in range(len(at.v)) if k not in rows]
         assert calls.u_dot is not None
         nodes = self._motions.nodes([calls])
         q, v = w.from_given("q", at.q), w.from_given("v", at.v)
@@ -126,34 +130,56 @@ class MotorMotions:
         graph = Graph.between(nodes, [q, v, calls.u_dot], [a])
         known = self._motions.known
 
-        def swept(seeds: list[tuple[Source, Block]]) -> tuple[Own, Each]:
-            """Add the change of all accelerations, and of those of the motors as shared columns."""
+        numbers = numbers_of(a, 0)
+        motors_last = [numbers[k] for k in [*rest, *rows]]
+
+        def swept(seeds: list[tuple[Source, Block]]) -> Tangents:
+            """Add the change of accelerations."""
             tangents = Tangents(w, n, known)
             for source, block in seeds:
                 tangents.seed(source, block)
             tangents.sweep(graph)
-            whole, own = w.own(n, len(at.v)), w.each(n, n)
-            numbers = numbers_of(a, 0)
-            tangents.gather(numbers, [whole])
-            tangents.gather([numbers[k] for k in rows], [own])
-            return whole, own
+            return tangents
 
-        Psi, Psi_m = swept([(calls.u_dot, Constants(np.eye(n)))])
+        def gathered(tangents: Tangents) -> Own:
+            """Add the changes one after the other, those of motors last."""
+            out = w.own(n, len(at.v))
+            tangents.gather(motors_last, [out])
+            return out
+
+        over_u = swept([(calls.u_dot, Constants(np.eye(n)))])
+        Psi, Psi_m = gathered(over_u), w.each(n, n)
+        over_u.gather([numbers[k] for k in rows], [Psi_m])
         factors = self._factored(calls, Psi_m)
-        E_rows, E = w.own(len(at.v), n), w.each(len(at.v), n)
-        self._solve(factors, len(at.v), Turned(Psi.start, len(at.v), n), [E_rows, E])
-        along = Turned(E_rows.start, n, len(at.v))
+        along, E = self._along(factors, Psi, rows, rest)
         steps = self._coordinates(at, along, n)
-        faster, _ = swept([(v, along)])
-        T = self._held(faster, rows, E)
-        D = self._rates(at, T, along)
-        turned, _ = swept([(q, steps), (v, D)])
+        T = self._held(gathered(swept([(v, along)])), E)
+        D = self._rates(at, rest, T, along)
+        turned = gathered(swept([(q, steps), (w.from_given("v", at.v[rest]), D)]))
         over: dict[str, dict[str, Block]] = {
-            "q": {"q": steps, "v": D, "a": self._held(turned, rows, E)},
+            "q": {"q": steps, "v": D, "a": self._held(turned, E)},
             "v": {"v": along, "a": T},
             "a": {"a": along},
         }
-        return MotorMotion(motors, at, left, factors, over)
+        return MotorMotion(motors, at, at.v[rest], left, factors, over)
+
+    def _along(self, factors: Factors, Psi: Own, rows: list[int], rest: list[int]) -> tuple[Own, Each]:
+        """Add E, one column in each lane, and its rows of joints without a motor for all lanes."""
+        w, n = self._w, len(rows)
+        solved, E = w.own(len(rest), n), w.each(len(rest), n)
+        self._solve(factors, len(rest), Turned(Psi.start, Psi.size, n), [solved, E])
+
+        def function() -> ca.Function:
+            """Return one column, whose rows of motors are those of the identity."""
+            (first, x), (second, unit) = symbols("x", len(rest)), symbols("unit", n)
+            whole = np.zeros(n + len(rest)).astype(object)
+            whole[rest], whole[rows] = x, unit
+            return ca.Function("along", [first, second], [pack(whole)])
+
+        along = w.own(n, n + len(rest))
+        kernel = w.kernel(("along", tuple(rows), len(rest)), function, PART)
+        w.call(kernel, n, [Turned(solved.start, n, len(rest)), Constants(np.eye(n))], [along])
+        return along, E
 
     def _coordinates(self, at: Coordinates, along: Block, count: int) -> Block:
         """Return changes of coordinates from those along freedoms."""
@@ -203,40 +229,40 @@ class MotorMotions:
         kernel = self._w.kernel(("motor columns", factors.pivots, len(targets)), function, PART)
         self._w.call(kernel, count, [right, factors.numbers], targets)
 
-    def _held(self, changed: Own, rows: list[int], E: Each) -> Own:
+    def _held(self, changed: Own, E: Each) -> Own:
         """Add the changes of accelerations less what keeps those of the motors, x - E x_m."""
-        w, size = self._w, changed.size
-        n = len(rows)
+        w, n = self._w, E.size
+        size = changed.size - n
 
         def function() -> ca.Function:
             """Return one column."""
-            (column, x), (kept, entries) = symbols("x", size), matrix("E", size, n)
-            return ca.Function("held", [column, kept], [pack(x - dot(entries, x[rows]))])
+            (column, x), (kept, entries) = symbols("x", changed.size), matrix("E", size, n)
+            return ca.Function("held", [column, kept], [pack(x[:size] - dot(entries, x[size:]))])
 
         out = w.own(n, size)
-        kernel = w.kernel(("held", size, tuple(rows)), function, PART)
+        kernel = w.kernel(("held", changed.size, n), function, PART)
         w.call(kernel, n, [changed, Shared(E.start, size * n)], [out])
         return out
 
-    def _rates(self, at: Coordinates, T: Own, along: Turned) -> Own:
-        """Add the change of the rates, (T + [v, E]) / 2."""
-        w, n = self._w, along.size
+    def _rates(self, at: Coordinates, rest: list[int], T: Own, along: Own) -> Own:
+        """Add the change of the rates of joints without a motor, (T + [v, E]) / 2."""
+        w, n, size = self._w, len(at.v) - len(rest), len(at.v)
         turning = any(NV[kind] > 1 for kind in at.kinds)
 
         def function() -> ca.Function:
-            """Return one column."""
+            """Return the change of the rates of one column."""
             column, x = symbols("T", T.size)
             columns = [column]
-            bracket = np.zeros(T.size).astype(object)
+            bracket = np.zeros(size).astype(object)
             if turning:
-                (first, v), (second, e) = symbols("v", T.size), symbols("E", T.size)
+                (first, v), (second, e) = symbols("v", size), symbols("E", size)
                 columns += [first, second]
                 bracket = _brackets(at.kinds, v, e)
-            return ca.Function("rates", columns, [pack((x + bracket) * 0.5)])
+            return ca.Function("rates", columns, [pack((x + bracket[rest]) * 0.5)])
 
         more: list[Source] = [w.from_given("v", np.tile(at.v, (n, 1))), along] if turning else []
         out = w.own(n, T.size)
-        w.call(w.kernel(("rates", at.kinds), function, PART), n, [T, *more], [out])
+        w.call(w.kernel(("rates", at.kinds, tuple(rest)), function, PART), n, [T, *more], [out])
         return out
 
 
