@@ -35,6 +35,7 @@ try:
 
     from .code.library_source import library_source
     from .equations.request import request
+    from .equations.static_elimination import TRUSTED_PIVOT
     from .programs.derivatives.direct import direct_derivatives
     from .programs.derivatives.inverse import inverse_derivatives
     from .programs.derivatives.motor_direct import motor_direct_derivatives
@@ -59,6 +60,9 @@ KEPT = 4
 #: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the
 #: largest entry.
 DERIVATIVE_AGREES = 1e-6
+#: Relative error of derivatives over the guard, which is the inverse square of the least pivot's ratio to
+#: `TRUSTED_PIVOT`: they lose more digits than the model's result, whose errors cancel.
+DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 
 
 def idm_jacobian(
@@ -342,7 +346,7 @@ class Derivatives:
         (value, *flat), guard = self._run(arrays, None if filled is None or single else filled.arrays)
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
-            self._check_doubtful(arrays, value, doubtful.tolist())
+            self._check_doubtful(arrays, value, guard, doubtful.tolist())
         pairs_out = zip(self._widths.items(), flat, strict=True)
         out = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs_out}
         out = {name: block[0] for name, block in out.items()} if single else out
@@ -375,20 +379,24 @@ class Derivatives:
         bodies = self.robot.bodies.bodies
         return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in bodies])
 
-    def _check_doubtful(self, arrays: dict[str, Array], values: Array, doubtful: list[int]) -> None:
+    def _check_doubtful(
+        self, arrays: dict[str, Array], values: Array, guard: Array, doubtful: list[int]
+    ) -> None:
         """Compare samples whose guard is above its limit with the general path.
 
         Raises:
-            HybridynError: The general path cannot compute them either, or the model differs from it there.
+            HybridynError: The general path cannot compute them either, the model differs from it there, or
+                the pivots are so small that derivatives may have lost their digits.
         """
         wanted = general(self.robot, self._effects, self._model, arrays)
         for t in doubtful:
-            off = np.abs(values[t] - wanted[t]).max() / np.abs(wanted[t]).max(initial=1e-300)
+            differs = np.abs(values[t] - wanted[t]).max(initial=0.0) / np.abs(wanted[t]).max(initial=1e-300)
+            off = np.maximum(differs, DERIVATIVE_ROUNDED * guard[t])  # nan, if one is
             if not off <= DERIVATIVE_AGREES:
                 raise SingularityError(
                     f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
-                    f"compiled model vanish there, and it differs from the general path by {off:.2g} of the "
-                    f"largest entry (limit {DERIVATIVE_AGREES:g}). Move away from that posture",
+                    f"compiled model vanish there, and rounding may reach {off:.2g} of the largest entry "
+                    f"(limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
 

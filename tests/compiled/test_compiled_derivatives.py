@@ -154,22 +154,27 @@ def test_states_without_derivatives_are_refused(robot: HybridRobot, interpreted:
     assert derive(q[:0], v[:0], a[:0])["q"].shape == (0, len(robot.motors), robot.nv)
 
 
-def test_where_pivots_vanish_the_general_path_judges(
-    monkeypatch: pytest.MonkeyPatch, interpreted: None
-) -> None:
+def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
     robot = build_robot(shipped("five_bar"))
-    motors = dict(zip(robot.motors, np.array([[-1.0703831736303813], [0.88]]), strict=True))
-    q = hybridyn.assemble(robot, motors=motors)
+    q = near_a_lost_pivot(robot, 1e-4)
     v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
     derive = Derivatives(robot, "ddm")
-    assert float(derive.casadi.call([q[0], v, tau])[-1]) > GUARD_LIMIT
-    linear = hybridyn.ddm(robot, q[0], v, 2 * tau) - hybridyn.ddm(robot, q[0], v, tau)
+    assert float(derive.casadi.call([q, v, tau])[-1]) > GUARD_LIMIT
+    linear = hybridyn.ddm(robot, q, v, 2 * tau) - hybridyn.ddm(robot, q, v, tau)
     np.testing.assert_allclose(
-        derive(q[0], v, tau)["tau"] @ tau, linear, atol=DERIVATIVE_AGREES * np.abs(linear).max()
+        derive(q, v, tau)["tau"] @ tau, linear, atol=DERIVATIVE_AGREES * np.abs(linear).max()
     )
-    monkeypatch.setattr("hybridyn.compiled.derivatives.DERIVATIVE_AGREES", 1e-16)
-    with pytest.raises(SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"):
-        derive(q[0], v, tau)
+    for distance in (1e-6, 0.0):  # the result agrees, but 1e-6 and 2e-2 of the derivatives over q do not
+        with pytest.raises(
+            SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"
+        ):
+            derive(near_a_lost_pivot(robot, distance), v, tau)
+
+
+def near_a_lost_pivot(robot: HybridRobot, distance: float) -> np.ndarray:
+    """Return a posture of the five-bar near one at which a pivot vanishes, though no rank is lost."""
+    values = np.array([[distance - 1.0703831736303813], [0.88]])
+    return hybridyn.assemble(robot, motors=dict(zip(robot.motors, values, strict=True)))[0]
 
 
 @pytest.mark.slow
