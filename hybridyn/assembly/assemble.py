@@ -22,7 +22,7 @@ from ..linkage.targets import PoseTarget
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion, Tree
 from ..linkage.winding import winding_of
-from ..spatial import Array, cross
+from ..spatial import LARGEST, Array, cross
 from ..structure.joint_position import joint_position
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
@@ -82,11 +82,19 @@ def first_guess(robot: HybridRobot, guess: Array | None) -> Array:
     """Return the initial posture, shape (nq,); the home posture by default.
 
     Raises:
-        AssemblyError: It has a wrong size.
+        AssemblyError: It has a wrong size, a number that is not finite or too large, or a joint's cosine and
+            sine, or quaternion, of length zero.
     """
-    guess = robot.home if guess is None else np.asarray(guess, dtype=float).reshape(-1)
+    if guess is None:
+        return robot.home
+    guess = np.asarray(guess, dtype=float).reshape(-1)
     if guess.shape != (robot.nq,):
         raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
+    if not (np.abs(guess) <= LARGEST).all():
+        raise AssemblyError(f"guess has a number that is not finite, or above {LARGEST:.0e}")
+    for columns in robot.unit_coordinates:
+        if not guess[columns].any(axis=1).all():
+            raise AssemblyError("guess has a joint whose cosine and sine, or quaternion, are all zero")
     return guess
 
 

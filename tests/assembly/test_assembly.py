@@ -508,6 +508,14 @@ def test_a_guess_of_the_wrong_size_is_refused() -> None:
         hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=np.zeros(3))
 
 
+@pytest.mark.parametrize(("factor", "text"), [(np.nan, "not finite"), (1e60, "above 1e"), (0.0, "all zero")])
+def test_a_guess_that_is_no_posture_is_refused(factor: float, text: str) -> None:
+    """Linear algebra failed with errors of its own."""
+    robot = build_robot(symmetric_five_bar())
+    with pytest.raises(AssemblyError, match=text):
+        hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=robot.home * factor)
+
+
 # -------------------------------------------------------------------- idle motions and gimbal lock
 
 

@@ -13,10 +13,13 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.inverse import inverse_program
+from hybridyn.compiled.programs.postures import refuse
 from hybridyn.compiled.programs.statistics import flattened
+from hybridyn.description import Coupling, Joint
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.assembly.test_assembly import stretched, waves
+from tests.compiled.test_compiled_robust import robot_of
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.samples import slow
 from tests.shipped import shipped
@@ -141,6 +144,44 @@ def test_models_that_c_does_not_step_make_two_calls() -> None:
     q = compiled.idm_from_motors(home)[1]
     tau, *state = compiled.idm_from_motors(home, last=q)
     assert (tau == compiled.idm(*state)).all()
+
+
+def test_a_model_that_is_taken_while_the_step_is_built_is_looked_at(
+    symmetric: hybridyn.CompiledRobot, monkeypatch: Any
+) -> None:
+    """A thread may take `robot.model` during the build, and change it afterwards."""
+    symmetric.idm_from_motors(at_home(symmetric.robot))
+    taken = []
+
+    def build(rows: Any) -> Any:
+        """Take the model."""
+        taken.append(symmetric.robot.model)
+        return lambda *_: 0
+
+    monkeypatch.setattr(symmetric, "_known_control", None)
+    monkeypatch.setattr(symmetric, "_load_control", build)
+    assert symmetric._control() is refuse
+    assert len(taken) == 1
+
+
+@pytest.mark.slow
+def test_robots_that_differ_in_their_loops_alone_take_turns() -> None:
+    """Racks with other offsets have the same inverse model, and one library of the step."""
+
+    def slide(name: str, child: str) -> Joint:
+        return Joint(name, "prismatic", "base", child, np.eye(4), np.array([1.0, 0.0, 0.0]))
+
+    slides = [slide("a", "one"), slide("b", "two")]
+    racks = [[Coupling("rack", (("a", 0.3), ("b", -1.0)), offset)] for offset in (0.0, 0.2)]
+    robots = [robot_of(f"rack{k}", ("one", "two"), slides, [], ["a"], x) for k, x in enumerate(racks)]
+    both = [hybridyn.compile(robot) for robot in robots]
+    motor, still = np.array([0.1]), np.zeros(1)
+    last = [compiled.idm_from_motors(motor)[1] for compiled in both]
+    assert len({compiled._kept_control.library.built.path for compiled in both}) == 1
+    for compiled, q, offset in zip(both, last, (0.0, 0.2), strict=True):
+        out = np.empty(2 + 2 * 2 + 1)
+        assert compiled._control_at_once(q, motor + 0.01, still, still, out) == 0
+        assert abs(0.3 * out[0] - out[1] - offset) <= SAME
 
 
 # -------------------------------------------------------------------- the guard

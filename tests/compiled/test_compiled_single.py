@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hybridyn.compiled.code import alone
 from hybridyn.compiled.code.alone import describe_single, lanes_of_codes
 from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar
+from hybridyn.compiled.library import choosing
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.program import Program
@@ -69,6 +71,23 @@ def test_every_code_of_single_calls_gives_the_bits_of_a_batch(
             assert worst == guard[t]
     quick = cached("single", lambda: source, quick=True)
     assert quick.about == built.about  # found in the cache
+
+
+def test_clocks_that_stand_still_measure_nothing_and_other_results_are_never_chosen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = []
+
+    def repeat(code: int, given: int, out: int, times: int) -> float:
+        """Return the guard, which the last code computes otherwise."""
+        calls.append(times)
+        return float(code == 2)
+
+    monkeypatch.setattr(choosing.time, "thread_time_ns", lambda: 0)
+    program = {"inputs": [("q", 2)], "outputs": [("tau", 2)], "codes": [8, 4, 1]}
+    library: Any = SimpleNamespace(idm_repeat=repeat)
+    assert choosing._times(library, "idm", program, "float64") == [0.0, 0.0, np.inf]
+    assert max(calls) <= 1001
 
 
 def test_quick_builds_have_the_code_of_batches_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

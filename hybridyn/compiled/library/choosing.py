@@ -19,6 +19,8 @@ from ..code.scalars import TYPES
 ROUNDS = 15
 #: Time of a measurement [s]: much longer than reading the clock, so that all take some milliseconds.
 LONG = 1e-4
+#: Least time of a call [s] that counts are computed from: coarse clocks may not advance at all.
+LEAST_CALL = 1e-7
 #: Number of calls that show how many take that long.
 WARMING = 30
 
@@ -78,7 +80,7 @@ def _times(library: ctypes.CDLL, name: str, program: dict[str, Any], number: str
         guard = repeat(code, *places, 1)
         results.append(np.append(out, guard))
         least.append(run(code, WARMING))
-    many = int(LONG / min(least)) + 1
+    many = int(LONG / max(min(least), LEAST_CALL)) + 1
     for _ in range(ROUNDS):
         least = [min(known, run(code, many)) for code, known in enumerate(least)]
     same = [np.array_equal(result, results[0], equal_nan=True) for result in results]

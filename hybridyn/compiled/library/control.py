@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 
+import numpy as np
+
 from .cache import Built
 from .calls import Library
 from .closed_rows import ClosedRows
@@ -27,8 +29,6 @@ class Control:
         self.at_once: Callable[..., int] | None = None
         if self.library.programs["idm"].at_once is not None and rows.close_row is not None:
             held, self._rows = ctypes.PyDLL(str(built.path)), rows
-            held.close_by.argtypes, held.close_by.restype = [ctypes.c_void_p], None
-            held.close_by(rows.close_row)
             address = ctypes.cast(held.control_call, ctypes.c_void_p)
             self._method = Method(b"control", address, METH_FASTCALL)
-            self.at_once = self._method.function()
+            self.at_once = self._method.function(np.array([rows.close_row], np.uintp))

@@ -28,12 +28,15 @@ class Method(ctypes.Structure):
         ("doc", ctypes.c_char_p),
     )
 
-    def function(self) -> Callable[..., int]:
-        """Return the function; this structure must stay alive as long as the function."""
+    def function(self, given: Any = None) -> Callable[..., int]:
+        """Return the function, which receives `given` as its first argument in C.
+
+        This structure must stay alive as long as the function.
+        """
         new = ctypes.pythonapi.PyCFunction_NewEx
         new.restype = ctypes.py_object
-        new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
-        made: Callable[..., int] = new(ctypes.byref(self), None, None)
+        new.argtypes = [ctypes.POINTER(Method), ctypes.py_object, ctypes.c_void_p]
+        made: Callable[..., int] = new(ctypes.byref(self), given, None)
         return made
 
 

@@ -91,7 +91,7 @@ class ControlSteps(Postures):
             return refuse
         if self._known_control is None or self._known_control[0] is not rows:
             self._known_control = rows, self._load_control(rows)
-        return self._known_control[1]
+        return refuse if self._close_at_once is refuse else self._known_control[1]  # `robot.model` was taken
 
     def _load_control(self, rows: ClosedRows) -> Callable[..., int]:
         """Load the library of a control step; build it if it is new."""
