@@ -81,7 +81,8 @@ def test_every_random_mechanism(kind: str, base: Base) -> None:
         pytest.skip("redundant motors of different units: the general path asks for weights")
     found, trusted = worst(robot)
     assert found < AGREE
-    assert trusted == (0.0 if kind == "sps_thin" else 1.0)  # thin legs: a motion without inertia
+    # thin legs: a motion without inertia, of which only the inverse model is defined
+    assert trusted == (0.5 if kind == "sps_thin" else 1.0)
 
 
 @pytest.mark.parametrize(
