@@ -183,7 +183,7 @@ def test_descriptions_of_many_designs_are_those_of_each(
         variants.description(variants.named(np.array([0.28, 1.0, 0.3])))
 
 
-def test_efforts_that_are_rounding_stop_no_sweep() -> None:
+def test_efforts_that_are_rounding_stop_no_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     """Efforts and accelerations of rounding are compared with natural sizes, not with themselves."""
     robot = hybridyn.load("five_bar")
     rest = np.zeros((2, robot.nv))
@@ -195,6 +195,9 @@ def test_efforts_that_are_rounding_stop_no_sweep() -> None:
     assert _difference(robot, ours, theirs) > compiled_designs.EQUAL
     ours = [*theirs[:2], rest + 1e-9, theirs[3]]
     assert _difference(robot, ours, theirs) > compiled_designs.EQUAL
+    monkeypatch.setattr(compiled_designs, "natural_force", lambda *_: np.zeros(2))  # nothing has a mass
+    theirs[3] = 0 * theirs[3]
+    assert _difference(robot, theirs, theirs) == 0
 
 
 @pytest.mark.slow

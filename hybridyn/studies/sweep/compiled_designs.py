@@ -218,7 +218,7 @@ def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Arra
     _, v, a, _ = theirs
     smallest, speed = float(robot.unit.min()), float(NaturalSizes.of(robot, v).speed.max())
     effort = float(natural_force(robot, v, a).max()) / float(robot.unit.max())
-    natural = (smallest, 1e-300, max(smallest * speed**2, 1e-300), effort)
+    natural = [max(size, 1e-300) for size in (smallest, 0.0, smallest * speed**2, effort)]
     kinds = zip(ours, theirs, natural, strict=True)
     off = [float(np.abs(x - y).max(initial=0)) / float(np.abs(y).max(initial=size)) for x, y, size in kinds]
     return float(np.max(off))  # nan, if one is
