@@ -237,7 +237,7 @@ Each function returns a guard. Use the results only if it is at most 1, and prov
 samples. The guard is above 1 near singular postures and if the loops are open, and NaN if a number is not
 finite. `q`, `v` and `a` are those of all joints and must close the loops{closing}.
 The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of the guard
-and is refused.
+and is refused, and so are `-funsafe-math-optimizations`, `-fassociative-math` and `-fno-signed-zeros`.
 
 `make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on.
 On a processor with fused multiplication and addition, `-march=native` lets the compiler use it.

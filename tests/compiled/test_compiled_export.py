@@ -18,6 +18,7 @@ import hybridyn
 from hybridyn.cli import main
 from hybridyn.compiled.code.operations import Counts, operations, operations_table
 from hybridyn.compiled.code.plain_c import in_lanes, plain_source, prototype, work_type
+from hybridyn.compiled.code.scalars import text_of
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.export import c_name, export
 from hybridyn.compiled.library.building import NATIVE
@@ -155,6 +156,20 @@ def test_fast_math_is_refused_when_it_is_compiled(tmp_path: Path) -> None:
     built = subprocess.run(command, capture_output=True, text=True)
     assert built.returncode != 0
     assert "build without -ffast-math" in built.stderr
+
+
+@pytest.mark.parametrize("flags", ["-fassociative-math -fno-trapping-math", ""])
+def test_reordered_sums_and_lost_signs_are_refused_when_it_is_compiled(flags: str, tmp_path: Path) -> None:
+    """Sines reordered by GCC were wrong by percents, and guards of 0.0004 let the efforts through."""
+    tmp_path.joinpath("head.c").write_text(text_of("plain.h"))
+    compiler = find_compiler().command
+    command = [*compiler, *flags.split(), "-fno-signed-zeros", "-c", "head.c", "-o", "head.o"]
+    known = subprocess.run([*compiler, "-dM", "-E", "-xc", "/dev/null"], capture_output=True, text=True)
+    if "__clang__" in known.stdout:
+        pytest.skip("Clang does not tell the source")
+    built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert built.returncode != 0
+    assert "build without -fassociative-math" in built.stderr
 
 
 def test_models_of_two_robots_go_into_one_program(bar: Path, tmp_path: Path) -> None:

@@ -1,6 +1,9 @@
 #if (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0) || defined(_M_FP_FAST)
 #error "guards must see what is not finite: build without -ffast-math and -ffinite-math-only"
 #endif
+#if defined(__ASSOCIATIVE_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "sines and guards count on rounding and zeros: build without -fassociative-math and -fno-signed-zeros"
+#endif
 
 #ifdef SINGLE
 typedef float S;

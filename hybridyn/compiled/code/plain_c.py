@@ -127,7 +127,7 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
 def work_type(program: Program, name: str, dtype: str = "float64", *, lanes: bool = False) -> str:
     """Return the C type of the workspace of a program's function; `lanes` as from `in_lanes`."""
     given, result, shared, own = _sizes(program)
-    vectors = LANES * (shared + own) + LANES - 1 if lanes else shared + own  # from an aligned place on
+    vectors = LANES * (shared + own + 1) if lanes else shared + own  # from an aligned place on
     room = f"{REAL[dtype]} numbers[{given + result + vectors}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
 
