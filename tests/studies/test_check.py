@@ -385,6 +385,11 @@ def test_meshes_can_be_left_alone(tmp_path: Path) -> None:
     assert found(tmp_path, text, meshes=False) == []
 
 
+def test_two_materials_hide_no_shape(tmp_path: Path) -> None:
+    visual = MESH.format("nowhere.stl").replace("</visual>", 2 * '<material name="red"/>' + "</visual>")
+    assert [finding.code for finding in found(tmp_path, arm(inside=BALL + visual))] == ["missing-mesh"]
+
+
 def test_meshes_that_cannot_be_read_here_are_one_note(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

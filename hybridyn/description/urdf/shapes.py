@@ -63,9 +63,8 @@ def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
 
 def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shape:
     """Return a shape."""
-    placement, material = origin_of(shape.child("origin")), shape.child("material")
-    colour = None
-    if material is not None:
+    placement, colour = origin_of(shape.child("origin")), None
+    for material in shape.children("material")[:1]:  # a second one makes no other shape
         colour = _stated(material) or colours.get(material.xml.get("name", ""))
     for node in shape.required_child("geometry").children():
         file, size = "", tuple[float, ...]()
