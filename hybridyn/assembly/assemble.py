@@ -90,12 +90,17 @@ def first_guess(robot: HybridRobot, guess: Array | None) -> Array:
     guess = np.asarray(guess, dtype=float).reshape(-1)
     if guess.shape != (robot.nq,):
         raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
+    check_guess(robot, guess)
+    return guess
+
+
+def check_guess(robot: HybridRobot, guess: Array) -> None:
+    """Raise if initial postures, shape (..., nq), are none; the errors are those of `first_guess`."""
     if not (np.abs(guess) <= LARGEST).all():
         raise AssemblyError(f"guess has a number that is not finite, or above {LARGEST:.0e}")
     for columns in robot.unit_coordinates:
-        if not guess[columns].any(axis=1).all():
+        if not guess[..., columns].any(axis=-1).all():
             raise AssemblyError("guess has a joint whose cosine and sine, or quaternion, are all zero")
-    return guess
 
 
 def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> tuple[Array, Array, Array]:

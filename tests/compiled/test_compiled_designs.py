@@ -17,7 +17,7 @@ from hybridyn.compiled.library.closed_designs import ClosedDesigns
 from hybridyn.compiled.programs.closing.design_rows import DesignRows
 from hybridyn.compiled.programs.designs import DesignsInSlots, changed
 from hybridyn.description.cache_folder import VARIABLE
-from hybridyn.errors import HybridynError, ModelError, TrajectoryError
+from hybridyn.errors import AssemblyError, HybridynError, ModelError, TrajectoryError
 from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
@@ -159,6 +159,8 @@ def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
         compiled.close(x[:2], parameters=far)
     with pytest.raises(TrajectoryError, match="last has shape"):
         compiled.close(x, last=found[0][:2], parameters=p)
+    with pytest.raises(AssemblyError, match="not finite"):
+        compiled.close(x, last=found[0] * np.nan, parameters=p)
 
 
 @pytest.mark.slow

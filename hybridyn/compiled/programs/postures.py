@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...assembly.assemble import by_name, first_guess
+from ...assembly.assemble import by_name, check_guess, first_guess
 from ...assembly.requests import Requests, gather_requests
 from ...dynamics.quantities.posture import holding, posture_at
 from ...effects.choice import Effects
@@ -164,8 +164,11 @@ class Postures:
         each = np.ndim(parameters) == 2
         numbers = self._designs.numbers(parameters, (requests.samples,) if each else ())
         start = np.zeros(0) if last is None else np.asarray(last, dtype=float)
-        if each and start.ndim == 2 and start.shape != (requests.samples, self.robot.nq):
-            raise TrajectoryError(f"last has shape {start.shape}; wanted {(requests.samples, self.robot.nq)}")
+        if each and start.ndim == 2:
+            if start.shape != (requests.samples, self.robot.nq):
+                wanted = requests.samples, self.robot.nq
+                raise TrajectoryError(f"last has shape {start.shape}; wanted {wanted}")
+            check_guess(self.robot, start)
         guess = start if each and start.ndim == 2 else first_guess(self.robot, last)
         close = self._evaluator.each if each else self._evaluator.assemble
         q, v, a, others = close(numbers, requests, guess)
