@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.program import Shared
+from hybridyn.compiled.programs.derivatives.linear import linearized
 from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
+from hybridyn.compiled.programs.derivatives.nodes import Node
 from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -146,6 +150,27 @@ def test_where_pivots_vanish_the_words_are_those_over_joints(interpreted: None) 
     q = hybridyn.assemble(robot, motors=motors)[0]
     with pytest.raises(SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"):
         Derivatives(robot, "ddm", coordinates="motors")(q, np.zeros(robot.nv), np.array([0.3, -0.2]))
+
+
+def test_linear_steps_are_directional_derivatives() -> None:
+    """Of all operations, by CasADi's own sweep; an output that does not change is left out."""
+    x, y, z = ca.SX.sym("x", 3), ca.SX.sym("y", 2), ca.SX.sym("z")
+    out = [x[0] * y[1] / z - ca.sqrt(x[1]) * 2 + ca.sin(y[0]) * x[2], ca.atan2(x[2], y[0]) * z, z**2, -x[2]]
+    function = ca.Function("f", [x, y, z], [ca.vertcat(*out[:2]), ca.vertcat(*out[2:])])
+    targets = (Shared(6, 2), Shared(8, 2))
+    node = Node("node", function, 1, (Shared(0, 3), Shared(3, 2), Shared(5, 1)), targets)
+    linear = linearized(node, [0, 1], [0, 1])
+    wanted, rows = linear.used([(0, 0), (0, 1), (0, 2), (1, 0)])
+    assert rows == [(0, 0), (0, 1), (1, 1)]
+    dx = ca.SX.sym("dx", 4)
+    found = linear.tangents(
+        linear.coefficients(x, y, z), dict(zip(wanted, ca.vertsplit(dx), strict=True)), rows
+    )
+    whole = ca.vertcat(*(out[k] for k in (0, 1, 3)))
+    truth = ca.jtimes(whole, ca.vertcat(x, y[0]), dx)
+    both = ca.Function("both", [x, y, z, dx], [ca.vertcat(*found), truth])
+    steps, wanted_values = both([0.3, 1.2, -0.7], [0.4, -1.1], 0.9, [0.2, -0.5, 0.8, 1.3])
+    close_to(np.array(steps), np.array(wanted_values), ROUNDING)
 
 
 @pytest.mark.slow

@@ -147,8 +147,8 @@ class MotorMotions:
             tangents.gather(motors_last, [out])
             return out
 
-        over_u = swept([(calls.u_dot, Constants(np.eye(n)))])
-        Psi, Psi_m = gathered(over_u), w.each(n, n)
+        over_u, Psi_m = swept([(calls.u_dot, Constants(np.eye(n)))]), w.each(n, n)
+        Psi = gathered(over_u)
         over_u.gather([numbers[k] for k in rows], [Psi_m])
         factors = self._factored(calls, Psi_m)
         along, E = self._along(factors, Psi, rows, rest)

@@ -13,14 +13,15 @@ from typing import Any
 import casadi as ca
 
 from ...equations.expressions import pack
-from ...program import Constants, Each, Own, Shared, Source, Target, Turned
+from ...program import Constants, Own, Shared, Source, Target, Turned
 from ..writer import Writer
 from .adjoints import PART, Parts, Reading, evaluated
+from .linear import linearized
 from .local import local_jacobian
-from .nodes import Node, Number, numbers_of
+from .nodes import Node, Number, identity, numbers_of
 
-#: Places of local derivatives, which several sweeps share.
-Known = dict[Any, tuple[Shared, Each]]
+#: Places of local derivatives, and linear steps with the place of their coefficients, which sweeps share.
+Known = dict[Any, Any]
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,9 @@ class Tangents:
         outs = [n for n, x in enumerate(node.targets) if not graph.needed.isdisjoint(node.numbers(x))]
         if not outs:
             return
+        if node.copies == 1:
+            self._linear(node, ins, outs)
+            return
         local = local_jacobian(node, ins, outs, *node.common(ins, outs))
         summed, each = evaluated(self.writer, self.known, node, local)
         if local.summed:
@@ -135,6 +139,43 @@ class Tangents:
             numbers = numbers_of(node.targets[n], copy)
             for k, row in enumerate(of):
                 self.of.setdefault(numbers[row], []).append((place, k))
+
+    def _linear(self, node: Node, ins: list[int], outs: list[int]) -> None:
+        """Add the tangents of the targets of a node with one copy, step by step."""
+        w, key = (
+            self.writer,
+            ("linear", node.key, tuple(map(identity, node.sources)), tuple(ins), tuple(outs)),
+        )
+        if key not in self.known:
+            linear = linearized(node, ins, outs)
+            place = w.shared(linear.size)
+            self.known[key] = linear, place
+            if linear.size:
+                kernel = w.kernel(linear.key, linear.coefficients, PART)
+                w.call(kernel, 1, list(node.sources), [place])
+        linear, place = self.known[key]
+        of = {(s, k): x for s in ins for k, x in enumerate(numbers_of(node.sources[s], 0))}
+        wanted, rows = linear.used([x for x, number in of.items() if number in self.of])
+        if not rows:
+            return
+        reading = Reading.of([self.of[of[x]] for x in wanted])
+        targets = sorted({n for n, _ in rows})
+
+        def function() -> ca.Function:
+            """Return the tangents of one column."""
+            numbers = ca.SX.sym("numbers", linear.size)
+            blocks, values = reading.symbols()
+            found = linear.tangents(numbers, dict(zip(wanted, values, strict=True)), rows)
+            outputs = [pack([x for (n, _), x in zip(rows, found, strict=True) if n == m]) for m in targets]
+            return ca.Function("steps", [numbers, *blocks], outputs)
+
+        places = [w.own(self.columns, sum(n == m for n, _ in rows)) for m in targets]
+        kernel = w.kernel((linear.key, reading.key, tuple(wanted)), function, PART)
+        w.call(kernel, self.columns, [place, *reading.blocks], list(places))
+        for block, m in zip(places, targets, strict=True):
+            numbers = numbers_of(node.targets[m], 0)
+            for k, row in enumerate(r for n, r in rows if n == m):
+                self.of.setdefault(numbers[row], []).append((block, k))
 
     def reading(self, numbers: Sequence[Number]) -> Reading:
         """Return the reading of the tangents of some numbers; those that do not change read zeros."""
