@@ -8,61 +8,24 @@ Single columns also depend on the choice of eliminated closure rows.
 
 from __future__ import annotations
 
-from functools import cached_property
-from itertools import pairwise
-
-import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, Effects, choose
-from ..errors import CompileError, ModelError, SingularityError, TrajectoryError
-from ..spatial import Array
-from ..structure.leg_model import pinocchio_inertia
+from ..effects.choice import Choice, choose
+from ..errors import CompileError
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, same_samples
-from .code.scalars import GUARD_LIMIT, Scalar
 from .failures import as_compile_error
-from .library.cache import cached
-from .library.calls import Library, loaded
-from .library.compilers import best_lanes, find_compiler
 from .needs import WITHOUT_CASADI
-from .program import Program
-from .programs.derivatives.coordinates import check_coordinates
-from .programs.general import GENERAL, general, named
 
 try:
-    import casadi as ca
-
-    from .code.library_source import library_source
-    from .equations.request import request
-    from .equations.static_elimination import TRUSTED_PIVOT
-    from .programs.derivatives.direct import direct_derivatives
-    from .programs.derivatives.inverse import inverse_derivatives
-    from .programs.derivatives.motor_direct import motor_direct_derivatives
-    from .programs.derivatives.motor_inverse import motor_inverse_derivatives
-    from .programs.interpreter import function_of
+    from .programs.derivatives.evaluation import Derivatives, Jacobians
     from .programs.sources import robot_key
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
-Jacobians = dict[str, Array]
-
-#: Builders of the programs, by model and by whether the motors are the coordinates.
-BUILDERS = {
-    ("idm", False): inverse_derivatives,
-    ("ddm", False): direct_derivatives,
-    ("idm", True): motor_inverse_derivatives,
-    ("ddm", True): motor_direct_derivatives,
-}
+__all__ = ["Derivatives", "ddm_jacobian", "idm_jacobian", "prepared"]
 
 #: Number of prepared derivatives that are kept.
 KEPT = 4
-#: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the
-#: largest entry.
-DERIVATIVE_AGREES = 1e-6
-#: Relative error of derivatives over the guard, which is the inverse square of the least pivot's ratio to
-#: `TRUSTED_PIVOT`: they lose more digits than the model's result, whose errors cancel.
-DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 
 
 def idm_jacobian(
@@ -173,250 +136,6 @@ def prepared(
     if effects is None:
         _latest[asked] = found
     return found
-
-
-class Derivatives:
-    """The derivatives of one model of one robot, prepared once and evaluated often.
-
-    Attributes:
-        robot: The robot.
-    """
-
-    def __init__(
-        self,
-        robot: HybridRobot,
-        model: str,
-        effects: Choice = None,
-        *,
-        parameters: bool = False,
-        coordinates: str = "joints",
-    ) -> None:
-        """Load the derivatives from the cache, or generate and build them.
-
-        Without a C compiler CasADi runs them.
-
-        Args:
-            model: "idm" or "ddm".
-            effects: Effects to include, as for `hybridyn.idm`.
-            parameters: Whether to differentiate over inertial parameters, too.
-            coordinates: "joints" or "motors", as for `idm_jacobian`.
-
-        Raises:
-            ModelError: `model` or `coordinates` is unknown, an effect is not available in compiled models or
-                has no derivative, or the motors are not coordinates of the robot (`check_motors`).
-            SingularityError: The motors of a module do not determine its motion at any posture.
-            CompileError: The derivatives cannot be generated or built.
-        """
-        if model not in GENERAL:
-            raise ModelError(f"there are derivatives of 'idm' and 'ddm', not of '{model}'")
-        self._effects = effects if isinstance(effects, Effects) else choose(robot, effects)
-        if self._effects.limits is not None:
-            raise ModelError(
-                "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
-            )
-        check_coordinates(robot, coordinates, parameters=parameters)
-        self.robot, self._model, self._parameters = robot, model, parameters
-        self._motors = coordinates == "motors"
-        with as_compile_error(robot):
-            self.library = self._built()
-            about = self.program if self.library is None else self.library.programs[self._name]
-        self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
-        motors = len(robot.motors)
-        self._widths = {
-            name: motors if self._motors else robot.nv if name == "q" else size
-            for name, size in self._inputs.items()
-        }
-        values, *ends = np.cumsum(list(self._outputs.values())).tolist()
-        self._rows, self._values = motors if self._motors else values, values
-        self._size = [values, *ends][-1]
-        starts = pairwise([values, *ends])
-        pairs = zip(self._widths.items(), starts, strict=True)
-        self._blocks = [(name, slice(a, b), (self._rows, width)) for (name, width), (a, b) in pairs]
-        self._at_once = None if self.library is None else self.library.programs[self._name].at_once
-        self._last = (self._numbers,) if parameters else ()
-
-    @property
-    def _name(self) -> str:
-        """Name of the program."""
-        return f"{self._model}_motor_jacobian" if self._motors else f"{self._model}_jacobian"
-
-    def _built(self) -> Library | None:
-        """Return the library from the cache, or build it; None without a C compiler."""
-        try:
-            find_compiler()
-        except CompileError:
-            return None
-        scalar = Scalar("float64", best_lanes())
-        key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
-        return loaded(lambda: cached(key, lambda: library_source([self.program], scalar)))
-
-    @cached_property
-    def program(self) -> Program:
-        """The model and its derivatives as a program."""
-        asked = request(self.robot, self._effects, parameters=self._parameters)
-        return BUILDERS[self._model, self._motors](asked)
-
-    @cached_property
-    def _flat(self) -> ca.Function:
-        """The program as one CasADi function."""
-        with as_compile_error(self.robot):
-            return function_of(self.program)
-
-    @cached_property
-    def casadi(self) -> ca.Function:
-        """The derivatives as a CasADi function with named inputs and outputs, and "guard" last."""
-        columns = [ca.SX.sym(name, size) for name, size in self._inputs.items()]
-        _, *flat, guard = self._flat.call(columns)
-        rows = self._rows
-        blocks = [ca.reshape(x, x.numel() // rows if rows else 0, rows).T for x in flat]
-        names = list(self._inputs)
-        return ca.Function(
-            self._name, columns, [*blocks, guard], names, [*(f"d_{n}" for n in names), "guard"]
-        )
-
-    def allocate(self, samples: int | None = None) -> Jacobians:
-        """Return arrays for the argument `out` of calls, of one sample or of many.
-
-        Args:
-            samples: Number of samples; None for arrays without that dimension.
-
-        Raises:
-            TrajectoryError: The number of samples is negative.
-        """
-        if samples is None:
-            flat = np.zeros(self._size)
-            return _Allocated(self, self._split(flat), (flat,))
-        if samples < 0:
-            raise TrajectoryError(f"samples must not be negative; {samples} were given")
-        outs = [np.zeros((samples, self._rows * width)) for width in self._widths.values()]
-        value = np.zeros((samples, self._values))
-        pairs = zip(self._widths.items(), outs, strict=True)
-        blocks = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs}
-        return _Allocated(self, blocks, (value, *outs))
-
-    def __call__(self, *given: ArrayLike, out: Jacobians | None = None) -> Jacobians:
-        """Evaluate at one sample or many.
-
-        Args:
-            given: The model's arguments, shapes (n,) or (T, n). The acceleration of a "moving" base is
-                optional and defaults to zero.
-            out: Arrays of `allocate`, which are filled and returned; None returns new arrays.
-
-        Raises:
-            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite; or
-                `out` is not from `allocate`, or for another number of samples.
-            HybridynError: The loops are open or rank is lost at a state (errors of the general path).
-            SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
-        """
-        if out is None:
-            if self._at_once is not None:
-                flat = np.empty(self._size)
-                if self._at_once(*given, *self._last, flat) == 0:
-                    return self._split(flat)
-            return self._checked(given, None)
-        if not isinstance(out, _Allocated) or out.owner is not self:
-            raise TrajectoryError("out must be what `allocate` of the same derivatives returned")
-        if self._at_once is not None and self._at_once(*given, *self._last, out.arrays[0]) == 0:
-            return out
-        return self._checked(given, out)
-
-    def _split(self, flat: Array) -> Jacobians:
-        """Return the blocks of one sample's outputs."""
-        return {name: flat[at].reshape(shape) for name, at, shape in self._blocks}
-
-    def _checked(self, given: tuple[ArrayLike, ...], filled: _Allocated | None) -> Jacobians:
-        """Check the arguments and evaluate."""
-        wanted = {name: size for name, size in self._inputs.items() if name != "parameters"}
-        if len(given) == 3 and "base_acceleration" in wanted:
-            given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
-        if len(given) != len(wanted):
-            raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
-        arguments = named(self.robot, dict(zip(wanted, given, strict=True))).values()
-        pairs = zip(arguments, wanted.items(), strict=True)
-        checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
-        arrays = {name: array for name, (array, _) in checked.items()}
-        same_samples(**arrays)
-        samples, single = len(arrays["q"]), checked["q"][1]
-        wanted_samples = None if single else samples
-        if filled is not None and filled.samples != wanted_samples:
-            sizes = [
-                "a single sample" if x is None else f"{x} rows" for x in (filled.samples, wanted_samples)
-            ]
-            raise TrajectoryError(f"out is for {sizes[0]}, the arguments are {sizes[1]}")
-        (value, *flat), guard = self._run(arrays, None if filled is None or single else filled.arrays)
-        doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
-        if len(doubtful):
-            self._check_doubtful(arrays, value, guard, doubtful.tolist())
-        pairs_out = zip(self._widths.items(), flat, strict=True)
-        out = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs_out}
-        out = {name: block[0] for name, block in out.items()} if single else out
-        if filled is None:
-            return out
-        if single or self.library is None:
-            for name, block in filled.items():
-                block[...] = out[name]
-        return filled
-
-    def _run(
-        self, arrays: dict[str, Array], outs: tuple[Array, ...] | None
-    ) -> tuple[tuple[Array, ...], Array]:
-        """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
-        samples = len(arrays["q"])
-        rows = list(arrays.values())
-        if self._parameters:
-            rows.append(np.tile(self._numbers, (samples, 1)))
-        if self.library is not None:
-            return self.library.batch(self._name, *rows, outs=outs)
-        new = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
-        for t in range(samples):
-            for out, found in zip(new, self._flat.call([x[t] for x in rows]), strict=True):
-                out[t] = np.array(found).ravel()
-        return new[:-1], new[-1][:, 0]
-
-    @cached_property
-    def _numbers(self) -> Array:
-        """The inertial parameters of the bodies, shape (10 bodies,)."""
-        bodies = self.robot.bodies.bodies
-        return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in bodies])
-
-    def _check_doubtful(
-        self, arrays: dict[str, Array], values: Array, guard: Array, doubtful: list[int]
-    ) -> None:
-        """Compare samples whose guard is above its limit with the general path.
-
-        Raises:
-            HybridynError: The general path cannot compute them either, the model differs from it there, or
-                the pivots are so small that derivatives may have lost their digits.
-        """
-        wanted = general(self.robot, self._effects, self._model, arrays)
-        for t in doubtful:
-            differs = np.abs(values[t] - wanted[t]).max(initial=0.0) / np.abs(wanted[t]).max(initial=1e-300)
-            off = np.maximum(differs, DERIVATIVE_ROUNDED * guard[t])  # nan, if one is
-            if not off <= DERIVATIVE_AGREES:
-                raise SingularityError(
-                    f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
-                    f"compiled model vanish there, and rounding may reach {off:.2g} of the largest entry "
-                    f"(limit {DERIVATIVE_AGREES:g}). Move away from that posture",
-                    sample=t,
-                )
-
-
-class _Allocated(Jacobians):
-    """Blocks that calls fill.
-
-    Attributes:
-        owner: The derivatives that they belong to.
-        arrays: The arrays that hold them: all outputs of one sample, or those of all samples.
-    """
-
-    def __init__(self, owner: Derivatives, blocks: Jacobians, arrays: tuple[Array, ...]) -> None:
-        super().__init__(blocks)
-        self.owner, self.arrays = owner, arrays
-
-    @property
-    def samples(self) -> int | None:
-        """Number of samples; None for one sample without that dimension."""
-        return len(self.arrays[0]) if len(self.arrays) > 1 else None
 
 
 _prepared: dict[tuple[str, bool, str, str], Derivatives] = {}

@@ -12,11 +12,12 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code.rules import check, trimmed
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
-from hybridyn.compiled.derivatives import DERIVATIVE_AGREES, Derivatives
+from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
 from hybridyn.compiled.programs.derivatives.direct import direct_derivatives
+from hybridyn.compiled.programs.derivatives.evaluation import DERIVATIVE_AGREES
 from hybridyn.compiled.programs.derivatives.inverse import inverse_derivatives
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
