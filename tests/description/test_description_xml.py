@@ -46,7 +46,7 @@ def test_refuses_what_is_no_robot(tmp_path: Path, text: str | bytes, message: st
 
 
 def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybridyn.description.reading.LARGEST_FILE", 1000)
+    monkeypatch.setattr("hybridyn.description.opening.LARGEST_FILE", 1000)
     with pytest.raises(ModelError, match="larger than"):
         read_text(tmp_path, FOUR_BAR)
     monkeypatch.setattr(xml_node, "LARGEST_FILE", 1000)
