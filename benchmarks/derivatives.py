@@ -71,7 +71,7 @@ class Exact(NamedTuple):
 
     def of_motors(self, robot: HybridRobot, model: Model) -> Exact:
         """Return the same of the motors alone."""
-        at = np.array([robot.v_slices[robot.joint_index[name]].start for name in robot.motors])
+        at = robot.motor_columns
         dq, dv, dx = self.along
         if model == "idm":
             return Exact((dq[at], dv[at], dx[at]), self.value, self.error)

@@ -23,6 +23,7 @@ import numpy as np
 import hybridyn
 from benchmarks import closing
 from benchmarks.cases import LX4, case_of, write_long_trajectory
+from benchmarks.controlled import KD, KP
 from benchmarks.methods import NotMeasuredError
 from benchmarks.processes import only_cores
 from benchmarks.results import Waited
@@ -41,8 +42,6 @@ from hybridyn.spatial import Array
 ROBOTS = ("five_bar", "gough_stewart", "delta", "tanev", "lx4")
 #: What is said of a guard.
 GUARD = "operations with the guard over those without"
-#: Gains of the controllers: critically damped at 30 rad/s.
-KP, KD = 900.0, 60.0
 #: Step [s], number of steps and way of the motors [rad, m] of a controlled run.
 STEP, STEPS, MOVE = 1e-5, 5_000, 0.002
 #: Stages of an RK4 step, each of which asks the controller.

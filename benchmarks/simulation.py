@@ -23,7 +23,6 @@ from benchmarks.methods import NotMeasuredError, written
 from benchmarks.peers import compiled, rk4
 from benchmarks.peers.general import NAME as GENERAL
 from benchmarks.peers.mujoco import Translated
-from benchmarks.peers.pinocchio_loops import motor_index
 from benchmarks.results import Check, Flight
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
@@ -154,7 +153,7 @@ class Judge:
             return Flight(
                 case, method, setting, seconds, error, math.nan, math.nan, "lost: it left the motion"
             )
-        motors = motor_index(at.robot)
+        motors = at.robot.motor_columns
         found = hybridyn.energy(at.robot, q, v)
         kept = found.total - (q - q[0])[:, motors] @ at.tau
         drift = float(np.abs(kept - kept[0]).max() / found.kinetic.max())

@@ -62,7 +62,7 @@ def loops(robot: HybridRobot) -> Loops:
     data = pin.StdVec_RigidConstraintData()
     for constraint in constraints:
         data.append(constraint.createData())
-    motors = motor_index(robot)
+    motors = robot.motor_columns
     return Loops(model, model.createData(), constraints, data, motors, others(motors, robot.nv))
 
 
@@ -98,11 +98,6 @@ def planar(robot: HybridRobot) -> bool:
     pin.computeJointJacobians(model, data, robot.home)
     axes = data.J[3:].T
     return bool(np.abs(np.cross(axes, axes[0])).max() < 1e-12)
-
-
-def motor_index(robot: HybridRobot) -> Index:
-    """Return the index in v of each motor."""
-    return np.array([robot.v_slices[robot.joint_index[name]].start for name in robot.motors], dtype=int)
 
 
 def others(index: Index, size: int) -> Index:

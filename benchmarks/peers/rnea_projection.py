@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.methods import Method, NotMeasuredError, Setting, Solver
-from benchmarks.peers.pinocchio_loops import MOST, Loops, loops, motor_index, tree
+from benchmarks.peers.pinocchio_loops import MOST, Loops, loops, tree
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array, Index
 
@@ -117,7 +117,7 @@ def rnea_alone(robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare `pin.rnea` of the spanning tree; the motors' entries are the efforts of the tree cut open."""
     if not robot.description.closures:
         raise NotMeasuredError("no loops: listed as pin.rnea")
-    model, motors = tree(robot), motor_index(robot)
+    model, motors = tree(robot), robot.motor_columns
     data = model.createData()
 
     def solve(q: Array, v: Array, a: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.methods import Method, NotMeasuredError, Setting, Solver
-from benchmarks.peers.pinocchio_loops import MOST, motor_index, tree
+from benchmarks.peers.pinocchio_loops import MOST, tree
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
@@ -26,7 +26,7 @@ def _tree(robot: HybridRobot) -> pin.Model:
 
 def aba(robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare the direct model."""
-    model, motors = _tree(robot), motor_index(robot)
+    model, motors = _tree(robot), robot.motor_columns
     data = model.createData()
 
     def solve(q: Array, v: Array, tau: Array) -> Array:
@@ -40,7 +40,7 @@ def aba(robot: HybridRobot) -> Callable[[Setting], Solver]:
 
 def rnea(robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare the inverse model."""
-    model, motors = _tree(robot), motor_index(robot)
+    model, motors = _tree(robot), robot.motor_columns
     data = model.createData()
 
     def solve(q: Array, v: Array, a: Array) -> Array:

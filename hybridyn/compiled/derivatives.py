@@ -88,8 +88,8 @@ def ddm_jacobian(
         "q", "v": derivatives of a over the freedoms of q and over v, shape (nv, nv) or (T, nv, nv); "tau":
         derivatives over the efforts, shape ([T,] nv, motors). With motors as coordinates: derivatives of the
         motors' accelerations over positions and rates of the motors and over the efforts, each of shape
-        ([T,] motors, motors). Where asked for, "parameters": derivatives over
-        the ten inertial parameters of each body of `robot.bodies`, shape ([T,] nv, 10 bodies).
+        ([T,] motors, motors). Where asked for, "parameters": derivatives over the ten inertial parameters of
+        each body of `robot.bodies`, shape ([T,] nv, 10 bodies).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.

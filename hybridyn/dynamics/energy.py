@@ -152,7 +152,7 @@ def power(
     on, clock = choose(robot, effects), times(time, len(q))
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
-    columns = [robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]
+    columns = robot.motor_columns
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
     gather_loads(robot, wrenches, len(q))  # raises the same errors as idm

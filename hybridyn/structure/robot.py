@@ -127,6 +127,12 @@ class HybridRobot:
         return ["N" if self.records[name].kind == "prismatic" else "N m" for name in self.motors]
 
     @cached_property
+    def motor_columns(self) -> Index:
+        """Index in v of each motor's first freedom, shape (motors,)."""
+        starts = [self.v_slices[self.joint_index[name]].start for name in self.motors]
+        return np.array(starts, dtype=int)
+
+    @cached_property
     def cut_joints(self) -> frozenset[str]:
         """Massless passive joints that were cut as part of a wrist."""
         wrists = ((module, wrist) for module in self.modules for wrist in module.mechanism.spec.wrists)

@@ -145,7 +145,7 @@ def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided
     for name in about_of("compiled").measures:
         assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)
 
-    monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 60.0)  # one chunk
+    monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 16)  # one chunk
     hybridyn.sweep(study, "whole", format="csv")
     for file in sorted(Path("compiled").glob("designs-*"))[::2]:
         file.unlink()
@@ -287,7 +287,7 @@ def test_each_structure_has_compiled_models_of_its_own(
         assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0)
     assert general.statuses == state.statuses
 
-    monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 60.0)  # one chunk
+    monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 16)  # one chunk
     hybridyn.sweep(study, "whole", format="csv")
     for name, values in rows_of("whole").items():
         assert repr(values) == repr(ours[name])  # the same bits

@@ -43,7 +43,7 @@ class ControlSteps(Postures):
     dtype: Any
     parameters: Parameters
     _control_at_once: Callable[..., int] = refuse
-    _known_control: tuple[ClosedRows, Callable[..., int]] | None = None
+    _known_control: tuple[ClosedRows, Control | None] | None = None
 
     def idm_from_motors(
         self,
@@ -91,10 +91,13 @@ class ControlSteps(Postures):
             return refuse
         if self._known_control is None or self._known_control[0] is not rows:
             self._known_control = rows, self._load_control(rows)
-        return refuse if self._close_at_once is refuse else self._known_control[1]  # `robot.model` was taken
+        control = self._known_control[1]
+        if control is None or self._close_at_once is refuse:  # `robot.model` was taken meanwhile
+            return refuse
+        return control.at_once or refuse
 
-    def _load_control(self, rows: ClosedRows) -> Callable[..., int]:
-        """Load the library of a control step; build it if it is new."""
+    def _load_control(self, rows: ClosedRows) -> Control | None:
+        """Load the library of a control step; build it if it is new; None if that cannot be done."""
         robot, scalar = self.robot, Scalar(str(DOUBLE), best_lanes())
 
         def source() -> Source:
@@ -113,12 +116,10 @@ class ControlSteps(Postures):
 
         try:
             key = f"control {library_key(robot, self.effects, scalar)}"
-            control = Control(cached(key, source, accept=self._check_control), rows)
+            return Control(cached(key, source, accept=self._check_control), rows)
         except (HybridynError, OSError) as error:
             log.warning("idm_from_motors: two calls compute the efforts (%s)", error)
-            return refuse
-        self._kept_control = control
-        return control.at_once or refuse
+            return None
 
     def _check_control(self, built: Built) -> None:
         """Compare a new library with the inverse model at random states.

@@ -147,9 +147,9 @@ class Postures:
         self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self._assemble(requests, last)
-        self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
-        held = self._follower is None or self.robot.model_is_held
-        self._close_at_once = refuse if held or self._follower is None else self._follower.from_motors
+        follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
+        refused = follower is None or self.robot.model_is_held
+        self._close_at_once = follower.from_motors if follower and not refused else refuse
         return q, v, a
 
     def _close_designs(

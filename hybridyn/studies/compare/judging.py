@@ -18,7 +18,7 @@ from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .engine import Engine
-from .states import State, apart, closure_names, motor_columns, open_by
+from .states import State, apart, closure_names, open_by
 
 Fate = Literal["held", "softened", "ignored"]
 
@@ -165,7 +165,7 @@ def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float | N
     rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if len(s) else 0
     basis = vt[rank:] * robot.unit
     ours = np.zeros(robot.nv)
-    ours[motor_columns(robot)] = state.tau
+    ours[robot.motor_columns] = state.tau
     return _difference(basis @ forces, basis @ ours) if len(basis) else 0.0
 
 

@@ -47,11 +47,6 @@ class State:
     K: Array
 
 
-def motor_columns(robot: HybridRobot) -> list[int]:
-    """Return the column in v of each motor."""
-    return [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
-
-
 def draw_states(robot: HybridRobot, count: int, seed: int, postures: Array | None = None) -> list[State]:
     """Draw states near home, or at given postures.
 
@@ -121,7 +116,7 @@ def _draw(
         size = max(1.0, float(np.abs(wanted / unit).max()))
         wanted = wanted + _kept(K, rng.normal(size=robot.nv)) * unit * size
         tau = idm(robot, q, v, wanted, passive="solved", on_singular="least-norm")
-        force[motor_columns(robot)] = tau
+        force[robot.motor_columns] = tau
     return State(q, v, force, tau, ddm(robot, q, v, tau), K)
 
 

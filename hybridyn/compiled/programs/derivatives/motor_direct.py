@@ -204,15 +204,12 @@ class _Results:
         for other, y in self._relations.items():
             terms = self._terms(group, wrench, outputs, other, twists=name != "tau")
             place = w.result(f"d_{name}", y.forces.motors * self._motors + own[:, None])
+            caused = [motions] if other is group else []
             if terms:
-                add_terms(w, count, terms, [motions] if other is group else [], place)
+                add_terms(w, count, terms, caused, place)
             else:
-                copy_columns(
-                    w,
-                    count,
-                    motions if other is group else Constants(np.zeros((count, len(y.forces.motors)))),
-                    place,
-                )
+                still = Constants(np.zeros((count, len(y.forces.motors))))
+                copy_columns(w, count, motions if caused else still, place)
 
     def _terms(
         self,

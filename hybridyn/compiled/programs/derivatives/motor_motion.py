@@ -108,7 +108,7 @@ class MotorMotions:
         """Return the motion of modules each of whose joints has a motor."""
         robot = modules[0].request.robot
         freedoms = [int(k) for calls in modules for k in calls.module.v_index[calls.written.joints]]
-        motor_at = {_freedom(robot, int(m)): int(m) for x in modules for m in x.module.motor_index}
+        motor_at = {int(robot.motor_columns[m]): int(m) for x in modules for m in x.module.motor_index}
         motors = np.array([motor_at[k] for k in freedoms])
         at = coordinates_of_freedoms(robot, set(freedoms))
         units = Constants(np.array([[float(k == x) for k in at.v] for x in freedoms]))
@@ -121,7 +121,7 @@ class MotorMotions:
         w, robot, n = self._w, calls.request.robot, calls.module.mobility
         at = coordinates_of_freedoms(robot, set(calls.module.v_index.tolist()))
         motors = calls.module.motor_index
-        rows = [at.v.tolist().index(_freedom(robot, int(m))) for m in motors]
+        rows = [at.v.tolist().index(k) for k in robot.motor_columns[motors]]
         rest = [k for k in range(len(at.v)) if k not in rows]
         assert calls.u_dot is not None
         nodes = self._motions.nodes([calls])
@@ -264,11 +264,6 @@ class MotorMotions:
         out = w.own(n, T.size)
         w.call(w.kernel(("rates", at.kinds, tuple(rest)), function, PART), n, [T, *more], [out])
         return out
-
-
-def _freedom(robot: Any, motor: int) -> int:
-    """Return the entry of v of a motor."""
-    return int(robot.v_slices[robot.joint_index[robot.motors[motor]]].start)
 
 
 def _factor(n: int, pivots: Pivots) -> ca.Function:

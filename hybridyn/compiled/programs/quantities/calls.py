@@ -203,9 +203,7 @@ class Quantities:
         if moves is None or not all(motors >= freedoms for motors, freedoms in self._driven):
             return None
         if self.robot.base != "floating":
-            driven = np.array(
-                [self.robot.v_slices[self.robot.joint_index[m]].start for m in self.robot.motors]
-            )
+            driven = self.robot.motor_columns
             return QuantityRows(self.robot, partial(self._trusted, "idm"), driven, moves)
         held = self._held_base
         return None if held is None else QuantityRows(self.robot, held.forces, held.columns, moves)
