@@ -77,11 +77,13 @@ def measure(case: str, ticks: int = closing.STEPS) -> list[Waited]:
 
 
 def guard(case: str) -> Iterator[Waited]:
-    """Yield how many operations the inverse model has with its guard, over those without."""
+    """Yield how many operations the inverse model has with its guard and without, and their ratio."""
     robot = case_of(case).load()
     asked = request(robot, choose(robot, None))
     for program, compared in (("idm", True), ("idm_from_motors", False)):
         with_guard, alone = flattened(inverse_program(replace(asked, compared=compared)))
+        yield Waited(case, program, "operations with the guard", with_guard, "")
+        yield Waited(case, program, "operations without the guard", alone, "")
         yield Waited(case, program, GUARD, with_guard / alone, "")
 
 
