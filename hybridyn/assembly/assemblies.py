@@ -20,13 +20,14 @@ from ..spatial import Array, Index, Mask
 from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .assemble import module_task, place_base, settled, spanning_positions
+from .assemble import module_task, place_base, settled
 from .follow import first_posture
 from .marks import SAME_ASSEMBLY, grouped, marks_of, unchanged_by_idle_motions
 from .module_request import module_request
 from .requests import Requests, gather_requests
 from .residual import closure_residual
 from .task import Task
+from .wrist_positions import spanning_positions
 
 #: Longest step of the search [rad, module lengths], maximum number of steps, and the residual of a start
 #: that has converged.

@@ -10,10 +10,11 @@ from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
-from .assemble import first_guess, module_task, place_base, spanning_positions
+from .assemble import first_guess, module_task, place_base
 from .module_request import module_request
 from .requests import gather_requests
 from .task import Task
+from .wrist_positions import spanning_positions
 
 #: Rounds in which open samples are started again from the nearest closed ones.
 ROUNDS = 4

@@ -32,7 +32,7 @@ from ..spatial import (
     select,
     slices,
 )
-from .common_measure import common_measure
+from .couplings import TreeCoupling, coupling_residual, coupling_rows
 from .tree import Motion, Tree
 
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
@@ -71,20 +71,6 @@ class TreeClosure:
     def rows(self) -> int:
         """Number of constraint rows."""
         return len(self.translations) + ROTATION_ROWS[self.rotation]
-
-
-@dataclass(frozen=True)
-class TreeCoupling:
-    """A linear relation between joint positions of a tree: sum of coefficient x position = offset.
-
-    Attributes:
-        terms: Pairs (joint index in the tree, coefficient).
-        offset: Right-hand side.
-    """
-
-    name: str
-    terms: tuple[tuple[int, float], ...]
-    offset: float
 
 
 class _Group:
@@ -222,10 +208,7 @@ class Closures:
             _Group(tree, [closures[i] for i in members], [self.row_slices[i].start for i in members])
             for members in shapes.values()
         ]
-        self._coupling_rows = np.zeros((len(couplings), tree.nv))
-        for row, coupling in zip(self._coupling_rows, couplings, strict=True):
-            for joint, coefficient in coupling.terms:
-                row[tree.v_slices[joint]] += coefficient
+        self._coupling_rows = coupling_rows(tree, couplings)
         self.is_angle = np.zeros(self.rows, dtype=bool)
         for c, at in zip(closures, self.row_slices, strict=False):
             self.is_angle[at.start + len(c.translations) : at.stop] = True
@@ -236,23 +219,7 @@ class Closures:
         for group in self._groups:
             out[:, group.rows] = group.residual(motion)
         for coupling, at in zip(self.couplings, self.row_slices[len(self.closures) :], strict=True):
-            out[:, at.start] = self._coupling_residual(coupling, q)
-        return out
-
-    def _coupling_residual(self, coupling: TreeCoupling, q: Array) -> Array:
-        """Compute the residual of a coupling, shape (T,), in the unit of coefficient times position."""
-        total = np.full(len(q), -coupling.offset)
-        endless = []
-        for joint, coefficient in coupling.terms:
-            x = q[:, self.tree.q_slices[joint]]
-            if self.tree.joints[joint].kind == "continuous":
-                total += coefficient * np.arctan2(x[:, 1], x[:, 0])
-                endless.append(coefficient)
-            else:
-                total += coefficient * x[:, 0]
-        # Cosine and sine of a continuous joint determine its angle up to whole turns.
-        period = 2 * np.pi * common_measure(endless)
-        out: Array = total - period * np.round(total / period) if period else total
+            out[:, at.start] = coupling_residual(self.tree, coupling, q)
         return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:

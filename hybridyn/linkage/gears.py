@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..spatial import Array, Index, Mask
-from .closures import Closures, TreeCoupling
+from .closures import Closures
 from .common_measure import common_measure
+from .couplings import TreeCoupling
 
 #: Periods are equal if their relative difference is below this, the rounding of their quotient.
 ROUNDING = 1e-9

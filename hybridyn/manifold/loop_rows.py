@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..linkage.closures import TreeClosure
+from ..linkage.couplings import coupling_residual, coupling_rows
 from ..spatial import Array, rotation_vector
 from ..structure.leg_model import pinocchio_joint
 from ..structure.mechanism import Mechanism
@@ -28,7 +29,7 @@ class LoopRows:
         tree, closures = mechanism.spanning, mechanism.spanning_closures
         self.unit = mechanism.spanning_col_scale
         self.rank = tree.nv - mechanism.mobility
-        self._closures = closures
+        self._tree, self._closures = tree, closures
         self._scale = mechanism.spanning_row_scale
         self.model = pin.Model()
         for joint in tree.joints:
@@ -40,7 +41,7 @@ class LoopRows:
         self.data = self.model.createData()
         support = tree.support.astype(float)
         self._sign = [support[c.body_b] - support[c.body_a] for c in closures.closures]
-        self._coupled = closures._coupling_rows
+        self._coupled = coupling_rows(tree, closures.couplings)
 
     def _frame(self, name: str, body: int, R: Array, p: Array) -> int:
         where = f"{name} {self.model.nframes}"
@@ -61,7 +62,7 @@ class LoopRows:
             residual[at], K[at] = _closure(c, A.rotation, A.translation, B.rotation, B.translation, J * sign)
         first = len(self._scale) - len(self._coupled)
         for i, coupling in enumerate(self._closures.couplings):
-            residual[first + i] = self._closures._coupling_residual(coupling, q[None])[0]
+            residual[first + i] = coupling_residual(self._tree, coupling, q[None])[0]
         K[first:] = self._coupled
         return residual * self._scale, K * self._scale[:, None] * self.unit
 

@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure, TreeCoupling
+from ..linkage.closures import TreeClosure
+from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
 from ..spatial import Array
 from .bodies import Bodies, Body

@@ -8,7 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import TreeClosure, TreeCoupling
+from ...linkage.closures import TreeClosure
+from ...linkage.couplings import TreeCoupling
 from .chains import Chain, motion_map, point_acceleration, point_velocity
 from .expressions import Expression, cross, dot, numbers, zeros
 from .guards import Scale, weighed

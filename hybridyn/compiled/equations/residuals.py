@@ -10,8 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import TreeClosure, TreeCoupling
+from ...linkage.closures import TreeClosure
 from ...linkage.common_measure import common_measure
+from ...linkage.couplings import TreeCoupling
 from .chains import Chain
 from .expressions import Expression, cross, dot, zeros
 from .rigid import motion_to_parent
