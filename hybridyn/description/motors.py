@@ -18,7 +18,7 @@ RANKING: tuple[MotorSource, ...] = (
 )  # fmt: skip
 
 #: The rule for a tree whose files name no motor.
-EVERY_JOINT = "every joint (no closure, and no file names motors)"
+EVERY_JOINT = "every joint, because there is no closure and no file names motors"
 
 
 def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
@@ -83,7 +83,7 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
         return tuple(joint.name for joint in free), EVERY_JOINT
     strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
     if 0 < len(strong) < len(free):
-        return tuple(strong), "joints with an effort limit above zero (no file names motors)"
+        return tuple(strong), "joints with an effort limit above zero, because no file names motors"
     robot.notes.append(
         "no file says which joints of this closed-loop robot are driven: pass motors=[...], or write "
         "motors = [...] in model.toml, <transmission> in the URDF, or name_mot in robot.yaml"

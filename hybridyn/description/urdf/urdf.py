@@ -80,7 +80,7 @@ def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
         robot.motors.append(statement)
     if len(independent) < len(robot.joints):
         driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
-        where = 'joints that URDF+ leaves independent="true"'
+        where = 'URDF+ joints with independent="true"'
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
 
 
