@@ -51,6 +51,7 @@ from benchmarks.timing import interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
+from tests.clocks import Clock
 from tests.extras import needs
 from tests.samples import slow
 from tests.shipped import shipped
@@ -239,11 +240,11 @@ def test_long_trajectory_repeats_the_shipped_one(tmp_path: Path) -> None:
 
 
 def test_calls_are_timed_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = [0.0]
-    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    clock = Clock()
+    monkeypatch.setattr(timing, "time", clock)
 
     def takes(seconds: float) -> None:
-        clock[0] += seconds
+        clock.now += seconds
 
     slow, fast = interleaved([lambda: takes(3e-3), lambda: takes(1e-4)], 3)
     assert slow == pytest.approx((3e-3, 3e-3))

@@ -21,6 +21,7 @@ from hybridyn.errors import AssemblyError
 from hybridyn.streams.blocks import MOST_ROWS
 from hybridyn.tables.opening import open_table
 from tests import ROOT
+from tests.clocks import Clock
 from tests.extras import needs
 from tests.waiting import PATIENCE, wait_until
 
@@ -477,15 +478,17 @@ def test_interruption_leaves_nothing(arm, tmp_path: Path, number: int, status: i
 
 def test_progress_is_drawn_only_when_it_takes_long(capsys, monkeypatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    clock = Clock()
+    monkeypatch.setattr("hybridyn.cli.common.progress.time", clock)
     with Progress() as progress:
+        clock.now = 1.9
         progress.show(10, 0.1)
         assert capsys.readouterr().err == ""
-        progress.started -= 10.0
-        progress.drawn -= 10.0
+        clock.now = 10.0
         progress.show(1_000, 0.5)
         drawn = capsys.readouterr().err
         assert "50%" in drawn
-        assert "1,000 samples" in drawn
+        assert "1,000 samples, 100/s, 10 s left" in drawn
     assert capsys.readouterr().err == "\r\x1b[K"
 
 

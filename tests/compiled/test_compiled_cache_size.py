@@ -21,15 +21,19 @@ from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.compiled.library.calls import loaded
 from hybridyn.compiled.library.eviction import ABANDONED, IN_USE, remove_unused
 from tests import ROOT
+from tests.clocks import Clock
 from tests.compiled_toys import toy
 from tests.waiting import PATIENCE
 
 HOUR = 3600.0
+#: The time of all tests [s]; it stands still, and files that are written are newer.
+NOW = time.time()
 
 
 @pytest.fixture(autouse=True)
 def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(keeping, "time", Clock(NOW))
     return tmp_path / "cache"
 
 
@@ -57,7 +61,7 @@ def known(number: int) -> bool:
 
 def used(one: Built, ago: float) -> None:
     """Pretend that a library was used some seconds ago."""
-    os.utime(one.path, (time.time() - ago,) * 2)
+    os.utime(one.path, (NOW - ago,) * 2)
 
 
 def limit(monkeypatch: pytest.MonkeyPatch, libraries: float) -> None:
@@ -130,7 +134,7 @@ def test_only_what_was_abandoned_is_removed_of_what_is_being_built(at: Path) -> 
         else:
             draft.write_text("")
         if draft.name.endswith("old"):
-            os.utime(draft, (time.time() - ABANDONED - 60,) * 2)
+            os.utime(draft, (NOW - ABANDONED - 60,) * 2)
     remove_unused(at)
     assert [draft.exists() for draft in drafts] == [False, True, False, True]
     assert known(0)
@@ -191,7 +195,7 @@ def test_processes_may_build_use_and_remove_at_once(at: Path, monkeypatch: pytes
         for own in (4, 5, 6)
     ]
     assert [process.wait(PATIENCE) for process in running] == [0, 0, 0]
-    monkeypatch.setattr(keeping, "IN_USE", 0.0)
+    monkeypatch.setattr(keeping, "IN_USE", -HOUR)
     monkeypatch.setattr(keeping, "LIMIT", room)
     remove_unused(at)
     assert 1 <= count(at)[2] <= 3

@@ -41,8 +41,8 @@ from tests.waiting import PATIENCE, wait_until
 
 TOY = toy(4, 2)
 
-#: A compiler that writes its process into a file, and takes a minute.
-SLOW = "#!/bin/sh\nsleep 60 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
+#: A compiler that writes its process into a file, and takes longer than any test waits.
+SLOW = "#!/bin/sh\nsleep 3600 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
 
 #: A program that ends while its optimised library is built.
 PROGRAM = """

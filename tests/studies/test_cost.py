@@ -15,7 +15,7 @@ from hybridyn.effects import choose
 from hybridyn.scenes.stage import stage
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from hybridyn.studies.cost import loops, models, runs, settings
+from hybridyn.studies.cost import loops, models, points, runs, settings
 from hybridyn.studies.cost.fragments import effects_fragment
 from hybridyn.studies.cost.loops import Newton, by_closing
 from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
@@ -25,6 +25,7 @@ from hybridyn.studies.cost.runs import Runner, TooLongError, distance, study_run
 from hybridyn.studies.cost.settings import of_integration
 from hybridyn.tables.rates import derivatives
 from tests import ROOT
+from tests.clocks import Clock
 from tests.command_line import call
 from tests.shipped import shipped
 
@@ -75,11 +76,24 @@ def test_advice_names_the_way_and_what_it_saves() -> None:
     assert cheapest(STUDY._replace(points=[*POINTS, own]), 1e-2) == POINTS[1]
 
 
-def test_a_time_is_the_least_of_several() -> None:
-    calls = []
-    result, seconds = timed(lambda: calls.append(1) or len(calls))  # type: ignore[func-returns-value]
-    assert result == len(calls) == 5
-    assert 0 < seconds < 1
+@pytest.mark.parametrize(
+    ("takes", "calls", "least"),
+    [([0.5, 0.3, 0.2, 0.4, 0.3], 5, 0.2), ([1.5], 1, 1.5), ([0.5, 2.0, 1, 1, 1], 5, 0.5)],
+)
+def test_a_time_is_the_least_of_several(
+    takes: list[float], calls: int, least: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, left = Clock(), list(takes)
+    monkeypatch.setattr(points, "clock", clock)
+
+    def call() -> int:
+        """Take the next of the times."""
+        clock.now += left.pop(0)
+        return len(takes) - len(left)
+
+    result, seconds = timed(call)
+    assert result == calls
+    assert seconds == pytest.approx(least, abs=EXACT)
 
 
 def test_distances_are_joint_displacements() -> None:
@@ -157,6 +171,7 @@ def test_loops_left_open_are_for_public_calls_too() -> None:
 def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
     for part in (models, loops):
         monkeypatch.setattr(part, "generated_idm", lambda *_: "no C code: no compiler")
+    monkeypatch.setattr(points, "clock", Clock(tick=1e-3))
     robot = hybridyn.load("five_bar")
     study = study_models(robot, motion(robot, 5), choose(robot, "model"), lambda what: None)
     assert study.own_error == UNJUDGED
@@ -291,7 +306,8 @@ def test_an_event_ends_every_run(tmp_path: Path, few: None) -> None:
     assert next(p for p in study.points if p.use == "usual").error < 1e-3
 
 
-def test_runs_that_take_too_long_are_given_up(few: None) -> None:
+def test_runs_that_take_too_long_are_given_up(few: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs, "clock", Clock(tick=1.0))
     runner = Runner(stage(SWING), 2.0, 1e-3)
     assert (
         max(s.options["step"] for s in of_integration(typical_step(5, 0.05)) if "step" in s.options) <= 0.05
