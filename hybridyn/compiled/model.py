@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.link_motion import LinkMotion, motions_of, named_links
 from ..effects.choice import Effects
 from ..errors import ModelError
 from ..spatial import Array
@@ -22,7 +21,6 @@ from .library.calls import Calls, Library, Numbers
 from .library.compilers import best_lanes
 from .library.current import Current
 from .library.replacing import Replacement
-from .programs.body_rows import body_motion
 from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows, named
@@ -211,43 +209,14 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         calls = self._current.program("ddm")
         arguments = self._arguments(calls, None, (len(q),))
         if len(q) == 1 and calls.at_once is not None and not self._moving and not arguments:
-            x, x_dot, effort = q[0], v[0], tau[0]
             out = np.empty(calls.size, self.dtype)
-            if calls.at_once(x, x_dot, effort, out) == 0:
+            if calls.at_once(q[0], v[0], tau[0], out) == 0:
                 return out[None]
         states = [q, v, tau, base] if self._moving else [q, v, tau]
         (result,), guard = calls.batch([*states, *arguments.values()], self.threads)
         doubtful = np.count_nonzero(~(guard <= calls.trusted))
         self.recomputed += len(q) if doubtful else 0
         return None if doubtful else result
-
-    def closure_residual(self, q: Array) -> Array | None:
-        """Compute the largest closure residual of each posture, like `hybridyn.closure_residual`.
-
-        Args:
-            q: Positions of nearly assembled postures, shape (T, nq).
-
-        Returns:
-            Residuals relative to the module's length, shape (T,), or None if the library has no program
-            "lift".
-        """
-        lift = self.library.programs.get("lift")
-        if lift is None:
-            return None
-        still = np.zeros((len(q), self.robot.nv))
-        residuals = lift.batch([q, still, still], self.threads)[0][-1]
-        return np.asarray(residuals.max(axis=1), dtype=float)
-
-    def kinematics(
-        self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
-    ) -> dict[str, LinkMotion]:
-        """Compute poses, twists and accelerations of links, like `hybridyn.kinematics`."""
-        given = named(self.robot, {"q": q, "v": v} | ({} if a is None else {"a": a}))
-        rows = self._run("kinematics", given | {"a": given.get("a", np.zeros(np.shape(given["v"])))})
-        places = self.robot.bodies.place
-        wanted = list(named_links(self.robot, links))
-        bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
-        return motions_of(self.robot, bodies, wanted, rows.ndim == 1)
 
     @property
     def casadi(self) -> dict[str, ca.Function]:
@@ -297,9 +266,8 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         limits = self.effects.limits
         if limits is not None and name == "ddm":
             many = batches | {"tau": limits.clip(self.robot, batches["tau"])}
-        outputs, guard = calls.batch(list(many.values()), self.threads)
+        (result, *_), guard = calls.batch(list(many.values()), self.threads)
         doubtful = np.flatnonzero(~(guard <= calls.trusted))
-        result = outputs[0]
         if len(doubtful):
             check_batches(batches, sizes)
             self.recomputed += len(doubtful)

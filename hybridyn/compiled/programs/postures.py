@@ -36,6 +36,7 @@ class Postures:
     recomputed: int
     _designs: DesignsInSlots
     _current: Current
+    _check_model: Callable[[], None]
 
     def _begin_postures(self) -> None:
         """Prepare the closing of loops for `robot`; programs are built when they are first needed."""
@@ -152,6 +153,23 @@ class Postures:
         self._close_at_once = follower.from_motors if follower and not refused else refuse
         return q, v, a
 
+    def closure_residual(self, q: Array) -> Array | None:
+        """Compute the largest closure residual of each posture, like `hybridyn.closure_residual`.
+
+        Args:
+            q: Positions of nearly assembled postures, shape (T, nq).
+
+        Returns:
+            Residuals relative to the module's length, shape (T,), or None if the library has no program
+            "lift".
+        """
+        lift = self._current.whole().programs.get("lift")
+        if lift is None:
+            return None
+        still = np.zeros((len(q), self.robot.nv))
+        residuals = lift.batch([q, still, still], self.threads)[0][-1]
+        return np.asarray(residuals.max(axis=1), dtype=float)
+
     def _close_designs(
         self,
         position: ArrayLike,
@@ -179,10 +197,6 @@ class Postures:
     def _evaluator(self) -> DesignEvaluator:
         """Compute many designs in C."""
         return DesignEvaluator(self._designs, self.effects, self._current.program("idm"), self.threads)
-
-    def _check_model(self) -> None:
-        """Refuse a changed `robot.model` (`CompiledRobot`)."""
-        self.robot.check_model()
 
     def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Assemble a posture from positions of some modules' joints, also those of wrists that were cut."""

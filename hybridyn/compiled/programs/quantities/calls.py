@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,6 +52,10 @@ class Quantities:
     recomputed: int
     _current: Current
     _followings: dict[tuple[str, ...], Following | None]
+    _arguments: Callable[[Calls, ArrayLike | None, tuple[int, ...]], dict[str, Array]]
+    _check_model: Callable[[], None]
+    _posture_at: Callable[[Mapping[str, ArrayLike]], Array]
+    _run: Callable[[str, dict[str, ArrayLike]], Numbers]
 
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
@@ -149,22 +153,6 @@ class Quantities:
 
         out = self._finished("energy", compute, general, 1, single, q, v)
         return Energy(out[..., 0], out[..., 1])
-
-    if TYPE_CHECKING:
-
-        def _arguments(
-            self, calls: Calls, parameters: ArrayLike | None, shape: tuple[int, ...]
-        ) -> dict[str, Array]:
-            """Return the input "parameters" of a program (`CompiledRobot`)."""
-            ...
-
-        def _check_model(self) -> None:
-            """Refuse a changed `robot.model` (`CompiledRobot`)."""
-            ...
-
-        def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
-            """Assemble a posture from positions of some modules' joints (`Postures`)."""
-            ...
 
     def _trusted(self, name: str, q: Array, v: Array, given: Array) -> Computed:
         """Compute a model of the robot as it is, and which samples can be trusted.

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....dynamics.link_motion import named_links
+from ....dynamics.link_motion import LinkMotion, motions_of, named_links
 from ....dynamics.quantities.coordinates import Coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
 from ....dynamics.quantities.link_jacobian import link_jacobian
@@ -23,6 +23,8 @@ from ....errors import SingularityError
 from ....spatial import Array
 from ....structure.samples import one_of
 from ...library.calls import Numbers
+from ..body_rows import body_motion
+from ..general import named
 from .calls import Joints, Quantities
 from .rows import Computed, delassus_rows, link_rows
 
@@ -33,6 +35,17 @@ IMMOVABLE_AS_COMPUTED = {"float64": IMMOVABLE, "float32": 1e-4}
 
 class LinkQuantities(Quantities):
     """The quantities of a `CompiledRobot` that belong to some of its links or joints, as in `Quantities`."""
+
+    def kinematics(
+        self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
+    ) -> dict[str, LinkMotion]:
+        """Compute poses, twists and accelerations of links, like `hybridyn.kinematics`."""
+        given = named(self.robot, {"q": q, "v": v} | ({} if a is None else {"a": a}))
+        rows = self._run("kinematics", given | {"a": given.get("a", np.zeros(np.shape(given["v"])))})
+        places = self.robot.bodies.place
+        wanted = list(named_links(self.robot, links))
+        bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
+        return motions_of(self.robot, bodies, wanted, rows.ndim == 1)
 
     def link_jacobian(
         self, q: ArrayLike, link: str, *, joints: Joints = None, axes: str = "world"
