@@ -21,8 +21,8 @@ from hybridyn.compiled.programs.closing import assembling
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Coordinates, Given
-from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.closing.rows import rows_at
+from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.oracle import Base
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -106,13 +106,13 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
     tree, rng = module.mechanism.tree, np.random.default_rng(0)
     _, target = coordinate_target(robot, link, base, 1.0)
     given = Given((), (), (), (Coordinates.of(target),))
-    kernels = ModuleKernels([module], given, (), (), (robot.bodies.place,) * 2)
+    loops = Unknowns([module], given, (), (robot.bodies.place,) * 2).loops
     x = ca.SX.sym("x", tree.nq + 6)
     folding = Folding()
     trees, own = [extended(module.mechanism)], unpack(x)
     z = [own[at] for at in tree.q_slices]
     rows = rows_at(trees, given, folding, z, own[tree.nq :], robot.bodies.place)
-    last = slice(kernels.loops - 6, kernels.loops)
+    last = slice(loops - 6, loops)
     written = ca.Function("rows", [x, folding.symbol()], [pack(rows.K[last]), pack(rows.residual[last])])
     for posture in rng.uniform(-1.0, 1.0, (5, tree.nq)):
         motion, wanted = tree.sweep(posture[None]), rng.uniform(-3.0, 3.0, 6)

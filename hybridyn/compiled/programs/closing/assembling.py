@@ -217,6 +217,7 @@ def _unwarned() -> Iterator[list[logging.LogRecord]]:
     held: list[logging.LogRecord] = []
 
     def hold(record: logging.LogRecord) -> bool:
+        """Keep a record, and drop it from the log."""
         held.append(record)
         return False
 

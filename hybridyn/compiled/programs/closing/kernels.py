@@ -32,9 +32,9 @@ from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
 from ...equations.states import generic_positions, seen_postures
 from ...equations.static_elimination import Pivots, Trust, choose_pivots, solve
 from .differences import joint_difference
-from .extended import Extended, extended, with_arguments
-from .given import ANGLE, WIDTH, Given
-from .rows import Places, Rows, row_scales, rows_at
+from .given import ANGLE, Given
+from .rows import Places, Rows, rows_at
+from .unknowns import Unknowns
 
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_CLOSING = 0.1
@@ -79,95 +79,28 @@ class ModuleKernels:
             arguments: Arguments of each module, or None; nothing where no module has any.
             places: Frames of the robot's links, and the same as functions of the arguments.
         """
-        self.places, self.places_with_arguments = places
-        self.modules, self.given, self.blocks = modules, given, blocks
-        self.m = modules[0].mechanism
-        self.trees = [extended(module.mechanism) for module in modules]
-        self.e: Extended = self.trees[0]
-        self.with_arguments = [
-            tree if own is None else with_arguments(module.mechanism, own.spec)
-            for tree, module, own in zip(self.trees, modules, arguments or [None] * len(modules), strict=True)
-        ]
-        self.platforms = self.e.platforms
-        held = set(given.columns(self.e.tree).tolist())
-        self.free = np.array([k for k in range(self.e.tree.nv) if k not in held], dtype=int)
-        self.own = int((self.free < self.e.nv_cut).sum())  # free freedoms of the tree after the cuts
-        self.scale = row_scales(self.e, given)
-        self.loops = len(self.scale) - 6 * len(self.e.welds)  # rows of the tree after the cuts
-
-    # ------------------------------------------------------------------ symbols
-
-    @cached_property
-    def _columns(self) -> dict[str, tuple[ca.SX, Expression]]:
-        nq, nv = self.m.spanning.nq, 7 * len(self.platforms)
-        sizes = {f"q_{i}": nq for i in range(3)} | {f"p_{i}": nv for i in range(3)}
-        sizes |= {"g": self.given.size, "g_dot": self.given.rates, "g_ddot": self.given.rates}
-        return {name: symbols(name, size) for name, size in sizes.items()}
-
-    def _symbols(self, *names: str) -> list[ca.SX]:
-        return [self._columns[name][0] for name in names]
-
-    def _of(self, name: str) -> Expression:
-        return self._columns[name][1]
-
-    @cached_property
-    def _starts(self) -> list[int]:
-        """Start of each prescribed position in g."""
-        return [int(x) for x in np.cumsum([0, *(WIDTH[kind] for kind in self.given.all_kinds)])]
-
-    def positions(self, i: int) -> list[Expression]:
-        """Return the positions of each joint: the given ones from g, the others from (q_i, p_i)."""
-        g, out = self._of("g"), []
-        for joint, source in enumerate(self.e.source):
-            if joint in self.given.joints:
-                n = self.given.joints.index(joint)
-                own = g[self._starts[n] : self._starts[n + 1]]
-                turning = self.given.kinds[n] == ANGLE
-                out.append(np.array([ca.cos(own[0]), ca.sin(own[0])], dtype=object) if turning else own)
-            elif source is None:
-                at = 7 * self.platforms.index(joint)
-                out.append(self._of(f"p_{i}")[at : at + 7])
-            else:
-                out.append(self._of(f"q_{i}")[self.m.spanning.q_slices[source]])
-        return out
-
-    def _targets(self) -> Expression:
-        """Return the prescribed poses and coordinates."""
-        return self._of("g")[self._starts[len(self.given.joints)] :]
-
-    def _outside(self, z: Sequence[Expression]) -> tuple[ca.SX, ca.SX]:
-        """Return positions of the spanning tree and of the platforms from those of each joint."""
-        place = {source: i for i, source in enumerate(self.e.source) if source is not None}
-        spanning = [z[place[i]] for i in range(len(self.m.spanning.joints))]
-        return pack(*spanning), pack(*(z[i] for i in self.platforms))
-
-    def _rates_outside(self, rates: Expression) -> ca.SX:
-        """Return rates of the spanning tree from those of the extended tree."""
-        place = {source: i for i, source in enumerate(self.e.source) if source is not None}
-        return pack(*(rates[self.e.tree.v_slices[place[i]]] for i in range(len(self.m.spanning.joints))))
-
-    # ------------------------------------------------------------------ pivots
+        self.u, self.blocks = Unknowns(modules, given, arguments, places), blocks
+        self.e = self.u.e
 
     @cached_property
     def pivots(self) -> Pivots:
         """Pivots over the free freedoms: those of the tree after the cuts, then those of the wrists."""
-        folding = Folding()
-        rows = rows_at(self.trees, self.given, folding, self.positions(0), self._targets(), self.places)
-        function = ca.Function("K", [*self._symbols("q_0", "p_0", "g"), folding.symbol()], [pack(rows.K)])
-        table, samples = folding.table(len(self.modules)), []
-        for module, numbers in zip(self.modules, table, strict=True):
+        u, folding = self.u, Folding()
+        rows = rows_at(u.trees, u.given, folding, u.positions(0), u.targets(), u.places)
+        function = ca.Function("K", [*u.symbols("q_0", "p_0", "g"), folding.symbol()], [pack(rows.K)])
+        table, samples = folding.table(len(u.modules)), []
+        for module, numbers in zip(u.modules, table, strict=True):
             for q, p, g in zip(*self._postures(module), strict=True):
                 samples.append(np.array(function(q, p, g, numbers)).reshape(rows.K.shape))
-        K = np.array(samples)[:, :, self.free]
-        unit = self.e.unit[self.free]
-        split = (slice(0, self.loops), slice(0, self.own)), (slice(self.loops, None), slice(self.own, None))
-        found = [
-            choose_pivots(K[:, r, c], len(unit[c]), self.scale[r], unit[c], SPARSE_CLOSING) for r, c in split
-        ]
-        first, second = found
+        K = np.array(samples)[:, :, u.free]
+        unit = self.e.unit[u.free]
+        split = (slice(0, u.loops), slice(0, u.own)), (slice(u.loops, None), slice(u.own, None))
+        first, second = (
+            choose_pivots(K[:, r, c], len(unit[c]), u.scale[r], unit[c], SPARSE_CLOSING) for r, c in split
+        )
         return Pivots(
-            first.rows + tuple(r + self.loops for r in second.rows),
-            first.cols + tuple(c + self.own for c in second.cols),
+            first.rows + tuple(r + u.loops for r in second.rows),
+            first.cols + tuple(c + u.own for c in second.cols),
             first.sizes + second.sizes,
         )
 
@@ -175,31 +108,29 @@ class ModuleKernels:
         """Return generic postures of a module: positions, platforms, and what is prescribed there."""
         m = module.mechanism
         cut, spanning = seen_postures(m), generic_positions(module)
-        platforms = [cut[:, m.tree.q_slices[i]] for i in self.platforms]
+        platforms = [cut[:, m.tree.q_slices[i]] for i in self.u.platforms]
         return (
             spanning,
             np.concatenate([np.zeros((len(cut), 0)), *platforms], axis=1),
-            self.given.of_posture(m.tree, cut),
+            self.u.given.of_posture(m.tree, cut),
         )
-
-    # ------------------------------------------------------------------ kernels
 
     def write(self) -> Written:
         """Write the kernels."""
         folding = Folding()
-        z = self.positions(0)
+        z = self.u.positions(0)
         rows = self._rows(z, folding)
         functions = self._newton(rows, z, folding), self._settle(rows, z, folding)
-        return Written(*functions, self._branch(rows, folding), folding.table(len(self.modules)))
+        return Written(*functions, self._branch(rows, folding), folding.table(len(self.u.modules)))
 
     def _rows(self, z: list[Expression], folding: Folding) -> Rows:
         """Write the rows with arguments at positions of the joints."""
-        trees, places = self.with_arguments, self.places_with_arguments
-        return rows_at(trees, self.given, folding, z, self._targets(), places)
+        trees, places = self.u.with_arguments, self.u.places_with_arguments
+        return rows_at(trees, self.u.given, folding, z, self.u.targets(), places)
 
     def _closed(self, rows: Rows) -> ca.SX:
         """Return the largest residual without units."""
-        return ca.SX(largest(rows.residual * self.scale))
+        return ca.SX(largest(rows.residual * self.u.scale))
 
     def _guard(self, trust: Trust, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
@@ -210,14 +141,14 @@ class ModuleKernels:
 
     def _sizes(self, step: Expression) -> tuple[ca.SX, ca.SX]:
         """Return the size of a step of the tree after the cuts and of the wrists, without units."""
-        size = step[self.free] / self.e.unit[self.free]
-        return ca.SX(largest(size[: self.own])), ca.SX(largest(size[self.own :]))
+        size = step[self.u.free] / self.e.unit[self.u.free]
+        return ca.SX(largest(size[: self.u.own])), ca.SX(largest(size[self.u.own :]))
 
     def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Trust]:
         """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k)."""
         out = zeros(self.e.tree.nv, right.shape[1])
-        solved, trust = solve(rows.K[:, self.free], right, self.pivots)
-        out[self.free] = solved[:, : right.shape[1]]
+        solved, trust = solve(rows.K[:, self.u.free], right, self.pivots)
+        out[self.u.free] = solved[:, : right.shape[1]]
         return out, trust
 
     def _newton(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
@@ -227,17 +158,17 @@ class ModuleKernels:
         factor = ca.fmin(1.0, LONGEST_STEP / ca.fmax(ca.fmax(size, wrist), 1e-300))
         limited = np.array([0.0 if is_zero(x) else factor * x for x in step[:, 0]], dtype=object)
         moved = by_joint(self.e.tree, moved_joint, np.concatenate([zeros(0), *z]), limited, positions=1)
-        own = (rows.residual * self.scale)[: self.loops]
+        own = (rows.residual * self.u.scale)[: self.u.loops]
         far = ca.SX(sum((x * x for x in own if not is_zero(x)), ca.SX(0.0)))
-        outputs = [*self._outside([moved[at] for at in self.e.tree.q_slices]), size, wrist, far]
-        inputs = [*self._symbols("q_0", "p_0", "g"), folding.symbol()]
+        outputs = [*self.u.outside([moved[at] for at in self.e.tree.q_slices]), size, wrist, far]
+        inputs = [*self.u.symbols("q_0", "p_0", "g"), folding.symbol()]
         return ca.Function("newton", inputs, [*outputs, ca.SX(trusted(trust))])
 
     def _settle(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a last step and of the rates before it."""
-        given = self.given.columns(self.e.tree)
+        given = self.u.given.columns(self.e.tree)
         rate, acceleration = zeros(self.e.tree.nv), zeros(self.e.tree.nv)
-        g_dot, g_ddot = self._of("g_dot"), self._of("g_ddot")
+        g_dot, g_ddot = self.u.of("g_dot"), self.u.of("g_ddot")
         rate[given], acceleration[given] = g_dot[: len(given)], g_ddot[: len(given)]
         wanted = self._wanted(rows, g_dot[len(given) :])
         right = np.stack([-rows.residual, wanted - dot(rows.K, rate)], axis=1)
@@ -252,13 +183,13 @@ class ModuleKernels:
         left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - wanted_dot
         guard = ca.fmax(guard, self._kept(left, (rate, acceleration)))
         outputs = [
-            *self._outside([moved[at] for at in self.e.tree.q_slices]),
-            self._rates_outside(rate),
-            self._rates_outside(acceleration),
+            *self.u.outside([moved[at] for at in self.e.tree.q_slices]),
+            self.u.rates_outside(rate),
+            self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
             self._closed(rows),
         ]
-        inputs = [*self._symbols("q_0", "p_0", "g", "g_dot", "g_ddot"), folding.symbol()]
+        inputs = [*self.u.symbols("q_0", "p_0", "g", "g_dot", "g_ddot"), folding.symbol()]
         return ca.Function("settle", inputs, [*outputs, ca.SX(guard)])
 
     def _wanted(self, rows: Rows, targets: Expression) -> Expression:
@@ -266,8 +197,8 @@ class ModuleKernels:
         out = zeros(len(rows.residual))
         poses = 6 * len(rows.frames)
         coordinates = targets[poses:]
-        first = self.loops - poses - len(coordinates)
-        out[first + poses : self.loops] = coordinates
+        first = self.u.loops - poses - len(coordinates)
+        out[first + poses : self.u.loops] = coordinates
         for i, A in enumerate(rows.frames):
             own = targets[6 * i : 6 * i + 6]
             at = first + 6 * i
@@ -277,66 +208,65 @@ class ModuleKernels:
     def _drift(self, K: Expression, z: list[Expression], rate: Expression) -> Expression:
         """Compute K_dot z_dot at target frames that stand still, shape (rows,)."""
         w_col, w = symbols("w", len(rate))
+        given, starts = self.u.given, self.u.starts
         z_dot = by_joint(self.e.tree, position_rate, np.concatenate([zeros(0), *z]), w, positions=1)
         rates = [z_dot[at] for at in self.e.tree.q_slices]
-        for n, joint in enumerate(self.given.joints):
-            if self.given.kinds[n] == ANGLE:  # the cosine and sine of an angle in g
+        for n, joint in enumerate(given.joints):
+            if given.kinds[n] == ANGLE:  # the cosine and sine of an angle in g
                 rates[joint] = w[self.e.tree.v_slices[joint]]
-        g_dot = zeros(self.given.size)
-        for n, joint in enumerate(self.given.joints):
-            g_dot[self._starts[n] : self._starts[n + 1]] = rates[joint]
+        g_dot = zeros(given.size)
+        for n, joint in enumerate(given.joints):
+            g_dot[starts[n] : starts[n + 1]] = rates[joint]
             rates[joint] = z[joint]  # K does not read these entries of q and p
-        q_dot, p_dot = self._outside(rates)
-        columns = ca.vertcat(*self._symbols("q_0", "p_0", "g"))
+        q_dot, p_dot = self.u.outside(rates)
+        columns = ca.vertcat(*self.u.symbols("q_0", "p_0", "g"))
         drift = ca.jtimes(pack(dot(K, w)), columns, ca.vertcat(q_dot, p_dot, pack(g_dot)))
         return unpack(ca.substitute(drift, w_col, pack(rate)))
 
     def _bounded(self, rate: Expression, given: Index, wanted: Expression) -> ca.SX:
         """Return a guard above 1 where rates exceed `BOUNDED_RATES` times the given ones."""
-        asked = ca.fmax(largest(rate[given] / self.e.unit[given]), largest(wanted * self.scale))
-        fast = largest(rate[self.free] / self.e.unit[self.free])
+        asked = ca.fmax(largest(rate[given] / self.e.unit[given]), largest(wanted * self.u.scale))
+        fast = largest(rate[self.u.free] / self.e.unit[self.u.free])
         return ca.SX(ca.if_else(fast <= BOUNDED_RATES * asked, 0.0, 2.0))
 
     def _kept(self, left: tuple[Expression, Expression], motion: tuple[Expression, Expression]) -> Any:
         """Return the guard of redundant rows of the loops: what rates and accelerations leave of them."""
-        rest = [i for i in range(self.loops) if i not in self.pivots.rows]
+        rest = [i for i in range(self.u.loops) if i not in self.pivots.rows]
         rate, acceleration = (largest(x / self.e.unit) for x in motion)
         guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])
         for miss, size in zip(left, (rate, acceleration + rate * rate), strict=True):
-            guard = guard + weighed([((miss * self.scale)[rest], 1.0)], scale.weight(size))
+            guard = guard + weighed([((miss * self.u.scale)[rest], 1.0)], scale.weight(size))
         return guard
-
-    # ------------------------------------------------------------------ branch
 
     def _branch(self, rows: Rows, folding: Folding) -> ca.Function:
         """Return the kernel that compares a step with its prediction, see `assembly.follow`.
 
         The first posture is the start, the second the predicted one, the third the one that was found.
         """
-        predicted, found = self.positions(1), self.positions(2)
+        predicted, found = self.u.positions(1), self.u.positions(2)
         there = self._rows(found, folding)
         tree = self.e.tree
         both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
         off = by_joint(tree, joint_difference, *both, positions=2)
-        own = self.free[: self.own]
+        own = self.u.free[: self.u.own]
         first, _ = self._halves()
-        loops = slice(0, self.loops)
+        loops = slice(0, self.u.loops)
         J, J_there = (K[loops][:, own] for K in (rows.K, there.K))
         solved, trust = solve(J, J_there - J, first)
         unit = self.e.unit[own]
         turned = solved[:, : len(own)] * unit / unit[:, None]
         outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(trusted(trust))]
         names = ("q_0", "p_0", "q_1", "p_1", "q_2", "p_2", "g")
-        return ca.Function("branch", [*self._symbols(*names), folding.symbol()], outputs)
+        return ca.Function("branch", [*self.u.symbols(*names), folding.symbol()], outputs)
 
     def _halves(self) -> tuple[Pivots, Pivots]:
         """Return the pivots of the tree after the cuts and those of the wrists."""
-        p, n = self.pivots, self.own
+        p, n = self.pivots, self.u.own
         return Pivots(p.rows[:n], p.cols[:n], p.sizes[:n]), Pivots(p.rows[n:], p.cols[n:], p.sizes[n:])
 
     def _largest_block(self, X: Expression) -> ca.SX:
         """Return the largest Frobenius norm of the blocks of X, which bounds their 2-norm."""
-        own = self.free[: self.own].tolist()
+        own = self.u.free[: self.u.own].tolist()
         blocks = [[own.index(k) for k in block.cols.tolist()] for block in self.blocks] or [
             list(range(len(own)))
         ]
