@@ -68,6 +68,10 @@ CASES = {
         mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" damping="1"')),
         "joint 'free': damping of a free joint",
     ),
+    "free spring": (
+        mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" stiffness="1"')),
+        "joint 'free': stiffness of a free joint",
+    ),
     "plugin": (mjcf('<extension><plugin plugin="x"/></extension>', world=hinge()), "a plugin"),
     "flex": (
         mjcf(world=hinge() + '<body name="c"><flexcomp name="f" type="grid" count="3 3 1"/></body>'),

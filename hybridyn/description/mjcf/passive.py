@@ -100,24 +100,33 @@ def _refuse_others(compiled: Compiled) -> None:
 
 
 def _refuse_on_base(compiled: Compiled, joint: int) -> None:
-    """Refuse damping, friction and armature of the free joint of a floating base."""
+    """Refuse springs, damping, friction and armature of the free joint of a floating base."""
     model = compiled.model
     dof = int(model.jnt_dofadr[joint])
+    stated = {"stiffness": nonzero(model, "jnt_stiffness", joint)}
     for word in ("damping", "frictionloss", "armature"):
-        if np.any(getattr(model, f"dof_{word}")[dof : dof + 6]):
+        stated[word] = bool(np.any(getattr(model, f"dof_{word}")[dof : dof + 6]))
+    for word, present in stated.items():
+        if present:
             raise compiled.error(
                 "joint", joint, f"{word} of a free joint is not read; set it to 0, or write <freejoint/>, "
                 "which takes no defaults",
             )  # fmt: skip
+    _refuse_unread_forces(compiled, joint, dof)
+
+
+def _refuse_unread_forces(compiled: Compiled, joint: int, dof: int) -> None:
+    """Refuse forces of any joint that are not read."""
+    for row, table in ((joint, JOINT_FORCES), (dof, DOF_FORCES)):
+        for field, (word, correction) in table.items():
+            if nonzero(compiled.model, field, row):
+                raise compiled.error("joint", joint, f"{word} is not read; {correction}")
 
 
 def _refuse_on_joint(compiled: Compiled, joint: int, dof: int, freedoms: int) -> None:
-    """Refuse what a joint may not have."""
+    """Refuse what a joint of the tree may not have."""
     model = compiled.model
-    for row, table in ((joint, JOINT_FORCES), (dof, DOF_FORCES)):
-        for field, (word, correction) in table.items():
-            if nonzero(model, field, row):
-                raise compiled.error("joint", joint, f"{word} is not read; {correction}")
+    _refuse_unread_forces(compiled, joint, dof)
     if freedoms == 1:
         return
     present = {
