@@ -64,6 +64,11 @@ class ModelError(HybridynError):
         super().__init__(where + message)
         self.file, self.line, self.element = file, line, element
 
+    @property
+    def message(self) -> str:
+        """The message without file and line."""
+        return str(self).removeprefix(f"{self.file}:{self.line}: ").removeprefix(f"{self.file}: ")
+
 
 class TrajectoryError(HybridynError):
     """A table of samples is wrong.

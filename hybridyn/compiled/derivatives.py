@@ -17,6 +17,7 @@ from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
 
 try:
+    from .programs.derivatives.coordinates import check_kinds
     from .programs.derivatives.evaluation import Derivatives, Jacobians
     from .programs.sources import robot_key
 except ModuleNotFoundError as error:
@@ -121,6 +122,8 @@ def prepared(
     """
     robot.check_model()
     asked = model, parameters, coordinates
+    if not (type(coordinates) is str and type(parameters) is bool):
+        check_kinds(coordinates, parameters)
     latest = _latest.get(asked) if effects is None else None
     if latest and latest.robot is robot:
         return latest

@@ -11,6 +11,7 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.library.direct_calls import readable
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.inverse import inverse_program
 from hybridyn.compiled.programs.postures import refuse
@@ -84,6 +85,53 @@ def test_lists_and_motors_at_rest(symmetric: hybridyn.CompiledRobot) -> None:
     again = symmetric.idm_from_motors(home.tolist(), last=first[1])
     for x, y in zip(again, first, strict=True):
         assert np.abs(x - y).max() <= 10 * SAME * (1.0 + np.abs(y).max())
+
+
+def single(x: np.ndarray) -> np.ndarray:
+    return x.astype(np.float32)
+
+
+def strided(x: np.ndarray) -> np.ndarray:
+    return np.stack([x, np.zeros_like(x)], axis=1)[:, 0]
+
+
+@pytest.mark.parametrize("call", ["close", "idm_from_motors"])
+@pytest.mark.parametrize("form", [strided, single, np.ndarray.tolist, tuple])
+def test_numbers_in_other_forms_are_closed_in_c_too(
+    symmetric: hybridyn.CompiledRobot, form: Any, call: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They give the bits of contiguous double precision, and the general path is never asked."""
+    step, home = getattr(symmetric, call), at_home(symmetric.robot)
+    q = step(home)[-3]
+    step(home, last=q)
+    given = [single(home + 1e-3).astype(float), single(np.ones(2)).astype(float), np.zeros(2)]
+    wanted = step(*given, last=q)
+
+    def general(*_: object) -> Any:
+        """Fail where the loops are not closed at once."""
+        raise AssertionError("the general path was asked")
+
+    monkeypatch.setattr(symmetric, "_assemble", general)
+    last = q if form is single else form(q)  # in single precision the loops of q are open
+    found = step(*map(form, given), last=last)
+    assert all((x == y).all() for x, y in zip(found, wanted, strict=True))
+
+
+def test_what_is_no_number_is_left_to_the_general_path() -> None:
+    x = np.zeros(2)
+    assert readable(x, x) is None
+    assert readable(x, [0.0, [1.0]]) is None
+    for no in (
+        x + 0j,
+        x.astype(bool),
+        np.ma.array(x),
+        x.astype(str),
+        x.astype(object),
+        ["1", "2"],
+        1.0,
+        None,
+    ):
+        assert readable(strided(x), no) is None
 
 
 @pytest.mark.parametrize("what", ["not finite", "too many", "infinite", slow("out of reach")])

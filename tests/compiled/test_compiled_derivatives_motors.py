@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.derivatives import Derivatives
+from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobian
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Shared
 from hybridyn.compiled.programs.derivatives.linear import linearized
@@ -116,6 +116,11 @@ def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
     robot = build_robot(shipped("five_bar"))
     with pytest.raises(ModelError, match="coordinates of derivatives are 'joints' or 'motors', not 'u'"):
         Derivatives(robot, "idm", coordinates="u")
+    for jacobian in (idm_jacobian, ddm_jacobian):
+        with pytest.raises(ModelError, match=r"are 'joints' or 'motors', not \['motors'\]"):
+            jacobian(robot, robot.home, *np.zeros((2, robot.nv)), coordinates=["motors"])  # type: ignore[arg-type]
+        with pytest.raises(ModelError, match=r"are True .* or False, not \['mass:m1_left_elbow'\]"):
+            jacobian(robot, robot.home, *np.zeros((2, robot.nv)), parameters=["mass:m1_left_elbow"])  # type: ignore[arg-type]
     with pytest.raises(ModelError, match="no derivatives over parameters beside those over motors"):
         Derivatives(robot, "idm", coordinates="motors", parameters=True)
     with pytest.raises(ModelError, match="need a fixed base; this one is 'floating'"):

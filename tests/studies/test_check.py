@@ -156,6 +156,10 @@ WRONG: dict[str, tuple[str, str]] = {
     "millimetres": (arm().replace('xyz="0.3 0 0"', 'xyz="300 0 0"'), "joint 'turn'"),
     "mesh-scale": (arm(inside=BALL + MESH.format("part.stl")), "link 'arm'"),
     "degrees": (arm(lower=-180, upper=180), "joint 'turn'"),
+    "broken-shape": (
+        arm(inside=BALL + boxed(1, 0.1, size="0.2 0.2").partition("</inertial>")[2]),
+        "link 'arm'",
+    ),
     "missing-mesh": (arm(inside=BALL + MESH.format("package://nowhere/part.stl")), "link 'arm'"),
     "broken-mesh": (arm(inside=BALL + MESH.format("broken.stl")), "link 'arm'"),
     "unread-meshes": (arm(inside=BALL + MESH.format("part.stl")), ""),
@@ -383,6 +387,41 @@ def test_mjcf_that_cannot_be_read_is_one_finding(tmp_path: Path) -> None:
 def test_meshes_can_be_left_alone(tmp_path: Path) -> None:
     text = arm(inside=BALL + MESH.format("broken.stl"))
     assert found(tmp_path, text, meshes=False) == []
+
+
+@pytest.mark.parametrize("role", ["visual", "collision"])
+@pytest.mark.parametrize(
+    ("inside", "wrong"),
+    [
+        ('<origin xyz="0 0"/>\n{}', "<origin>: attribute 'xyz' has 2 numbers instead of 3"),
+        ('<origin rpy="0 0 x"/>\n{}', "<origin>: rpy 'x' is not a finite number"),
+        ("<origin/><origin/>\n{}", "<origin>: stated twice in <{role}>; keep one"),
+    ],
+)
+def test_a_shape_that_cannot_be_read_is_named(role: str, inside: str, wrong: str, tmp_path: Path) -> None:
+    box = '<geometry><box size="1 1 1"/></geometry>'
+    text = arm(inside=f"{BALL}\n<{role}>{inside.format(box)}</{role}>")
+    (finding,) = found(tmp_path, text)
+    assert (finding.code, finding.line) == ("broken-shape", 2)
+    assert finding.file == str(tmp_path / "wrong.urdf")
+    assert finding.message == f"its {role} shape cannot be read: {wrong.format(role=role)}"
+
+
+def test_the_scale_of_a_mesh_is_named_by_its_own_line(tmp_path: Path) -> None:
+    mesh = MESH.format("part.stl").replace("<mesh", '\n<mesh scale="0.001,0.001,0.001"')
+    (finding,) = found(tmp_path, arm(inside=BALL + mesh))
+    assert finding.place == f"{tmp_path / 'wrong.urdf'}:2"
+    assert "<mesh>: attribute 'scale' has 1 numbers instead of 3" in finding.message
+
+
+def test_shapes_that_one_macro_writes_are_one_finding(tmp_path: Path) -> None:
+    macro = (
+        '<xacro:macro name="m" params="n"><link name="l${n}">' + BALL + "<visual><geometry/></visual></link>"
+        + joint("j${n}", "arm", "l${n}", "fixed") + '</xacro:macro><xacro:m n="a"/><xacro:m n="b"/>'
+    )  # fmt: skip
+    text = arm(macro).replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
+    (finding,) = found(tmp_path, text)
+    assert (finding.code, finding.element, finding.line) == ("broken-shape", "link 'la'", 1)
 
 
 def test_two_materials_hide_no_shape(tmp_path: Path) -> None:

@@ -11,10 +11,7 @@ import numpy as np
 
 from ...spatial import Array
 from .cache import Built
-from .direct_calls import METH_FASTCALL, REFUSED, Method, knows_arrays
-
-#: Type of all arrays: loops are closed in double precision for models in single precision, too.
-DOUBLE = np.dtype(np.float64)
+from .direct_calls import DOUBLE, METH_FASTCALL, REFUSED, Method, knows_arrays
 
 
 @dataclass

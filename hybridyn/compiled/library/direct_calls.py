@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+import operator
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+from ...spatial import Array
+
+#: Type of positions, rates and accelerations of motors, for models in single precision, too.
+DOUBLE = np.dtype(np.float64)
 
 #: Status of a single call whose arguments are not contiguous arrays of the library's type.
 REFUSED = 1
@@ -16,6 +22,31 @@ METH_FASTCALL = 0x0080
 
 #: Status of a single call: done, refused, or done but the guard is above its limit.
 ANSWERS = (0, REFUSED, 2)
+
+
+#: Kinds of numbers that are converted to double precision; the general path checks others.
+CONVERTED = "fiu"
+
+
+def readable(*given: Any) -> tuple[Array, ...] | None:
+    """Return numbers as contiguous arrays in double precision, which C reads.
+
+    Args:
+        given: Arguments of a call that C has refused.
+
+    Returns:
+        The arrays; None if they were readable before, or one of them is no array, list or tuple of numbers.
+    """
+    arrays = []
+    for x in given:
+        try:
+            array = np.asarray(x) if type(x) in (np.ndarray, list, tuple) else None
+        except ValueError:  # rows of different lengths
+            return None
+        if array is None or array.dtype.kind not in CONVERTED:
+            return None
+        arrays.append(np.require(array, DOUBLE, ("C", "A")))
+    return None if all(map(operator.is_, arrays, given)) else tuple(arrays)
 
 
 class Method(ctypes.Structure):

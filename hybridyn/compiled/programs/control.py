@@ -17,10 +17,10 @@ from ..code.scalars import GUARD_LIMIT, Scalar, text_of
 from ..failures import as_compile_error
 from ..library.cache import Built, cached
 from ..library.calls import Library, Numbers
-from ..library.closed_rows import DOUBLE, ClosedRows
+from ..library.closed_rows import ClosedRows
 from ..library.compilers import best_lanes
 from ..library.control import Control
-from ..library.direct_calls import REFUSED
+from ..library.direct_calls import DOUBLE, REFUSED, readable
 from ..needs import needs_casadi
 from .postures import Postures, refuse
 from .sources import library_key
@@ -75,6 +75,8 @@ class ControlSteps(Postures):
         change = self._motors_still if acceleration is None else acceleration
         start = self.robot.home if last is None else last
         status = self._control_at_once(start, position, speed, change, out)
+        if status == REFUSED and (copies := readable(start, position, speed, change)) is not None:
+            status = self._control_at_once(*copies, out)
         q, v, a = out[:nq], out[nq : nq + nv], out[nq + nv : nq + 2 * nv]
         if status == 0:
             return out[nq + 2 * nv :], q, v, a

@@ -17,7 +17,7 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..library.closed_rows import ClosedRows
 from ..library.current import Current
-from ..library.direct_calls import REFUSED
+from ..library.direct_calls import REFUSED, readable
 from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
 from .designs import DesignsInSlots
@@ -126,7 +126,8 @@ class Postures:
             acceleration: Their accelerations, of the same shape; zero by default.
             last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
                 default. C starts from any other posture that closes the loops, too; from one that does not,
-                the general path does. With parameters of each sample also (T, nq).
+                such as one in single precision, the general path does. With parameters of each sample also
+                (T, nq).
             parameters: Numbers of one design, shape (k,), whose samples follow one another; or of a design
                 for each sample, shape (T, k), which all start at `last`; None for those of the robot.
 
@@ -143,7 +144,10 @@ class Postures:
         speed = self._motors_still if rate is None else rate
         change = self._motors_still if acceleration is None else acceleration
         start = self.robot.home if last is None else last
-        if self._close_at_once(start, position, speed, change, out) == 0:
+        status = self._close_at_once(start, position, speed, change, out)
+        if status and (copies := readable(start, position, speed, change)) is not None:
+            status = self._close_at_once(*copies, out)
+        if status == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))

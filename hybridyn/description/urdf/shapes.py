@@ -30,7 +30,8 @@ class Shape:
         path: The mesh on this machine, or None if it was not looked for or not found.
         colour: Red, green, blue and opacity from 0 to 1, or None.
         role: "visual" or "collision".
-        line: Line in the file, or None.
+        line: Line in the file, or None; of a shape that cannot be read, that of the wrong element.
+        wrong: Why the shape cannot be read; "" for other shapes.
     """
 
     link: str
@@ -42,6 +43,7 @@ class Shape:
     colour: Colour | None = None
     role: str = "visual"
     line: int | None = None
+    wrong: str = ""
 
 
 def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
@@ -57,8 +59,8 @@ def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
         for node in link.children(*roles):
             try:
                 yield _shape(name, node, colours)
-            except ModelError:
-                yield Shape(name, "", np.eye(4), (), role=node.tag, line=node.line)
+            except ModelError as error:
+                yield Shape(name, "", np.eye(4), (), role=node.tag, line=error.line, wrong=error.message)
 
 
 def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shape:

@@ -26,7 +26,7 @@ from .finding import CODES, SEVERITIES, Finding, Severity, worst
 from .limits import check_limits
 from .loops import check_branch, check_lost_loops, check_modules
 from .masses import check_masses
-from .names import check_meshes, check_names, duplicated_names
+from .names import check_names, check_shapes, duplicated_names
 from .places import Places
 from .shapes import read_shapes
 from .subject import Subject
@@ -97,7 +97,7 @@ def _all(
     shapes = read_shapes(root, package_dirs, meshes=meshes)
     subject = Subject(root, description, package_dirs, shapes, robot)
     checks = (
-        check_masses, check_units, check_limits, check_couplings, check_names, check_meshes, check_lost_loops,
+        check_masses, check_units, check_limits, check_couplings, check_names, check_shapes, check_lost_loops,
         check_branch, check_modules,
     )  # fmt: skip
     for run_check in checks:
@@ -129,7 +129,7 @@ def _built(
             Finding(
                 "rank-in-doubt" if doubt else "no-robot",
                 f"'{error.element}'" if error.element else "",
-                _without_place(error),
+                error.message,
                 "every result depends on the number of freedoms" if doubt else "nothing can be computed",
                 "pass --rank-tolerance as the message says, or write more digits"
                 if doubt
@@ -154,17 +154,9 @@ def _first_closure(root: Node, description: Description, element: str | None) ->
     return places.file, None
 
 
-def _without_place(error: ModelError) -> str:
-    """Return an error's message without the file and line that it starts with."""
-    message = str(error)
-    for prefix in (f"{error.file}:{error.line}: ", f"{error.file}: "):
-        message = message.removeprefix(prefix)
-    return message
-
-
 def _unreadable(error: HybridynError, file: str) -> Finding:
     place = (error.file, error.line) if isinstance(error, ModelError) else (file, None)
-    message = _without_place(error) if isinstance(error, ModelError) else str(error)
+    message = error.message if isinstance(error, ModelError) else str(error)
     element = getattr(error, "element", None)
     return Finding(
         "unreadable",

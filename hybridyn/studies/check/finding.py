@@ -35,6 +35,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "mesh-scale": ("warning", "a mesh is far larger than its robot"),
     "degrees": ("warning", "limits look like degrees"),
     # shapes
+    "broken-shape": ("warning", "a shape cannot be read"),
     "missing-mesh": ("warning", "a mesh file is missing"),
     "broken-mesh": ("warning", "a mesh file cannot be read"),
     "unread-meshes": ("note", "mesh files were not read, because trimesh is not installed"),

@@ -1,4 +1,4 @@
-"""Check names and files: duplicate names, links without a role, missing meshes, and the reader's remarks."""
+"""Check names, shapes and meshes: duplicates, links without a role, what is missing, the reader's remarks."""
 
 from __future__ import annotations
 
@@ -83,8 +83,9 @@ def _unused(subject: Subject) -> Iterator[Finding]:
             )
 
 
-def check_meshes(subject: Subject) -> Iterator[Finding]:
-    """Check that the mesh files exist and can be read."""
+def check_shapes(subject: Subject) -> Iterator[Finding]:
+    """Check that the shapes can be read, and that their mesh files exist and can be read."""
+    yield from _broken_shapes(subject)
     reported: set[str] = set()
     unread = 0
     for link, shapes in subject.shapes.items():
@@ -117,3 +118,23 @@ def check_meshes(subject: Subject) -> Iterator[Finding]:
             install_advice("view"),
             subject.description.source,
         )
+
+
+def _broken_shapes(subject: Subject) -> Iterator[Finding]:
+    """Find shapes that cannot be read; those that one macro writes are one finding."""
+    reported: set[tuple[str, str]] = set()
+    for link, shapes in subject.shapes.items():
+        for shape in shapes:
+            if shape.kind or shape.wrong is None:
+                continue
+            finding = subject.of_link(
+                "broken-shape",
+                link,
+                f"its {shape.role} shape cannot be read: {shape.wrong}",
+                "it is not drawn or converted, and the link's mass cannot be compared with it",
+                "correct the element that the message names, or remove the shape",
+                shape.line,
+            )
+            if (finding.message, finding.place) not in reported:
+                reported.add((finding.message, finding.place))
+                yield finding

@@ -1,4 +1,4 @@
-"""Read the shapes of a robot's links: their bounding boxes, and meshes that are missing or broken.
+"""Read the shapes of a robot's links: their bounding boxes, and shapes and meshes that cannot be read.
 
 Each shape keeps the line of its element. trimesh (the extra `view`) loads the mesh files. It is imported only
 if the robot's file names a mesh.
@@ -31,12 +31,14 @@ class Shape:
     """One visual or collision shape of a link.
 
     Attributes:
-        kind: "box", "cylinder", "capsule", "sphere" or "mesh".
+        kind: "box", "cylinder", "capsule", "sphere" or "mesh"; "" for a shape that cannot be read.
         role: "visual" or "collision".
         line: Line in the file, or None.
-        corners: Corners of its bounding box, shape (8, 3), [m], link frame; None if its mesh was not loaded.
+        corners: Corners of its bounding box, shape (8, 3), [m], link frame; None if it cannot be read, or its
+            mesh was not loaded.
         mesh: File name of the mesh as the robot's file states it, or None.
-        wrong: Why the mesh was not loaded, or None: "missing", `UNREAD`, or the reader's message.
+        wrong: Why the shape cannot be read or its mesh was not loaded, or None; of a mesh "missing",
+            `UNREAD`, or the reader's message.
     """
 
     kind: str
@@ -50,7 +52,7 @@ class Shape:
 def read_shapes(
     root: Node, package_dirs: Sequence[str | PathLike[str]], *, meshes: bool = True
 ) -> dict[str, list[Shape]]:
-    """Read the shapes of every link. Shapes that cannot be interpreted are omitted.
+    """Read the shapes of every link.
 
     Args:
         root: Root element of a URDF.
@@ -60,13 +62,14 @@ def read_shapes(
     load = _MeshBoxes(root.file.removesuffix(" (expanded)"), package_dirs) if meshes else None
     out: dict[str, list[Shape]] = {}
     for shape in shapes_of(root, "visual", "collision"):
-        if shape.kind:
-            out.setdefault(shape.link, []).append(_boxed(shape, load))
+        out.setdefault(shape.link, []).append(_boxed(shape, load))
     return out
 
 
 def _boxed(shape: Stated, load: _MeshBoxes | None) -> Shape:
     """Return a shape with its bounding box."""
+    if not shape.kind:
+        return Shape("", shape.role, shape.line, None, wrong=shape.wrong)
     if shape.kind == "mesh":
         found = None if load is None else load(shape.file)
         if found is None or isinstance(found, str):

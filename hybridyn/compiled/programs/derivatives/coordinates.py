@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ....description.names import counted
 from ....errors import ModelError
 from ....linkage.joints import NV
@@ -11,6 +13,21 @@ from ....structure.robot import HybridRobot
 COORDINATES = ("joints", "motors")
 
 
+def check_kinds(coordinates: object, parameters: object) -> None:
+    """Refuse what `idm_jacobian` and `ddm_jacobian` do not know.
+
+    Raises:
+        ModelError: The coordinates are unknown, or `parameters` is neither true nor false.
+    """
+    if not isinstance(coordinates, str) or coordinates not in COORDINATES:
+        raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
+    if not isinstance(parameters, int | np.bool_):
+        raise ModelError(
+            "parameters of derivatives are True (the ten inertial parameters of each body) or False, not "
+            f"{parameters!r}"
+        )
+
+
 def check_coordinates(robot: HybridRobot, coordinates: str, *, parameters: bool) -> None:
     """Refuse coordinates that are unknown, or that the robot's derivatives cannot have.
 
@@ -18,8 +35,7 @@ def check_coordinates(robot: HybridRobot, coordinates: str, *, parameters: bool)
         ModelError: They are unknown; or they are "motors", and the base is not fixed, a module has not as
             many motors with one freedom as freedoms, or derivatives over parameters are asked for.
     """
-    if coordinates not in COORDINATES:
-        raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not '{coordinates}'")
+    check_kinds(coordinates, parameters)
     if coordinates == "joints":
         return
     mend = "Use coordinates='joints'"
