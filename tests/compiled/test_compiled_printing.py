@@ -105,13 +105,18 @@ EVERY = one_kernel("every", [X, Y], EXACT + CALLED)
 ANGLE = ca.SX.sym("angle")
 SINES = one_kernel("sines", [ANGLE], [ca.sin(ANGLE), ca.cos(ANGLE)])
 
+#: Rows narrower than a vector, as wide, and no multiple of it; the output is each number plus one.
+WIDTHS = (5, 8, 21)
+COLUMNS = [ca.SX.sym(f"x{width}", width) for width in WIDTHS]
+ROWS = one_kernel("rows", COLUMNS, [x + 1 for column in COLUMNS for x in ca.vertsplit(column)])
+
 
 @pytest.fixture(
     scope="module", params=[("float64", 8), ("float64", 4), ("float64", 2), ("float64", 1)], ids=str
 )
 def library(request: pytest.FixtureRequest) -> Library:
     number, lanes = request.param
-    return load([EVERY, SINES], dtype=number, lanes=lanes)
+    return load([EVERY, SINES, ROWS], dtype=number, lanes=lanes)
 
 
 def points() -> np.ndarray:
@@ -146,6 +151,20 @@ def angles() -> np.ndarray:
         [0.0, 5e-324, 1e6, -1e6, 6381956970095103 * 2.0**-33],
     ]
     return np.concatenate(some)
+
+
+def test_rows_of_any_width_arrive_and_numbers_that_are_not_finite_are_seen(library: Library) -> None:
+    samples, sick = 19, 11
+    given = np.random.default_rng(4).normal(size=(samples, sum(WIDTHS)))
+    others = np.arange(samples) != sick
+    for k in range(given.shape[1]):
+        x = given.copy()
+        x[sick, k] = (np.nan, np.inf, -np.inf)[k % 3]
+        columns = (np.ascontiguousarray(part) for part in np.split(x, np.cumsum(WIDTHS)[:-1], axis=1))
+        ((got,), guard) = library.batch("rows", *columns)
+        np.testing.assert_array_equal(got, x + 1)
+        assert np.isnan(guard[sick])
+        assert (guard[others] == 0).all()
 
 
 def test_sine_and_cosine_are_right_to_a_unit_in_the_last_place(library: Library) -> None:

@@ -2,13 +2,17 @@
 
 typedef long long Long;
 
-/* Fetch rows that come next while this one is computed; a wish, which may go past the end. */
-#ifdef __GNUC__
-#define ahead(from, n, write) \
-    for (Long k = 0; k < (n); k += 64 / (Long)sizeof(B)) __builtin_prefetch((from) + k, write)
-#else
-#define ahead(from, n, write) (void)0
+/* Fetch part `t` of `parts` of memory that is needed next; a wish, which may go past the end. */
+#define LINE 64
+#ifndef __GNUC__
+#define __builtin_prefetch(at, write) (void)(at)
 #endif
+#define ahead(from, size, write, t, parts)                                         \
+    do {                                                                           \
+        const Long lines = ((size) + LINE - 1) / LINE;                             \
+        for (Long k = lines * (t) / (parts); k < lines * ((t) + 1) / (parts); k++) \
+            __builtin_prefetch((const char *)(from) + k * LINE, write);            \
+    } while (0)
 
 INLINE V worst(V a, V b) { return SELECT(OR(LE(b, a), NE(a, a)), a, b); } /* a NaN stays */
 INLINE void set_all(V *to, const S *from, int n) {
@@ -30,7 +34,7 @@ INLINE void add(V *to, const V *from, int n) {
 /* Zero where all numbers are finite, else a NaN; four sums, so that they need not wait for each other. */
 INLINE V none(const V *x, int n) {
     V sum[4] = {C(0), C(0), C(0), C(0)};
-    for (int k = 0; k < n; k++) sum[k % 4] += x[k] * C(0);
+    for (int k = 0; k < n; k++) sum[k % 4] = FMA(x[k], C(0), sum[k % 4]);
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 INLINE S none_of(const S *x, int n) {

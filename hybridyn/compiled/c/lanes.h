@@ -26,34 +26,45 @@ INLINE void transpose(const V *r, V *c) {
 #endif
 #endif
 
-INLINE void from_rows(V *to, const S *from, Long width, int valid) {
+/* A vector anywhere in memory. */
+typedef V Row __attribute__((aligned(sizeof(S)), may_alias));
+
+/* Read rows; zero where all numbers are finite, else a NaN. The last block of columns overlaps the one before. */
+INLINE V from_rows(V *to, const S *from, Long width, int valid) {
     const S *row[W];
     Long k = 0;
+    V sum = C(0);
     for (int l = 0; l < W; l++) row[l] = from + (l < valid ? l : valid - 1) * width;
 #ifdef TRANSPOSE
-    for (; k + W <= width; k += W) {
-        V r[W];
-        for (int l = 0; l < W; l++) memcpy(&r[l], row[l] + k, sizeof(V));
-        transpose(r, to + k);
+    for (; width >= W && k < width; k += W) {
+        const Long at = k + W <= width ? k : width - W;
+        V r[W], c[W];
+        for (int l = 0; l < W; l++) r[l] = *(const Row *)(row[l] + at);
+        transpose(r, c);
+        copy(to + at, c, W);
+        sum += none(c, W);
     }
 #endif
-    for (; k < width; k++) to[k] = (V){ROWS(row, k)};
+    for (; k < width; k++) {
+        to[k] = (V){ROWS(row, k)};
+        sum = FMA(to[k], C(0), sum);
+    }
+    return sum;
 }
 /* Write rows that begin `apart` numbers apart; zero where all numbers are finite, else a NaN. */
 INLINE V to_rows_apart(S *to, const V *from, Long width, Long apart, int valid) {
     Long done = 0;
-    V sum = C(0);
 #ifdef TRANSPOSE
-    for (; done + W <= width; done += W) {
+    for (; width >= W && done < width; done += W) {
+        const Long at = done + W <= width ? done : width - W;
         V r[W];
-        transpose(from + done, r);
-        for (int l = 0; l < valid; l++) memcpy(to + l * apart + done, &r[l], sizeof(V));
-        sum += none(from + done, W);
+        transpose(from + at, r);
+        for (int l = 0; l < W && l < valid; l++) *(Row *)(to + l * apart + at) = r[l];
     }
 #endif
     for (int l = 0; l < valid; l++)
         for (Long k = done; k < width; k++) to[l * apart + k] = from[k][l];
-    return sum + none(from + done, (int)(width - done));
+    return none(from, (int)width);
 }
 INLINE V to_rows(S *to, const V *from, Long width, int valid) {
     return to_rows_apart(to, from, width, width, valid);

@@ -6,6 +6,7 @@ With one lane it is the scalar program of one sample.
 from __future__ import annotations
 
 from functools import partial
+from itertools import accumulate
 
 import numpy as np
 
@@ -31,20 +32,33 @@ from .tables import Tables, steps_of_one
 HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
 
 
-def across_samples(program: Program, names: list[str], tables: Tables, head: str = HEAD) -> str:
-    """Return the C function `<program>_samples`, or the one that `head` declares."""
-    return driver(
-        program,
-        f"{head.format(name=program.name)} {{",
-        names,
-        tables,
-        lambda call, name: _call(call, name, tables),
-    )
+def across_samples(
+    program: Program, names: list[str], tables: Tables, head: str = HEAD, between: str = ""
+) -> str:
+    """Return the C function `<program>_samples`, or the one that `head` declares.
+
+    Args:
+        program: The program.
+        names: C name of each kernel.
+        tables: Collects the tables of the function.
+        head: Its declaration.
+        between: C statement before each kernel, in which {t} stands for the number of kernels before it.
+    """
+    starts = iter(accumulate((step.copies for step in program.steps if isinstance(step, Call)), initial=0))
+
+    def call(step: Call, name: str) -> list[str]:
+        """Return the lines of a call."""
+        t = f"{next(starts)}{' + i' if step.copies > 1 else ''}"
+        return _call(step, name, tables, between.format(t=t))
+
+    return driver(program, f"{head.format(name=program.name)} {{", names, tables, call)
 
 
-def _call(call: Call, name: str, tables: Tables) -> list[str]:
-    """Return the calls of a kernel for all copies."""
+def _call(call: Call, name: str, tables: Tables, between: str) -> list[str]:
+    """Return the calls of a kernel for all copies, with a statement before each."""
     block = Block.of(call, partial(_source, call, tables), partial(_target, call, tables))
+    if between:
+        block.before.insert(0, between)
     head = "{" if call.copies == 1 else f"for (int i = 0; i < {call.copies}; i++) {{"
     return block.lines(name, head)
 

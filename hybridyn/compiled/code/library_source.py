@@ -8,7 +8,7 @@ from typing import Any
 
 from ..program import Call, Program
 from .across_copies import across_copies
-from .across_samples import across_samples
+from .across_samples import HEAD, across_samples
 from .alone import choice, code, lanes_of_codes, second_unit
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
@@ -19,6 +19,9 @@ from .tables import Tables
 STATEMENTS_PER_UNIT = 4000
 #: Widest input or output of which the next rows are fetched ahead; more would drive out the workspace.
 FETCHED = 512
+#: First line of the driver of batches, which fetches the rows that come next between its kernels: all at once
+#: would wait for memory, a fifth of the time of a long batch.
+BATCH = HEAD.replace("_samples(", "_rows(").replace(")", ", const B *const *in, B *const *out, Long s)")
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,11 @@ def _driver_unit(
     tables = Tables()
     drivers = []
     for program in programs:
-        drivers.append(across_samples(program, names[program.name], tables))
+        if more:
+            drivers.append(across_samples(program, names[program.name], tables))
+        drivers.append(_ahead(program))
+        between = f"{program.name}_ahead(in, out, s + W, {{t}});"
+        drivers.append(across_samples(program, names[program.name], tables, BATCH, between))
         drivers.append(_batch(program))
         if scalar.lanes > 1:
             drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
@@ -165,20 +172,28 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
     return "\n".join(lines)
 
 
+def _ahead(program: Program) -> str:
+    """Return the C function that fetches rows from s on, the share of the kernel that `t` others precede."""
+    kernels = sum(step.copies for step in program.steps if isinstance(step, Call))
+    lines = [f"INLINE void {program.name}_ahead(const B *const *in, B *const *out, Long s, int t) {{"]
+    for name, entries, write in (("in", program.inputs, 0), ("out", program.outputs, 1)):
+        for n, (_, size) in enumerate(entries):
+            if size <= FETCHED:
+                rows = f"{name}[{n}] + s * {size}, W * {size} * (Long)sizeof(B)"
+                lines.append(f"    ahead({rows}, {write}, t, {kernels});")
+    return "\n".join([*lines, "}"])
+
+
 def _batch(program: Program) -> str:
     """Return the C function that runs samples `from` to `to`; the caller provides the memory `work`."""
     given, result, shared, _ = _sizes(program)
-    reads, writes, ahead, at = [], [], [], 0
+    reads, writes, at = [], [], 0
     for n, (_, size) in enumerate(program.inputs):
-        reads.append(f"        from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);")
-        if size <= FETCHED:
-            ahead.append(f"        ahead(in[{n}] + (s + W) * {size}, W * {size}, 0);")
+        reads.append(f"        worst_yet += from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);")
         at += size
     at = 0
     for n, (_, size) in enumerate(program.outputs):
         writes.append(f"        worst_yet += to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);")
-        if size <= FETCHED:
-            ahead.append(f"        ahead(out[{n}] + (s + W) * {size}, W * {size}, 1);")
         at += size
     return "\n".join(
         [
@@ -188,11 +203,9 @@ def _batch(program: Program) -> str:
             f"    V *own = shared + {shared};",
             "    for (Long s = from; s < to; s += W) {",
             "        const int valid = to - s < W ? (int)(to - s) : W;",
-            *reads,
-            *ahead,
             "        V worst_yet = C(0);",
-            f"        for (int k = 0; k < {given}; k++) worst_yet += given[k] * C(0); /* not finite: NaN */",
-            f"        {program.name}_samples(given, result, shared, own, &worst_yet);",
+            *reads,
+            f"        {program.name}_rows(given, result, shared, own, &worst_yet, in, out, s);",
             *writes,
             "        to_rows(guard + s, &worst_yet, 1, valid);",
             "    }",
