@@ -142,7 +142,7 @@ int main() {
 def test_c_plus_plus_calls_it_and_what_overflows_is_refused(bar: Path) -> None:
     (bar / "main.cpp").write_text(IN_CPP)
     for command in (
-        [*find_compiler().command, "-std=c99", "-O1", "-c", "bar.c", "-o", "bar.o"],
+        [*find_compiler().command, *STRICT, "-O0", "-c", "bar.c", "-o", "bar.o"],  # it warns of more than -O1
         ["g++", "-Wall", "-Wextra", "-Werror", "main.cpp", "bar.o", "-lm", "-o", "main"],
     ):
         built = subprocess.run(command, cwd=bar, capture_output=True, text=True)

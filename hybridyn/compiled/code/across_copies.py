@@ -62,8 +62,6 @@ def _turned(source: Turned, copies: Index, lanes: int) -> Index:
 def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; scalars are first spread over the lanes."""
     match source:
-        case Shared(_, 0) | Each(_, 0) | Own(_, 0):
-            return "0"
         case Shared(start, _) | Each(start, _):
             return f"shared + {start}"
         case Own(start, _):
@@ -75,15 +73,14 @@ def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Blo
             return x
         case Constants(values):
             x = block.vector(f"x{n}", values.size)
-            if values.size:
-                block.before.append(f"set_all({x}, {tables.numbers(values)}, {values.size});")
+            block.before.append(f"set_all({x}, {tables.numbers(values)}, {values.size});")
             return x
         case Given(index) | Result(index):
             place = "given" if isinstance(source, Given) else "result"
             x = block.vector(f"x{n}", index.size)
-            if index.size and steps_of_one(index):
+            if steps_of_one(index):
                 block.before.append(f"set_all({x}, {place} + {index[0, 0]}, {index.size});")
-            elif index.size:
+            else:
                 block.before.append(f"gather_all({x}, {place}, {tables.places(index)}, {index.size});")
             return x
 
@@ -133,8 +130,6 @@ class _Pack:
     def _source(self, n: int, source: Source, block: Block) -> str:
         """Return an argument that is read; the copies' numbers are first gathered into their lanes."""
         match source:
-            case Shared(_, 0) | Own(_, 0):
-                return "0"
             case Shared(start, _):
                 return f"shared + {start}"
             case Own(start, size):
@@ -153,8 +148,7 @@ class _Pack:
             case Turned(rows=size):
                 place, at = "(const S *)own", _turned(source, self.copies, self.lanes)
         x = block.vector(f"x{n}", size)
-        if size:
-            block.before.append(f"gather_lanes({x}, {place}, {self.tables.places(at.astype(int))}, {size});")
+        block.before.append(f"gather_lanes({x}, {place}, {self.tables.places(at.astype(int))}, {size});")
         return x
 
     def _target(self, n: int, target: Target, free: bool, block: Block) -> str:

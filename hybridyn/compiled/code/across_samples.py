@@ -77,8 +77,6 @@ def _at(call: Call, start: int, size: int) -> str:
 def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; entries that are not contiguous are gathered first."""
     match source:
-        case Shared(_, 0) | Each(_, 0) | Own(_, 0):
-            return "0"
         case Given(index) | Result(index):
             place = "given" if isinstance(source, Given) else "result"
             if steps_of_one(index):
@@ -92,9 +90,8 @@ def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) ->
         case Constants(values):
             size = values.shape[1]
             x = block.vector(f"x{n}", size)
-            if values.size:
-                at = f"{tables.numbers(values)} + {_at(call, 0, size)}"
-                block.before.append(f"set_all({x}, {at}, {size});")
+            at = f"{tables.numbers(values)} + {_at(call, 0, size)}"
+            block.before.append(f"set_all({x}, {at}, {size});")
             return x
         case Shared(start, _):
             return f"shared + {start}"

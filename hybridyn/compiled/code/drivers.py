@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..program import Call, Constants, Given, Program, Result, Source, Target, Turned
+from ..program import Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Turned
 from .rules import overlap, spans
 from .tables import Tables, steps_of_one
 
@@ -34,10 +34,12 @@ class Block:
         """Build the block of a call from functions that return an argument that is read, or written.
 
         They take its number, the source, or the target and whether it may be written in place, and the block.
+        An argument without numbers is the null pointer: a local vector would never be set, which compilers
+        warn of.
         """
         block = cls()
         for n, read in enumerate(call.sources):
-            block.arguments.append(source(n, read, block))
+            block.arguments.append("0" if _is_empty(read) else source(n, read, block))
         for n, (written, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
             block.arguments.append(target(n, written, free, block))
         return block
@@ -85,6 +87,15 @@ def in_place(call: Call) -> list[bool]:
         not any(overlap(span, other) for other in [*reads, *writes[:n], *writes[n + 1 :]])
         for n, span in enumerate(writes)
     ]
+
+
+def _is_empty(source: Source) -> bool:
+    """Return whether a source has no numbers."""
+    match source:
+        case Given(entries) | Result(entries) | Constants(entries):
+            return entries.size == 0
+        case Turned(rows=size) | Shared(_, size) | Each(_, size) | Own(_, size):
+            return size == 0
 
 
 def _handed(source: Source) -> bool:
