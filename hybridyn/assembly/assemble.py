@@ -197,7 +197,7 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
     blocks = full_rank_blocks(generic, free, m.rank_tolerance)
     winding = winding_of(m.closures, request.known, request.given, request.angles)
     problem = replace(problem, rank=rank, blocks=blocks, winding=winding)
-    names = [module.row_name(i) for i in range(m.closures.rows)]
+    names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
     names += [
         f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
     ]

@@ -120,12 +120,8 @@ class _Tree:
 
         self.singular_at_home, self.free_motions = singular_at_home, free_motions
         self.robot, self.home, self.width = robot, home, width
-        self.kinds = {joint.name: joint.kind for joint in robot.description.joints}
-        closures = [(c.name, c.kind) for c in robot.description.closures]
-        self.closure_kinds = dict(closures) | {c.name: "coupling" for c in robot.description.couplings}
-        self.children: dict[int, list[int]] = {}
-        for number, module in enumerate(robot.modules):
-            self.children.setdefault(module.parent, []).append(number)
+        self.kinds = {name: joint.kind for name, joint in robot.records.items()}
+        self.children = robot.children
         self.first: dict[int, str] = {}  # the first module of each kind, by its mechanism
         self.number = {module.name: number for number, module in enumerate(robot.modules)}
         fancy = "utf" in (sys.stdout.encoding or "").lower()
@@ -167,7 +163,7 @@ class _Tree:
     def _folded(self, chain: list[int]) -> str:
         first, last = self.robot.modules[chain[0]], self.robot.modules[chain[-1]]
         like = self.first[id(first.mechanism)]
-        names = f"{self._name(first)} ... {self._name(last)}"
+        names = f"{first.label} ... {last.label}"
         worst = max(self.home[number] for number in chain)
         closed = "" if worst <= self.robot.closure_tolerance else ", some OPEN at home"
         motors = sum(len(self.robot.modules[number].motors) for number in chain)
@@ -189,7 +185,7 @@ class _Tree:
         return [line.replace(NO_BREAK, " ") for line in lines]
 
     def _title(self, module: Module) -> str:
-        name = self._name(module)
+        name = module.label
         if len(module.joints) == 1 and module.joints[0] in self.kinds:
             joint = module.joints[0]
             role = "" if module.motors else ", passive"
@@ -199,9 +195,6 @@ class _Tree:
         motors = counted(len(module.motors), "motor")
         number = self.number[module.name] + 1
         return f"{name}  module {number}, {counted(module.mobility, 'freedom')}, {motors}"
-
-    def _name(self, module: Module) -> str:
-        return module.outputs[0] if len(module.outputs) == 1 else module.name
 
     def _facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
         if len(module.joints) == 1 and not module.closures:
@@ -236,7 +229,7 @@ class _Tree:
         if not module.closures:
             return
         mechanism = module.mechanism
-        kinds = Counter(self.closure_kinds.get(name, "closure") for name in module.closures)
+        kinds = Counter(self.robot.closure_kinds.get(name, "closure") for name in module.closures)
         parts = [f"{count} {kind}" for kind, count in kinds.items()]
         if mechanism.spec.wrists:
             parts.append(f"{counted(len(mechanism.spec.wrists), 'wrist')} cut")

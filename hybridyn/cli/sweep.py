@@ -143,7 +143,8 @@ def _run(
 def _summary(state: Swept, output: str) -> list[str]:
     """Return the lines that say what became of the designs."""
     lines = [f"{counted(state.done, 'design')} in '{output}', {state.now:,} evaluated now"]
-    lines += [f"  {status}: {count:,}" for status, count in sorted(state.statuses.items(), key=_ok_first)]
+    statuses = sorted(state.statuses, key=lambda status: (status != "ok", status))
+    lines += [f"  {status}: {state.statuses[status]:,}" for status in statuses]
     if state.unreachable or state.singular:
         lines.append(f"postures out of reach: {state.unreachable:,}; singular: {state.singular:,}")
     if state.compiled:
@@ -165,10 +166,6 @@ def _summary(state: Swept, output: str) -> list[str]:
             f"{share:.0%}, wall time {state.seconds:.2f} s"
         )
     return lines
-
-
-def _ok_first(pair: tuple[str, int]) -> tuple[bool, str]:
-    return pair[0] != "ok", pair[0]
 
 
 def _table(found: Best) -> list[str]:

@@ -92,7 +92,8 @@ def _paired_frames(description: Description) -> Iterator[Sign]:
         if bodies.of[one] == bodies.of[other] or {one, other} & reported:
             continue
         places = places or _Places(description, bodies)
-        named, coincident = _names_a_loop(stem), places.coincide(one, other)
+        named = bool(LOOP_WORDS & _words(stem) or CLOSED_LOOP.search(stem))
+        coincident = places.coincide(one, other)
         if named or coincident:
             reported |= {one, other}
             at = ", and coincide in the zero posture" if coincident else ""
@@ -108,10 +109,6 @@ def _paired_frames(description: Description) -> Iterator[Sign]:
 def _words(name: str) -> set[str]:
     """Return the words of a name in lower case, without numbers."""
     return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
-
-
-def _names_a_loop(name: str) -> bool:
-    return bool(LOOP_WORDS & _words(name) or CLOSED_LOOP.search(name))
 
 
 def _passive_joints(description: Description) -> Iterator[Sign]:

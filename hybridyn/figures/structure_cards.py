@@ -79,11 +79,7 @@ class _Deck:
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
         self.kinds = {name: joint.kind for name, joint in robot.records.items()}
-        closures = [(c.name, c.kind) for c in robot.description.closures]
-        self.closure_kinds = dict(closures) | {c.name: "coupling" for c in robot.description.couplings}
-        self.children: dict[int, list[int]] = {}
-        for number, module in enumerate(robot.modules):
-            self.children.setdefault(module.parent, []).append(number)
+        self.children = robot.children
         self.cards = [self._ground()]
         # A stack instead of recursion: chains of modules may exceed Python's recursion limit.
         stack = [(number, 0) for number in reversed(self.children.get(-1, []))]
@@ -132,7 +128,7 @@ class _Deck:
     def _serial(self, chain: list[int], parent: int) -> Card:
         modules = [self.robot.modules[number] for number in chain]
         signs = tuple(self._sign(module.joints[0]) for module in modules)
-        first, last = _name(modules[0]), _name(modules[-1])
+        first, last = modules[0].label, modules[-1].label
         motors = sum(len(module.motors) for module in modules)
         if len(modules) == 1:
             kind = self.kinds.get(modules[0].joints[0], "free base")
@@ -149,7 +145,7 @@ class _Deck:
         spare = len(module.motors) - module.mobility
         if spare:
             lines.append(f"{spare} more motors than freedoms" if spare > 0 else f"{-spare} freedoms passive")
-        found = Counter(self.closure_kinds.get(name, "closure") for name in module.closures)
+        found = Counter(self.robot.closure_kinds.get(name, "closure") for name in module.closures)
         closed = [f"{count} {kind}" for kind, count in found.items()]
         if wrists := len(module.mechanism.spec.wrists):
             closed.append(counted(wrists, "wrist") + " cut")
@@ -161,24 +157,20 @@ class _Deck:
             rest = sum(leg.number for leg in legs[MOST_LEGS:])
             lines.append(f"and {counted(rest, 'more leg')} of other kinds")
         colour = module_colour(number)
-        return Card(_name(module), tuple(lines), tuple(legs[:MOST_LEGS]), colour, (number,), parent)
+        return Card(module.label, tuple(lines), tuple(legs[:MOST_LEGS]), colour, (number,), parent)
 
     def _folded(self, chain: list[int], like: int, parent: int) -> Card:
         modules = self.robot.modules
         motors = sum(len(modules[number].motors) for number in chain)
-        title = f"{_name(modules[chain[0]])} ... {_name(modules[chain[-1]])}"
+        title = f"{modules[chain[0]].label} ... {modules[chain[-1]].label}"
         lines = (
-            f"modules {chain[0] + 1} to {chain[-1] + 1}: {len(chain)} like {_name(modules[like])}",
+            f"modules {chain[0] + 1} to {chain[-1] + 1}: {len(chain)} like {modules[like].label}",
             f"one on the other, {counted(motors, 'motor')} in all",
         )
         return Card(title, lines, (), module_colour(like), tuple(chain), parent, folded=True)
 
     def _sign(self, joint: str) -> Sign:
         return Sign(LETTERS.get(self.kinds.get(joint, "floating"), "F"), joint in self.robot.motors)
-
-
-def _name(module: Module) -> str:
-    return module.outputs[0] if len(module.outputs) == 1 else module.name
 
 
 def dot_of_cards(drawn: list[Card]) -> str:

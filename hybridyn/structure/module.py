@@ -60,6 +60,11 @@ class Module:
         """Numbers, among its motors, of the motors that the closures do not lock."""
         return np.flatnonzero(~self.mechanism.locked[self.motor_columns])
 
+    @property
+    def label(self) -> str:
+        """Name of its only output, or its own name if it has several or none."""
+        return self.outputs[0] if len(self.outputs) == 1 else self.name
+
     def freedom_names(self) -> list[str]:
         """Return names of the freedoms of the tree after the cuts: the joints' and six of each platform."""
         m = self.mechanism
@@ -77,17 +82,10 @@ class Module:
         The order is: the author's closures, the wrists that carry platforms, the couplings.
         """
         closures, authors = self.mechanism.closures, len(self.mechanism.spec.closures)
-        carried = [f"wrist of '{name}'" for name in self.outputs] * (len(closures.closures) - authors)
-        names = [
-            *self.closures[:authors],
-            *carried[: len(closures.closures) - authors],
-            *self.closures[authors:],
-        ]
+        wrists = len(closures.closures) - authors
+        carried = ([f"wrist of '{name}'" for name in self.outputs] * wrists)[:wrists]
+        names = [*self.closures[:authors], *carried, *self.closures[authors:]]
         return list(zip(names, closures.row_slices, strict=True))
-
-    def row_name(self, row: int) -> str:
-        """Return the name of the closure or coupling to which a closure row belongs."""
-        return next(f"closure '{name}'" for name, at in self.named_rows() if at.start <= row < at.stop)
 
 
 def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure_tolerance: float) -> None:

@@ -122,6 +122,20 @@ class HybridRobot:
         return {joint.name: joint for joint in self.description.joints}
 
     @cached_property
+    def closure_kinds(self) -> dict[str, str]:
+        """Kind of each closure in the robot's files, by name; that of a coupling is "coupling"."""
+        coupled = {c.name: "coupling" for c in self.description.couplings}
+        return {c.name: c.kind for c in self.description.closures} | coupled
+
+    @cached_property
+    def children(self) -> dict[int, list[int]]:
+        """Numbers of the modules that stand on each module that carries any; key -1 for the base."""
+        out: dict[int, list[int]] = {}
+        for number, module in enumerate(self.modules):
+            out.setdefault(module.parent, []).append(number)
+        return out
+
+    @cached_property
     def effort_units(self) -> list[str]:
         """Unit of each motor's effort."""
         return ["N" if self.records[name].kind == "prismatic" else "N m" for name in self.motors]

@@ -213,8 +213,8 @@ def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool
                 "folder"
             )
     about.write_text(identity + "\n", encoding="utf-8")
-    return [file for file, shard in shards.items() if not _is_newer(shard, Path(file))]
-
-
-def _is_newer(shard: Path, table: Path) -> bool:
-    return shard.exists() and shard.stat().st_mtime >= table.stat().st_mtime
+    return [
+        file
+        for file, shard in shards.items()
+        if not shard.exists() or shard.stat().st_mtime < Path(file).stat().st_mtime
+    ]

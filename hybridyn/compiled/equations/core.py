@@ -157,7 +157,7 @@ def write_core(
     placed, platforms = {}, {}
     for path, chain in zip(plan.paths, paths, strict=True):
         if path.wrist.carries:
-            i = platform_link(plan, path)
+            i = core_body(plan, path.wrist.end) - 1  # the link that represents the platform
             R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
             placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
             platforms[i] = _platform(Placed(R, p, V, chain.c[-1]), (V_base, A_base), plan.scale)
@@ -193,11 +193,6 @@ def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Sca
     A = motion_to_parent(at.R, at.p, at.c)
     haste = size_of(zeros(0), [], [A_base, A], scale.length) + speed * speed
     return PlatformMotion(at.R, at.p, V, scale.weight(speed), A, scale.weight(haste))
-
-
-def platform_link(plan: Plan, path: Path) -> int:
-    """Return the link of the core that represents the platform at the end of a carrying wrist."""
-    return core_body(plan, path.wrist.end) - 1
 
 
 def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:

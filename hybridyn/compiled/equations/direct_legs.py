@@ -15,20 +15,14 @@ from .expressions import pack, symbols, zeros
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .module_graph import base_motion
 from .options import DirectOptions
-from .parts import Leg
 from .quadratic_form import LEG_SUMS
 from .stages import Stage, cut
-
-
-def forced_joints(leg: Leg, options: DirectOptions) -> list[int]:
-    """Return the freedoms of a leg on which an effort acts, numbered inside the leg."""
-    return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
 
 
 def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Array]:
     """Write the direct model of group n of a module, and return its stages and its legs' own numbers."""
     group = plan.parts.groups[n]
-    leg, forced = group[0], forced_joints(group[0], options)
+    leg, forced = group[0], group[0].among(options.motors)
     (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
     base = base_motion(options.base, options.velocity)
     p_column, platform = PlatformMotion.symbols(accelerations=False)

@@ -113,6 +113,11 @@ def pack(*parts: Any) -> ca.SX:
     return ca.densify(ca.vertcat(*[ca.SX(x) for x in flat])) if flat else ca.SX(0, 1)
 
 
+def along(n: Expression, x: Expression) -> Any:
+    """Compute the scalar product of two vectors."""
+    return dot(n, x[:, None])[0]
+
+
 def dot(A: Expression, B: Expression) -> Expression:
     """Multiply matrices or vectors, shapes as for `A @ B`."""
     left = A if A.ndim == 2 else A[None]

@@ -12,21 +12,10 @@ from .expressions import Expression, dot, pack, symbols, zeros
 from .legs import PlatformMotion, WrittenLeg, write_leg
 from .module_graph import BaseMotion, base_motion
 from .options import InverseOptions
-from .parts import Leg
 from .stages import Stage, cut
 
 #: Wrenches that the legs of a platform require, on the base and along delta, and the size of each.
 LEG_SUMS = (("b_base", 6), ("b_delta", 6))
-
-
-def lawful_joints(leg: Leg, options: InverseOptions) -> list[int]:
-    """Return the freedoms of a leg with joint laws, numbered inside the leg."""
-    return [j for j, c in enumerate(leg.tree_v) if c in options.laws]
-
-
-def driven_joints(leg: Leg, options: InverseOptions) -> list[int]:
-    """Return the freedoms of a leg with motors, numbered inside the leg."""
-    return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
 
 
 def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[list[Stage], Array]:
@@ -36,7 +25,7 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
     """
     group = plan.parts.groups[n]
     leg = group[0]
-    lawful, driven = lawful_joints(leg, options), driven_joints(leg, options)
+    lawful, driven = leg.among(options.laws), leg.among(options.motors)
     columns = {"q": symbols("q", len(leg.q)), "v": symbols("v", len(leg.v)), "a": symbols("a", len(leg.v))}
     q, v, a = (entries for _, entries in columns.values())
     base = base_motion(options.base, options.velocity)

@@ -95,10 +95,6 @@ class WrittenLeg:
     y0: Expression
     guard: ca.SX
 
-    def to_base(self, M: Expression) -> Expression:
-        """Transform an inertia at the closure's point to the base's frame, shape (6, 6)."""
-        return matrix_moved(M, numbers(np.eye(3)), self.point)
-
     def wrench(self, F: Expression) -> Expression:
         """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
         return to_parent(numbers(np.eye(3)), self.point, F)
@@ -269,7 +265,7 @@ def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression
     return {
         "S1": S1,
         "B": B.ravel(),
-        "L": upper(leg.to_base(congruence(leg.X, A))),
+        "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
         "b_base": bias[:6] + dot(D, leg.y0),
         "b_delta": leg.wrench(dot(leg.X.T, needed)),
     }

@@ -11,7 +11,7 @@ import numpy as np
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import TreeCoupling
 from .chains import Chain, motion_map, point_acceleration, point_velocity
-from .expressions import Expression, cross, dot, numbers, zeros
+from .expressions import Expression, along, cross, dot, numbers, zeros
 from .guards import Scale, weighed
 from .links import units_of
 from .residuals import coupling_row
@@ -93,18 +93,14 @@ def write_rows(
             guard = guard + weighed(list(zip((values[:along], values[along:]), units, strict=True)), weight)
     for coupling in couplings:
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
-        unit = _unit_of(chain, coupling, scale.length)
+        # The unit of its residual is the largest of a radian, or the length, in its terms.
+        unit = max(abs(k) * float(units_of(chain.links[j], scale.length)[0]) for j, k in coupling.terms)
         K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, zeros(1)]
         guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)
         moving = [rates[6:]] if accelerations is None else [rates[6:], accelerations]
         for weight, motion in zip(weights, moving, strict=True):
             guard = guard + weighed([(dot(row[None], motion), unit)], weight)
     return Rows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
-
-
-def _unit_of(chain: Chain, coupling: TreeCoupling, length: float) -> float:
-    """Return the unit of a coupling's residual: the largest of a radian, or the length, in its terms."""
-    return max(abs(k) * float(units_of(chain.links[joint], length)[0]) for joint, k in coupling.terms)
 
 
 def _closure(
@@ -114,13 +110,13 @@ def _closure(
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
-    opened = np.array([_along(n, r) for n in axes], dtype=object)
+    opened = np.array([along(n, r) for n in axes], dtype=object)
     if len(axes) == 3:
         opened, r = r, zeros(3)  # the loop is closed, and all three rows together may use any axes
         axes = [numbers(np.eye(3)[i]) for i in range(3)]
     apart = b.a - a.a - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
     normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
-    gamma = [_along(n, apart) for n in axes]
+    gamma = [along(n, apart) for n in axes]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []
     pairs: list[tuple[int, int]] = []
@@ -136,16 +132,11 @@ def _closure(
         pairs = [(2, 2)]
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
-        gamma.append(_along(n, b.alpha - a.alpha) + _along(n_dot, w))
+        gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
     rows = [dot(n[None], relative)[0] for n in normals]
-    angles = np.array([_along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
+    angles = np.array([along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
         np.array(gamma, dtype=object),
         (opened, angles),
     )
-
-
-def _along(n: Expression, x: Expression) -> Any:
-    """Return the scalar product."""
-    return dot(n, x[:, None])[0]

@@ -6,7 +6,7 @@ the platform's motion. Everything else (platforms, serial joints, other loops) b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +51,10 @@ class Leg:
     v: Index
     tree_q: Index
     tree_v: Index
+
+    def among(self, freedoms: Container[int]) -> list[int]:
+        """Return those of its freedoms that are among some of `tree_v`, numbered inside the leg."""
+        return [j for j, k in enumerate(self.tree_v) if k in freedoms]
 
 
 @dataclass(frozen=True)

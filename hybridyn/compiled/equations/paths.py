@@ -66,14 +66,9 @@ def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
     function = ca.Function("S", [column], [pack(S)])
     samples = np.array([np.array(function(x)).reshape(S.shape) for x in positions])
     rows = np.array([1 / length] * 3 + [1.0] * 3)
-    translates = [any(not _turns_only(S[:, k]) for _ in (0,)) for k in range(S.shape[1])]
-    cols = np.array([length if t else 1.0 for t in translates])
+    turns = [any(not (isinstance(x, float) and x == 0.0) for x in column[3:]) for column in S.T]
+    cols = np.array([1.0 if t else length for t in turns])
     return choose_pivots(samples, S.shape[1], rows, cols)
-
-
-def _turns_only(column: Expression) -> bool:
-    """Return whether a joint's motion has a rotational part."""
-    return any(not (isinstance(x, float) and x == 0.0) for x in column[3:])
 
 
 def wrist_jacobian(path: Path, chain: Chain) -> Expression:

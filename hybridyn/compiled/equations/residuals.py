@@ -14,7 +14,7 @@ from ...linkage.closures import TreeClosure
 from ...linkage.common_measure import common_measure
 from ...linkage.couplings import TreeCoupling
 from .chains import Chain
-from .expressions import Expression, cross, dot, zeros
+from .expressions import Expression, along, cross, dot, zeros
 from .rigid import motion_to_parent
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
@@ -37,7 +37,7 @@ class SpanningRows:
         A, pa = self._frame(c.body_a, R_a, p_a)
         B, pb = self._frame(c.body_b, R_b, p_b)
         axes = [A[:, i] for i in c.translations]
-        residual = [_along(n, pb - pa) for n in axes]
+        residual = [along(n, pb - pa) for n in axes]
         normals = [np.concatenate([n, cross(pb, n)]) for n in axes]
         for angle, n in _turning(c.rotation, A, B):
             residual.append(angle)
@@ -46,7 +46,7 @@ class SpanningRows:
         for sign, body in ((1.0, c.body_b), (-1.0, c.body_a)):
             for joint in self._path(body) - self._path(c.body_a if sign > 0 else c.body_b):
                 for k, column in enumerate(self._columns[joint], self._chain.v_slices[joint].start):
-                    rows[:, k] = [sign * _along(n, column) for n in normals]
+                    rows[:, k] = [sign * along(n, column) for n in normals]
         return np.array(residual, dtype=object), rows
 
     def _frame(self, body: int, R: Expression, p: Expression) -> tuple[Expression, Expression]:
@@ -69,13 +69,13 @@ def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Exp
     if rotation == "fixed":
         pairs = [(1, 2), (2, 0), (0, 1)]
         return [
-            (0.5 * (_along(A[:, j], B[:, i]) - _along(A[:, i], B[:, j])), A[:, k])
+            (0.5 * (along(A[:, j], B[:, i]) - along(A[:, i], B[:, j])), A[:, k])
             for k, (i, j) in enumerate(pairs)
         ]
     if rotation == "parallel":
-        return [(_along(A[:, i], z), cross(z, A[:, i])) for i in (0, 1)]
+        return [(along(A[:, i], z), cross(z, A[:, i])) for i in (0, 1)]
     if rotation == "perpendicular":
-        return [(_along(A[:, 2], z), cross(z, A[:, 2]))]
+        return [(along(A[:, 2], z), cross(z, A[:, 2]))]
     return []
 
 
@@ -96,8 +96,3 @@ def coupling_row(
     if period:  # cosine and sine of a continuous joint do not count its whole turns
         total = total - period * ca.floor(total / period + 0.5)
     return total, row
-
-
-def _along(n: Expression, x: Expression) -> Any:
-    """Return the scalar product."""
-    return dot(n, x[:, None])[0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...spatial import Array
 from ..equations.direct import DirectModule, write_direct
-from ..equations.direct_legs import forced_joints, write_direct_legs
+from ..equations.direct_legs import write_direct_legs
 from ..equations.expressions import plain, upper
 from ..equations.module_graph import twist_width
 from ..equations.options import DirectOptions, direct_options
@@ -185,7 +185,7 @@ class _Sweeps:
         stages, table = self._leg_code[key]
         numbers = self.w.numbers(table, plan.column)
         legs = Stages(self.w, ("legs", key), stages, LEG_PARTS, len(group))
-        sources, forced = calls.leg_sources(group, numbers), forced_joints(group[0], options)
+        sources, forced = calls.leg_sources(group, numbers), group[0].among(options.motors)
         if forced:
             sources["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))
         legs.call(0, sources, calls.sums_of(group[0].platform, LEG_SUMS))

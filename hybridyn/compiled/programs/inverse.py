@@ -9,7 +9,7 @@ import numpy as np
 
 from ...spatial import Array
 from ..equations.inverse import InverseModule, write_inverse
-from ..equations.inverse_legs import LEG_SUMS, driven_joints, lawful_joints, write_inverse_legs
+from ..equations.inverse_legs import LEG_SUMS, write_inverse_legs
 from ..equations.module_graph import twist_width
 from ..equations.motor_pivots import motor_pivots
 from ..equations.options import InverseOptions, balance_options, inverse_options
@@ -201,7 +201,7 @@ class _Sweeps:
     def _legs_outwards(self, calls: InverseCalls, n: int) -> None:
         """Add the forces of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
-        lawful, driven = lawful_joints(group[0], options), driven_joints(group[0], options)
+        lawful, driven = group[0].among(options.laws), group[0].among(options.motors)
         key = (id(plan), n, options.base, options.velocity, options.rotor, tuple(lawful), tuple(driven))
         if key not in self._leg_code:
             self._leg_code[key] = write_inverse_legs(plan, n, options)

@@ -125,8 +125,8 @@ class Builder:
                 (only,) = self._children[joint.child]
                 todo.append((element, only, at, here))
                 continue
-            if here and (follower := self._only_followed(joint.child)) is not None:
-                self._add_follower(element, follower, at, here)
+            if here and joint.child in self._ends:  # a link that only ends a closure has no body
+                self._add_follower(element, self._followers[joint.child][0], at, here)
                 continue
             parent = world if self._floats(joint, here) else element
             body = self._add_body(parent, joint.child, at, here)
@@ -152,10 +152,6 @@ class Builder:
         weightless = record.mass == 0 and not record.inertia.any()
         children = self._children.get(link, [])
         return weightless and len(children) == 1 and link not in self._closed
-
-    def _only_followed(self, link: str) -> Follower | None:
-        """Return the follower of a link that only ends a closure and has no body, or None."""
-        return self._followers[link][0] if link in self._ends else None
 
     def _to_reference(self, joint: Joint) -> Array:
         """Return the motion of a joint from position zero to `qpos0`, shape (4, 4)."""

@@ -117,7 +117,7 @@ def apply_model_file(
             raise wrong("closures", name, f"no such closure{did_you_mean(name, stated)}")
     robot.closures = [_with_kind(closure, model["closures"].get(closure.name)) for closure in robot.closures]
     _apply_effects(robot, model, text, file)
-    robot.joints = [_with_numbers(joint, model["joints"].get(joint.name)) for joint in robot.joints]
+    robot.joints = [replace(joint, **model["joints"].get(joint.name, {})) for joint in robot.joints]
     if "motors" in model:
         line = line_of(text, ("motors",))
         robot.motors.append(MotorStatement("model file", "model.toml", tuple(model["motors"]), file, line))
@@ -164,10 +164,6 @@ def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
     if abs(length - 1) > UNIT_SLACK:
         raise ValueError(f"its last {len(values) - start} numbers have length {length:g} instead of 1")
     return (*values[:start], *(value / length for value in values[start:]))
-
-
-def _with_numbers(joint: Joint, stated: Mapping[str, Any] | None) -> Joint:
-    return replace(joint, **stated) if stated else joint
 
 
 def _with_kind(closure: Closure, kind: str | None) -> Closure:

@@ -106,7 +106,8 @@ class RobotFolders:
             inside = os.path.join(place, package)
             for folder in (place, inside):
                 if os.path.basename(folder) == package and os.path.isdir(folder):
-                    if place in around and not self._granted_already(folder) and not _is_package(folder):
+                    marked = any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
+                    if place in around and not self._granted_already(folder) and not marked:
                         continue
                     self._granted.append(os.path.realpath(folder))
                     return os.path.abspath(folder)
@@ -145,10 +146,6 @@ def _own_folder(file: str) -> str:
         if (folder / MARKS[0]).is_file() or (below and below[0] in MARKS):
             return str(folder)
     return str(place)
-
-
-def _is_package(folder: str) -> bool:
-    return any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
 
 
 def _inside(path: str, folder: str) -> Path | None:

@@ -179,11 +179,6 @@ def _entry(
     return Entry(name, full, tuple(slots), numbers, own)
 
 
-def of_slot(slot: Slot) -> Entry:
-    """Return the parameter that is a slot."""
-    return _entry(str(slot), ("value",), [slot])
-
-
 def of_xacro(arguments: XacroArguments) -> Entry:
     """Return the parameter whose numbers are arguments of a xacro file."""
     return Entry(
@@ -215,7 +210,7 @@ class Parameters:
         """
         arguments = [name for name in names if isinstance(name, str) and ":" not in name]
         self.entries = tuple(
-            of_slot(name) if isinstance(name, Slot)
+            _entry(str(name), ("value",), [name]) if isinstance(name, Slot)
             else entry_of(description, name) if ":" in name
             else of_xacro(XacroArguments(description, arguments))
             for name in names

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...spatial import Array
-from ..bodies import Body
 from ..graph import find_modules, undo_cuts
 from ..module_spec import ModuleSpec, module_spec
 from ..robot import HybridRobot
@@ -44,15 +43,11 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
     modules = list(robot.modules)
     if robot.base == "floating":
         spec = modules.pop(0).mechanism.spec
-        specs.append(replace(spec, outputs_inertia=(_nameless(bodies.bodies[0]),)))
+        body = replace(bodies.bodies[0], name="", joint=0, heaviest=0.0)  # as `ModuleSpec` has it
+        specs.append(replace(spec, outputs_inertia=(body,)))
     for module, graph in zip(modules, graphs, strict=True):
         own = module.mechanism.spec
         if graph.wrists and not own.wrists:
             undo_cuts(bodies, graph)
         specs.append(module_spec(bodies, graph, own.home))
     return Expressed(tuple(specs), bodies.place, tuple(record.decisions))
-
-
-def _nameless(body: Body) -> Body:
-    """Return a body as `ModuleSpec` has it."""
-    return replace(body, name="", joint=0, heaviest=0.0)

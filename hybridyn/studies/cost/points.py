@@ -102,7 +102,8 @@ def cheapest(study: Study, target: float) -> Point | None:
 
 def advice(study: Study, target: float) -> str:
     """Recommend a configuration for an error of at most `target`, in one sentence."""
-    wanted = f"For {portion(target)} on {study.subject}"
+    portion = f"{100 * target:.4g} %" if 1e-5 <= target < 10 else f"{target:.2g}"
+    wanted = f"For {portion} on {study.subject}"
     best = cheapest(study, target)
     if best is None:
         reached = min((p.error for p in study.points if _counts(p)), default=float("inf"))
@@ -118,11 +119,6 @@ def advice(study: Study, target: float) -> str:
         kept = "" if usual is None else ": nothing cheaper suffices"
         return f"{wanted}, {best.what} (error {error_words(best, study)}){kept}{more}."
     return f"{wanted}, {best.what}: {_against(best, usual, study)} (error {error_words(best, study)}){more}."
-
-
-def portion(number: float) -> str:
-    """Format a relative error as a percentage, or as a number if it is very small."""
-    return f"{100 * number:.4g} %" if 1e-5 <= number < 10 else f"{number:.2g}"
 
 
 def _counts(point: Point) -> bool:

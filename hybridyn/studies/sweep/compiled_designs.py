@@ -263,15 +263,9 @@ def _divided(levels: Sequence[Array]) -> tuple[Array, ...]:
 def _divided_coordinates(levels: Sequence[Any]) -> tuple[dict[str, Array], ...]:
     """Return coordinates of a pose, their rates and accelerations, divided like those of joints."""
     value, *rates = levels
-    each = {
-        name: _divided([_unwrapped(name, x), *(rate[name] for rate in rates)]) for name, x in value.items()
-    }
+    smooth = {name: x if name in ("x", "y", "z") else np.unwrap(x) for name, x in value.items()}
+    each = {name: _divided([x, *(rate[name] for rate in rates)]) for name, x in smooth.items()}
     return tuple({name: parts[i] for name, parts in each.items()} for i in range(3))
-
-
-def _unwrapped(name: str, x: Array) -> Array:
-    """Return a coordinate without jumps by whole turns."""
-    return x if name in ("x", "y", "z") else np.unwrap(x)
 
 
 def _numbers(table: DesignTable) -> tuple[Array, ...]:

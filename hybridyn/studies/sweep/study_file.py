@@ -67,14 +67,10 @@ class StudyFile(TomlSource):
         found = [self.robot, *([self.beside(self.study.designs.table)] if self.study.designs.table else [])]
         for task in self.study.tasks.values():
             found += [self.beside(task.trajectory)] if task.trajectory else []
-            found += scene_files(self.beside(task.scene)) if task.scene else []
+            of_scene = files_of(read_scene(self.beside(task.scene))) if task.scene else []
+            found += [path for path in of_scene if Path(path).is_file()]
             found += [self.beside(python_of(word)[0]) for word in task.wanted.values() if PYTHON in word]
         return list(dict.fromkeys(found))
-
-
-def scene_files(file: str) -> list[str]:
-    """Return the paths of a scene and of the files that exist of those that it reads."""
-    return [path for path in files_of(read_scene(file)) if Path(path).is_file()]
 
 
 def python_of(word: str) -> tuple[str, str]:

@@ -14,6 +14,7 @@ from ...description.records import Description
 from ...scenes.toml_source import naming
 from ...spatial import Array
 from ...structure.building import build_robot
+from ...structure.parameters.xacro import text_of
 from .numbers import Numbers
 from .study_file import StudyFile
 
@@ -128,24 +129,15 @@ class Variants:
 
     def _differing(self, values: Mapping[str, float]) -> dict[str, str]:
         """Return the xacro arguments of a design in which designs differ."""
-        return {xacro: argument(values[name]) for name, xacro in self.arguments.items()}
+        return {xacro: text_of(values[name]) for name, xacro in self.arguments.items()}
 
     def _all_arguments(self, differing: dict[str, str]) -> dict[str, str]:
         """Return the study's xacro arguments and those in which designs differ."""
-        return {name: argument(value) for name, value in self.source.study.robot.xacro.items()} | differing
+        return {name: text_of(value) for name, value in self.source.study.robot.xacro.items()} | differing
 
     def _folders(self) -> list[str]:
         """Return the study's folders of packages."""
         return [self.source.beside(folder) for folder in self.source.study.robot.package_dirs]
-
-
-def argument(value: str | float) -> str:
-    """Write the value of a xacro argument: whole numbers without a point, others to the last bit."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return value
-    return str(int(value)) if value == int(value) else repr(float(value))
 
 
 def scaled(description: Description, link: str, factor: float) -> Description:
