@@ -38,9 +38,10 @@ class Manifold:
         self._shared: dict[int, LoopRows] = {}
         free = []
         for module in robot.modules:
-            m = module.mechanism
+            m, tree = module.mechanism, module.mechanism.spanning
             if m.spanning_closures.rows:
-                self.looped.append(LoopedModule(module, self._rows(m), _retraction(m)))
+                own = Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)
+                self.looped.append(LoopedModule(module, self._rows(m), own))
             else:
                 free += list(module.v_index)
         self.free = np.array(sorted(free), dtype=int)
@@ -120,9 +121,3 @@ class Manifold:
         if self.robot.base == "moving":
             moved[:6] = v[:6]
         return moved
-
-
-def _retraction(mechanism: Mechanism) -> Retraction:
-    """Build the retraction of a module's spanning tree."""
-    tree = mechanism.spanning
-    return Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)

@@ -225,7 +225,8 @@ class Conserving:
         end = self._end(t + h, posture.q, posture.v, chart.rates(np.eye(N)))
         retraction, unit = system.manifold.retraction, system.manifold.unit[:, None]
         x1 = retraction.centred(posture.xi) / 2
-        Z = _mean_basis(start.B / unit, end.B / unit)
+        # An orthonormal basis halfway between that of the start and the one of the end closest to it.
+        Z = _orthonormal(start.B / unit + _orthonormal(end.B / unit))
         to_y = (Z / unit).T
         D0, D1 = to_y @ retraction.pull(-x1, start.B), to_y @ retraction.pull(x1, end.B)
         B0, B1 = start.B @ np.linalg.inv(D0), end.B @ np.linalg.inv(D1)
@@ -254,12 +255,6 @@ class Conserving:
         force = pin.rnea(self._model, self._data, end.q, end.v, drift) + self._rotors * drift - end.elastic
         out: Array = B.T @ force
         return out
-
-
-def _mean_basis(B0: Array, B1: Array) -> Array:
-    """Compute an orthonormal basis halfway between two spaces, (nv, N); B0 orthonormal, B0^T B1 = 1."""
-    Z1 = _orthonormal(B1)  # the basis of the second space that is closest to B0
-    return _orthonormal(B0 + Z1)
 
 
 def _orthonormal(B: Array) -> Array:

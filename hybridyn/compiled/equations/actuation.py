@@ -10,7 +10,7 @@ import numpy as np
 
 from ...dynamics.actuation import UNDRIVEN
 from ...spatial import Array
-from .expressions import Expression, dot, is_zero, times, zeros
+from .expressions import Expression, along, dot, is_zero, times, zeros
 from .guards import Scale, least_trusted, trusted, weighed
 from .static_elimination import Pivots, solve
 
@@ -57,9 +57,7 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
     reflections: list[tuple[Expression, Any]] = []
     R = zeros(N, N)
     for k in range(N):
-        norm = ca.sqrt(
-            ca.SX(dot(A[k:, k], A[k:, k][:, None])[0])
-        )  # of plain numbers, too, where B is constant
+        norm = ca.sqrt(ca.SX(along(A[k:, k], A[k:, k])))  # of plain numbers, too, where B is constant
         signed = ca.if_else(A[k, k] < 0, norm, -norm)
         h = A[k:, k].copy()
         h[0] = h[0] - signed
@@ -67,15 +65,15 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
         reflections.append((h, scale))
         R[k, k] = signed
         for j in range(k + 1, N):
-            factor = times(scale, dot(h, A[k:, j][:, None])[0])
+            factor = times(scale, along(h, A[k:, j]))
             A[k:, j] = A[k:, j] - [times(factor, x) for x in h]
             R[k, j] = A[k, j]
     y = zeros(motors)
     for i in range(N):  # R^T y = Q
-        y[i] = (Q[i] - (dot(R[:i, i], y[:i][:, None])[0] if i else 0.0)) / R[i, i]
+        y[i] = (Q[i] - (along(R[:i, i], y[:i]) if i else 0.0)) / R[i, i]
     for k in reversed(range(N)):
         h, scale = reflections[k]
-        factor = times(scale, dot(h, y[k:][:, None])[0])
+        factor = times(scale, along(h, y[k:]))
         y[k:] = y[k:] - [times(factor, x) for x in h]
     small: Any = ca.SX(np.inf)
     big: Any = ca.SX(0.0)

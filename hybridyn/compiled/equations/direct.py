@@ -16,7 +16,7 @@ import numpy as np
 from ...spatial import Index
 from .chains import motion_map, sweep
 from .core import Core, Plan, core_body, own_inertia, rank_guard, whole, write_core
-from .expressions import Expression, congruence, dot, numbers, pack, symbols, upper, zeros
+from .expressions import Expression, along, congruence, dot, numbers, pack, symbols, upper, zeros
 from .guards import trusted
 from .module_graph import (
     BaseMotion,
@@ -228,7 +228,7 @@ def _product(E: Expression, G: Expression) -> Expression:
     out = zeros(6, 6)
     for i in range(6):
         for j in range(i, 6):
-            out[i, j] = out[j, i] = dot(E[:, i], G[:, j][:, None])[0] if len(E) else 0.0
+            out[i, j] = out[j, i] = along(E[:, i], G[:, j]) if len(E) else 0.0
     return out
 
 

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.tree import Tree
-from .expressions import Expression, cross, dot
+from .expressions import Expression, along, cross, dot
 from .rigid import quaternion_matrix
 
 JointMap = Callable[..., Expression]
@@ -62,7 +62,7 @@ def position_rate(kind: str, q: Expression, v: Expression) -> Expression:
         return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1], -s * v[2], c * v[2]], dtype=object)
     x, w, turning = q[-4:-1], q[-1], v[-3:]
     vector = _scaled(w, turning) + cross(x, turning)
-    turned = _scaled(0.5, np.array([*vector, -dot(x, turning[:, None])[0]], dtype=object))
+    turned = _scaled(0.5, np.array([*vector, -along(x, turning)], dtype=object))
     if kind == "spherical":
         return turned
     return np.concatenate([dot(quaternion_matrix(q[3:]), v[:3]), turned])
@@ -95,7 +95,7 @@ def _followed(quaternion: Expression, turn: Expression) -> Expression:
     half = _half_turn(turn)
     u, c, x, w = half[:3], half[3], quaternion[:3], quaternion[3]
     vector = _scaled(w, u) + _scaled(c, x) + cross(x, u)
-    return _unit(np.array([*vector, w * c - dot(x, u[:, None])[0]], dtype=object))
+    return _unit(np.array([*vector, w * c - along(x, u)], dtype=object))
 
 
 def _half_turn(r: Expression) -> Expression:

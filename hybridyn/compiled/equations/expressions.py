@@ -149,7 +149,7 @@ def congruence(B: Expression, M: Expression) -> Expression:
     out = np.empty((B.shape[1], B.shape[1]), dtype=object)
     for i in range(B.shape[1]):
         for j in range(i, B.shape[1]):
-            out[i, j] = out[j, i] = dot(B[:, i], MB[:, j][:, None])[0]
+            out[i, j] = out[j, i] = along(B[:, i], MB[:, j])
     return out
 
 

@@ -20,6 +20,7 @@ from ...spatial import Array
 from .chains import Chain, forces, mass_matrix, point_acceleration, point_velocity, sweep
 from .expressions import (
     Expression,
+    along,
     congruence,
     cross,
     dot,
@@ -186,7 +187,7 @@ def write_leg(
     drift = minus(dot(R0.T, point_acceleration(platform.V, platform.A, point)), point_acceleration(V, c, p_s))
     k = dot(N, np.concatenate([drift, minus(dot(R0.T, platform.A[3:]), c[3:])]))
     if rotation == "parallel":
-        k[3:] = k[3:] + [dot(cross(V[3:], R_s[:, i]), turning[:, None])[0] for i in range(2)]
+        k[3:] = k[3:] + [along(cross(V[3:], R_s[:, i]), turning) for i in range(2)]
     right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
     if pivots is None:
         pivots = Pivots(tuple(range(len(J))), tuple(range(len(J))), (1.0,) * len(J))
@@ -216,7 +217,7 @@ def _turned_apart(rotation: str, A: Expression, B: Expression) -> list[tuple[Exp
     if rotation == "free":
         return []
     pairs = [(0, 2), (1, 2)] if rotation == "parallel" else [(0, 1), (1, 2), (2, 0)]
-    return [(np.array([dot(A[:, i], B[:, j][:, None])[0] for i, j in pairs], dtype=object), 1.0)]
+    return [(np.array([along(A[:, i], B[:, j]) for i, j in pairs], dtype=object), 1.0)]
 
 
 def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[Array, Array]) -> Pivots:

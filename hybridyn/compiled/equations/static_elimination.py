@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Mask
-from .expressions import Expression, dot, is_zero, minus, times, zeros
+from .expressions import Expression, along, dot, is_zero, minus, times, zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
@@ -191,6 +191,6 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
     X = zeros(*right.shape)
     for i in reversed(range(n)):
         for c in range(B.shape[1]):
-            tail = dot(L[i + 1 :, i], X[i + 1 :, c][:, None])[0] if i + 1 < n else 0.0
+            tail = along(L[i + 1 :, i], X[i + 1 :, c]) if i + 1 < n else 0.0
             X[i, c] = times(inverse[i], B[i, c]) - tail
     return X, trust

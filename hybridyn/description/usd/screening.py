@@ -94,7 +94,8 @@ def screen(stage: Stage, notes: list[str]) -> None:
             raise prim.error(_advice(f"a {prim.kind}"))
         for schema in prim.schemas:
             name = schema.partition(":")[0]
-            if name.startswith(PHYSICS) and name not in SCHEMAS and not _of_contacts(name):
+            known = name in SCHEMAS or any(part in name for part in OF_CONTACTS)
+            if name.startswith(PHYSICS) and not known:
                 raise prim.error(_advice(f"schema {schema}"))
         for name, (neutral, correction) in NEUTRAL.items():
             if prim.states(name) and prim.values[name] != neutral:
@@ -117,10 +118,6 @@ def weighs(prim: Prim, limits: bool = True) -> bool:
         if is_limit and isinstance(value, int | float) and np.isfinite(value):
             return True
     return False
-
-
-def _of_contacts(schema: str) -> bool:
-    return any(word in schema for word in OF_CONTACTS)
 
 
 def _advice(what: str) -> str:

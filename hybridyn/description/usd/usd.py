@@ -21,7 +21,7 @@ from .driving import Driving, add_motors, is_driven
 from .graph import WORLD, Tree, grow
 from .homes import add_home, pose_coordinates
 from .joints import UsdJoint, read_joints
-from .masses import Mass, masses
+from .masses import masses
 from .mimics import bound_joints, couplings
 from .naming import NAME, names_of
 from .opening import open_usd
@@ -83,11 +83,9 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], rods: list[
         links[WORLD] = links[base]
     own_names = names_of([*(joint.prim for joint in joints), *(rod.prim for rod in rods)], set())
     taken = {*links.values()}, {*own_names.values()}
-    found = masses(bodies)
-    robot.links += [
-        _link(links[path], found[path], prim.flag("hybridyn:betweenJoints", False))
-        for path, prim in bodies.moving.items()
-    ]
+    for path, mass in masses(bodies).items():
+        between = bodies.moving[path].flag("hybridyn:betweenJoints", False)
+        robot.links.append(Link(links[path], mass.mass, mass.com, mass.inertia, None, between))
     driving = Driving()
     names: dict[str, dict[str, str]] = {}
     kept = [
@@ -133,10 +131,6 @@ def _base(bodies: Bodies, tree: Tree, rods: list[Rod]) -> str | None:
         return None
     first, second = joint.ends
     return first or second
-
-
-def _link(name: str, mass: Mass, between: bool) -> Link:
-    return Link(name, mass.mass, mass.com, mass.inertia, None, between)
 
 
 def _float(

@@ -197,7 +197,7 @@ class _ModuleCheck:
             return
         Psi = m.basis(m.generic_K[:1]).Psi[0]
         if own_inertia(m, Psi).max() <= 0.0:
-            if not self._carries():
+            if self.robot.modules.index(module) not in self.robot.children:
                 yield self._about(
                     "no-mass",
                     "none of its bodies has mass, and no other module is on it",
@@ -212,11 +212,6 @@ class _ModuleCheck:
                 "any effort along it causes an infinite acceleration: ddm and simulate need inertia there",
                 "give the link an <inertial>, or the joint a rotor_inertia in model.toml",
             )
-
-    def _carries(self) -> bool:
-        """Return whether this module is the parent of another one."""
-        number = next(i for i, other in enumerate(self.robot.modules) if other is self.module)
-        return any(other.parent == number for other in self.robot.modules)
 
     def _singular_home(self) -> Iterator[Finding]:
         m, module = self.module.mechanism, self.module

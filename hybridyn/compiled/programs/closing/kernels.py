@@ -128,10 +128,6 @@ class ModuleKernels:
         trees, places = self.u.with_arguments, self.u.places_with_arguments
         return rows_at(trees, self.u.given, folding, z, self.u.targets(), places)
 
-    def _closed(self, rows: Rows) -> ca.SX:
-        """Return the largest residual without units."""
-        return ca.SX(largest(rows.residual * self.u.scale))
-
     def _guard(self, trust: Trust, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
         guard = trusted(trust)
@@ -187,7 +183,7 @@ class ModuleKernels:
             self.u.rates_outside(rate),
             self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
-            self._closed(rows),
+            ca.SX(largest(rows.residual * self.u.scale)),
         ]
         inputs = [*self.u.symbols("q_0", "p_0", "g", "g_dot", "g_ddot"), folding.symbol()]
         return ca.Function("settle", inputs, [*outputs, ca.SX(guard)])
@@ -248,21 +244,15 @@ class ModuleKernels:
         tree = self.e.tree
         both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
         off = by_joint(tree, joint_difference, *both, positions=2)
-        own = self.u.free[: self.u.own]
-        first, _ = self._halves()
-        loops = slice(0, self.u.loops)
-        J, J_there = (K[loops][:, own] for K in (rows.K, there.K))
-        solved, trust = solve(J, J_there - J, first)
+        p, n = self.pivots, self.u.own
+        own = self.u.free[:n]
+        J, J_there = (K[: self.u.loops, own] for K in (rows.K, there.K))
+        solved, trust = solve(J, J_there - J, Pivots(p.rows[:n], p.cols[:n], p.sizes[:n]))
         unit = self.e.unit[own]
         turned = solved[:, : len(own)] * unit / unit[:, None]
         outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(trusted(trust))]
         names = ("q_0", "p_0", "q_1", "p_1", "q_2", "p_2", "g")
         return ca.Function("branch", [*self.u.symbols(*names), folding.symbol()], outputs)
-
-    def _halves(self) -> tuple[Pivots, Pivots]:
-        """Return the pivots of the tree after the cuts and those of the wrists."""
-        p, n = self.pivots, self.u.own
-        return Pivots(p.rows[:n], p.cols[:n], p.sizes[:n]), Pivots(p.rows[n:], p.cols[n:], p.sizes[n:])
 
     def _largest_block(self, X: Expression) -> ca.SX:
         """Return the largest Frobenius norm of the blocks of X, which bounds their 2-norm."""

@@ -114,7 +114,7 @@ def _path_of(layer: Any, asset: str) -> str:
     if "`" in asset or ":SDF_FORMAT_ARGS:" in asset or "\0" in asset:
         raise RefusedError(
             f"layer '{asset}': expressions and arguments in paths are not read; write the path of the file",
-            _place(layer),
+            str(layer.realPath) or None,
         )
     return str(layer.ComputeAbsolutePath(asset))
 
@@ -149,10 +149,6 @@ def _opened(path: str, asset: str | None = None) -> Any:
     if layer is None:
         raise RefusedError(f"OpenUSD cannot read layer '{asset}'" if asset else "OpenUSD cannot read it")
     return layer
-
-
-def _place(layer: Any) -> str | None:
-    return str(layer.realPath) or None
 
 
 def refusal(error: Exception) -> RefusedError:
