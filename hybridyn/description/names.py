@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 from collections.abc import Iterable
 
@@ -21,6 +20,8 @@ def _closest(name: str, known: tuple[str, ...]) -> str | None:
     same_letters = [word for word in by_lower if sorted(word) == sorted(name.lower())]
     if same_letters:
         return by_lower[same_letters[0]]
+    import difflib  # only misspelt names need it
+
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.72)
     return by_lower[found[0]] if found else None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,7 +27,7 @@ def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
         with naming(target):
             yield file
         return
-    draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}{file.suffix}")
+    draft = file.with_name(f".{file.name}.{os.urandom(4).hex()}{file.suffix}")
     try:
         with naming(target):
             yield draft

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from functools import lru_cache
 from math import gcd, lcm
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 #: A ratio of coefficients is replaced by the simplest fraction within this relative error, the rounding of
 #: the file's decimals. With a denominator of more than `DIGITS` digits, neighbouring phases of a gear could
@@ -34,6 +37,8 @@ def _measure(numbers: tuple[float, ...]) -> float:
 
 def _fraction(x: float) -> Fraction:
     """Return the simplest fraction within `FRACTION` of x, or `FRACTION_AT_MOST` for large denominators."""
+    from fractions import Fraction  # only couplings of endless joints need it
+
     exact, digits = Fraction(x), 1
     while True:
         rough = exact.limit_denominator(10**digits)

@@ -10,14 +10,16 @@ from __future__ import annotations
 import os
 import pickle
 import signal
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import HybridynError
+
+if TYPE_CHECKING:
+    import subprocess
 
 START = "import sys; sys.path.insert(0, sys.argv[1]); from hybridyn.streams.workers import serve; serve()"
 ENVIRONMENT = {
@@ -45,10 +47,14 @@ class Workers:
         Args:
             count: Number of processes, 0 for none.
         """
-        package = str(Path(__file__).parents[2])
-        environment = ENVIRONMENT | os.environ
         self._processes: list[subprocess.Popen[bytes]] = []
         self._given = self._taken = 0
+        if not count:
+            return
+        import subprocess  # most tables need one process only
+
+        package = str(Path(__file__).parents[2])
+        environment = ENVIRONMENT | os.environ
         try:
             for _ in range(count):
                 process = subprocess.Popen(
@@ -126,6 +132,8 @@ class Workers:
             raise self._ended(process) from None
 
     def _ended(self, process: subprocess.Popen[bytes]) -> HybridynError:
+        import subprocess
+
         try:
             status = process.wait(timeout=10.0)
         except subprocess.TimeoutExpired:  # it runs and sends something other than a result

@@ -17,7 +17,6 @@ from typing import TextIO
 from ..description.records import Array
 from ..description.writing import appearing, naming
 from ..errors import TrajectoryError
-from .parquet import load_polars, parquet_writer
 
 Write = Callable[[Array], None]
 
@@ -54,6 +53,8 @@ def _opened(target: str | Path, columns: Sequence[str], remarks: Sequence[str]) 
     file = Path(os.path.realpath(target))  # the target of a link is replaced, not the link
     check_target(target)
     if file.suffix.lower() == ".parquet":
+        from .parquet import parquet_writer  # polars is an extra
+
         with appearing(file) as draft, parquet_writer(draft, columns, remarks, str(target)) as write:
             yield write
     elif file.exists() and not file.is_file():  # a device or a pipe is written to, never replaced
@@ -81,6 +82,8 @@ def check_target(target: str | Path) -> None:
     if not special and not os.access(file.parent, os.W_OK):
         raise TrajectoryError(f"the folder '{file.parent}' cannot be written to", file=str(target))
     if file.suffix.lower() == ".parquet":
+        from .parquet import load_polars  # polars is an extra
+
         load_polars(str(target))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 import time
 from types import TracebackType
@@ -45,6 +44,8 @@ class Progress:
         now = time.perf_counter()
         if not self.wanted or now - self.started < PATIENCE or now - self.drawn < INTERVAL:
             return
+        import shutil  # only a bar that is drawn needs it
+
         self.drawn, self.visible = now, True
         elapsed = now - self.started
         text = f"{samples:,} {self._thing}, {samples / elapsed:,.0f}/s"

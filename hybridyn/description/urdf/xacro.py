@@ -12,11 +12,10 @@ import importlib.util
 import json
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from ...errors import ModelError, install_advice
 from ..cache_folder import hashed
@@ -25,6 +24,9 @@ from ..shipped import data_folder
 from .robot_folders import RobotFolders
 from .xacro_process import SECONDS, START, child_of, is_kept
 from .xml_node import LARGEST_FILE
+
+if TYPE_CHECKING:
+    import subprocess
 
 #: Memory that an expansion may use [bytes].
 MEMORY = 2 * 2**30

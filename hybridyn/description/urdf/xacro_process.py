@@ -11,13 +11,16 @@ import atexit
 import contextlib
 import os
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...errors import ModelError
+
+if TYPE_CHECKING:
+    import subprocess
 
 #: Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40 s.
 SECONDS = 120
@@ -106,6 +109,8 @@ def _start(file: str) -> subprocess.Popen[bytes]:
     It writes no bytecode (-B): on a full disk, or under a limit on file sizes, Python leaves truncated files
     behind, and every later expansion would fail.
     """
+    import subprocess  # an expansion that is kept needs no child
+
     command = [sys.executable, "-B", "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
     try:
         return subprocess.Popen(
