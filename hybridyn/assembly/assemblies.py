@@ -40,7 +40,7 @@ STARTS_AT_ONCE = 1000
 MOST_POSTURES = 10_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Assemblies:
     """The postures found, ordered by distance from the home posture.
 
@@ -134,7 +134,7 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0
     return postures(robot, module, task, starts, seed)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """The postures found for one module.
 

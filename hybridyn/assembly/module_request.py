@@ -22,7 +22,7 @@ WOUND_UP, BLUR = 1e4, 1e8
 FAR = 1e3
 
 
-@dataclass
+@dataclass(eq=False)
 class ModuleRequest:
     """The request for one module, on its tree after the cuts.
 

@@ -16,7 +16,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseRequest:
     """A pose of a link relative to another: complete (`motion`) or partial (`coordinates`).
 
@@ -37,7 +37,7 @@ class PoseRequest:
         return PoseRequest(self.link, self.other, _part(self.motion, start, stop), coordinates)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Requests:
     """All requests for a robot.
 

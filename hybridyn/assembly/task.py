@@ -15,7 +15,7 @@ from ..spatial import Array, Index, Mask
 CONTRADICTING_RANK = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
     """A problem at every sample of a trajectory.
 

@@ -48,21 +48,21 @@ class Kernel:
     shares: tuple[tuple[str, ca.Function], ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Given:
     """Read user inputs: `index[i, k]` is the position in `given` of entry k for copy i."""
 
     index: Index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Constants:
     """Read constants: `values[i, k]` is entry k for copy i."""
 
     values: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """Read or write user outputs: `index[i, k]` is the position in `result` of entry k for copy i."""
 
@@ -141,7 +141,7 @@ class Call:
     targets: tuple[Target, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """Set shared numbers from `start` on, before the calls that add to them."""
 

@@ -51,7 +51,7 @@ SINGLE_ROTATION = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RowsForm:
     """A general closure in canonical form.
 

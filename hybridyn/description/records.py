@@ -21,7 +21,7 @@ Format = Literal["URDF", "MJCF", "Pinocchio", "USD", "SDF"]
 RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Link:
     """A rigid body as its file states it.
 
@@ -42,7 +42,7 @@ class Link:
     between_joints: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Load:
     """A body that was added to a link, and the link's own numbers.
 
@@ -76,7 +76,7 @@ class StatedSpring:
     rest: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of the spanning tree.
 
@@ -117,7 +117,7 @@ class Joint:
     line: int | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Closure:
     """A loop closure between two links, in one canonical form.
 

@@ -24,7 +24,7 @@ SINGULAR_MOTOR_MAP = 1e-10
 UNDRIVEN = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sharing:
     """How the load is distributed among redundant motors.
 
@@ -39,7 +39,7 @@ class Sharing:
     passive_hint: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Need:
     """Generalised force that a module's motors must produce.
 

@@ -46,7 +46,7 @@ class Motions:
     unforced: Motion
 
 
-@dataclass
+@dataclass(eq=False)
 class ArticulatedModule:
     """One module after the backward recursion.
 

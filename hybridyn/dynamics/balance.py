@@ -16,7 +16,7 @@ from .inertia_solve import InertiaFactor
 from .loads import Loads
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LegTerms:
     """Inertia and forces of a module's legs, including rotors and the loads on the legs.
 
@@ -44,7 +44,7 @@ def leg_terms(state: ModuleState, loads: Loads, k: int) -> LegTerms:
     return LegTerms(M, p - f_base, h, f)
 
 
-@dataclass
+@dataclass(eq=False)
 class Balance:
     """Equation of motion A_t u_dot = Q_0 - E V_dot_base, Eq. (40), summed over legs and outputs.
 

@@ -29,7 +29,7 @@ from .single_calls import count_single_call
 from .state_checks import check_closed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DirectResult:
     """Result of the direct model.
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Energy:
     """Energy of a robot, shape () or (T,), [J].
 
@@ -42,7 +42,7 @@ class Energy:
         return self.kinetic + self.potential
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Power:
     """Power balance of a robot, shape () or (T,), [W]: d(total energy)/dt = motors + wrenches - lost.
 

@@ -16,7 +16,7 @@ from ..spatial import Array, Index
 EPS = float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class InertiaFactor:
     """A pivoted Cholesky factor P^T A P = R^T R of many matrices.
 

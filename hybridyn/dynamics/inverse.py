@@ -28,7 +28,7 @@ from .state_checks import check_closed
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class InverseResult:
     """Result of the inverse model.
 

@@ -16,7 +16,7 @@ from ..structure.state import ModuleState
 from .loads import Loads
 
 
-@dataclass
+@dataclass(eq=False)
 class ModuleForces:
     """Forces that the motion of one module needs.
 

@@ -16,7 +16,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinkMotion:
     """Motion of one link in the world; leading axis T dropped for a single sample.
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..structure.state import ModuleState
 
 
-@dataclass
+@dataclass(eq=False)
 class ModuleLoad:
     """Wrenches on one module's bodies, each in the body's frame at its origin.
 
@@ -96,7 +96,7 @@ class ModuleLoad:
         return base, along
 
 
-@dataclass
+@dataclass(eq=False)
 class Loads:
     """All that acts on the robot besides motors and weight.
 

@@ -21,7 +21,7 @@ REST = 1e-12
 SLOWEST = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NaturalSizes:
     """Sizes of a robot's rates and accelerations at every sample, divided by the units of its freedoms.
 

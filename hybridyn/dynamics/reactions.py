@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 UNDETERMINED = 1e-6
 
 
-@dataclass
+@dataclass(eq=False)
 class Reactions:
     """Internal wrenches, [force; moment] in [N, N m]; leading axis T dropped for a single sample.
 

@@ -56,7 +56,7 @@ class JointEffect(ABC):
         return np.zeros_like(v)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OnJoints:
     """A law applied to joints of one robot.
 

@@ -12,7 +12,7 @@ from ..spatial import Array
 LIMIT_FACTOR = 2.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Line:
     """One line of a panel, or one bar per tick.
 
@@ -82,7 +82,7 @@ class Panel:
         return f"limit {size} {self.unit}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chart:
     """A figure.
 

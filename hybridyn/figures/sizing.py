@@ -26,7 +26,7 @@ COLUMNS = 6
 CLOUD_LIMIT_FACTOR = 3.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cloud:
     """What is drawn of one motor.
 

@@ -38,7 +38,7 @@ from .tree import Motion, Tree
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TreeClosure:
     """A closure between two bodies of a tree (defined in `description.records.Closure`).
 

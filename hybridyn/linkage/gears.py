@@ -18,7 +18,7 @@ ROUNDING = 1e-9
 ON_SHEET = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """A joint of a coupling whose position is not given.
 
@@ -44,7 +44,7 @@ class Term:
         return x if self.turned is None else nearest(x, self.turned[samples])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gear:
     """One coupling with continuous joints.
 

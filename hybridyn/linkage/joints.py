@@ -35,7 +35,7 @@ LETTERS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TreeJoint:
     """A joint of a tree; the child of joint i is body i + 1 (body 0 is the base).
 

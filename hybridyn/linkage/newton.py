@@ -35,7 +35,7 @@ SMALLEST_STEP = 1e-9
 STALLED, PATIENCE = 0.8, 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Closed:
     """Result of Newton's method for each start.
 
@@ -52,7 +52,7 @@ class Closed:
     iterations: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LoopProblem:
     """Rows to be made zero over some freedoms of a tree.
 

@@ -27,7 +27,7 @@ ROUNDED_ROWS = 1e-12
 LEG_PIVOT = 1e-2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Basis:
     """All motions that keep a module's loops closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
 
@@ -42,7 +42,7 @@ class Basis:
     pivot: Array
 
 
-@dataclass
+@dataclass(eq=False)
 class Block:
     """Rows and columns of one leg.
 

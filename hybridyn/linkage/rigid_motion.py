@@ -10,7 +10,7 @@ from ..spatial import Array, cross, rotate, rotate_back
 from .tree import Motion
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RigidMotion:
     """Motion of a frame in a reference frame; all vectors in the axes of the reference.
 

@@ -51,7 +51,7 @@ class Target(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseTarget:
     """A body's complete pose in the base of its tree.
 
@@ -98,7 +98,7 @@ class PoseTarget:
         return replace(self, R=np.concatenate([R, self.R[:1]]), p=np.concatenate([p, self.p[:1]]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CoordinateTarget:
     """Some coordinates of a body's pose in the base of its tree.
 

@@ -27,7 +27,7 @@ from ..spatial import (
 from .joints import NQ, NV, TreeJoint
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Motion of every body of a tree, computed by one sweep; body 0 is the base, at rest.
 

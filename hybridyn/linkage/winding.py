@@ -27,7 +27,7 @@ from .gears import ROUNDING, Gear, gear_of, nearest
 MOST_TURNS = 2.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Winding:
     """The couplings of a tree with continuous joints, and the given positions that determine their turns.
 

@@ -47,7 +47,7 @@ ASTRAY, AT_ONCE = 1e-4, 1e-10
 BRANCH_DIFFERENCE = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Branch:
     """The scaled rows of one posture, with weak rows replaced by their limits.
 

@@ -31,7 +31,7 @@ from .module_chart import LoopedModule, ModuleChart
 CLOSE = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Posture:
     """A point of the manifold with its rates, computed by a chart.
 
@@ -46,7 +46,7 @@ class Posture:
     v: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Space:
     """Data shared by all charts of one robot.
 

@@ -19,7 +19,7 @@ from ..tables.opening import open_table
 from ..tables.trajectory import Motion, read_motions
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotorAxes:
     """Indices of the motors' positions and rates in q and v.
 
@@ -64,7 +64,7 @@ class MotorAxes:
         return out
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reference:
     """A reference motion: quintic polynomials between times of known position, rate and acceleration.
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stage:
     """A loaded scene, its start assembled.
 

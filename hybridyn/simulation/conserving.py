@@ -56,7 +56,7 @@ MOST_ITERATIONS = 60
 MASSLESS_CONDITION = 1e-13
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _End:
     """One end of a step.
 
@@ -79,7 +79,7 @@ class _End:
     other: Array | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Attempt:
     """The step's equations, evaluated at a trial of the new state.
 

@@ -33,7 +33,7 @@ class Event:
     terminal: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """An event that occurred.
 

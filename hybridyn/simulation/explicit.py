@@ -27,7 +27,7 @@ from ..spatial import Array
 from .system import Coordinates, State, Stepped, System, in_quickest_chart, weighted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Explicit:
     """An explicit Runge-Kutta method.
 

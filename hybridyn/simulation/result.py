@@ -62,7 +62,7 @@ class Origin:
     scene: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """A simulated motion. Equal runs give the same bits, since no wall-clock time is stored.
 
@@ -225,7 +225,7 @@ def digest(robot: HybridRobot) -> str:
 _ARRAYS = [f.name for f in fields(Result) if f.type == "Array"]
 
 
-@dataclass
+@dataclass(eq=False)
 class Samples:
     """Output states collected during a run."""
 

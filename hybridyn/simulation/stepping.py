@@ -50,7 +50,7 @@ def build_method(method: str, system: System) -> Explicit | Implicit | Conservin
     return RK4 if method == "rk4" else DOPRI5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Leap:
     """Steps that follow each other, taken together.
 

@@ -27,7 +27,7 @@ class StepError(HybridynError):
     """The equations of a step could not be solved; a shorter step may succeed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A robot at one moment.
 
@@ -44,7 +44,7 @@ class State:
     a: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stepped:
     """The result of one step.
 

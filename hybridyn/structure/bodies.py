@@ -17,7 +17,7 @@ from ..errors import ModelError
 from ..spatial import Array
 
 
-@dataclass
+@dataclass(eq=False)
 class Body:
     """One rigid body.
 
@@ -58,7 +58,7 @@ class Body:
         self.mass = total
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyJoint:
     """A movable joint between two bodies.
 
@@ -77,7 +77,7 @@ class BodyJoint:
     p: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bodies:
     """The tree of bodies.
 

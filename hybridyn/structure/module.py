@@ -14,7 +14,7 @@ from .mechanism import Mechanism
 COARSE = 1e-2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Module:
     """One module of a robot.
 

@@ -21,7 +21,7 @@ from .bodies import Bodies, Body
 from .graph import ModuleGraph
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WristSpec:
     """A cut wrist in the spanning tree's numbering.
 
@@ -42,7 +42,7 @@ class WristSpec:
     carries: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModuleSpec:
     """The numbers of one module.
 

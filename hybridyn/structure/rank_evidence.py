@@ -24,7 +24,7 @@ FINEST_LOCK = 1e-3
 ENOUGH = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RankEvidence:
     """Evidence from the home posture that doubtful rows are independent.
 

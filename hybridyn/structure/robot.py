@@ -35,7 +35,7 @@ Base = Literal["fixed", "moving", "floating"]
 SHOWN_MOTORS = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HybridRobot:
     """A robot made of modules.
 

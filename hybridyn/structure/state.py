@@ -11,7 +11,7 @@ from .mechanism import Mechanism
 from .module import Module
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RobotMotion:
     """Motion of a whole robot on its spanning tree.
 
@@ -26,7 +26,7 @@ class RobotMotion:
     a: Array
 
 
-@dataclass
+@dataclass(eq=False)
 class ModuleState:
     """State of one module at every sample.
 

@@ -25,7 +25,7 @@ EXACT = 1e-13
 _REVOLUTE = ("revolute", "continuous")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Wrist:
     """A chain of joints that is replaced by one closure.
 

@@ -35,7 +35,7 @@ LIMITS = "limits"
 TIMED_SAMPLES, ROUNDS = 200, 7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contribution:
     """Contribution of one effect to the efforts.
 

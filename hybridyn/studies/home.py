@@ -22,7 +22,7 @@ ZERO = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HomePosture:
     """A closed posture.
 

@@ -28,7 +28,7 @@ Parts = Array | dict[str, Array]
 Fits = dict[Signal, tuple[Array, Array]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """The motion in some consecutive rows of a table.
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..spatial import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """Perspective camera: position, target and image size.
 

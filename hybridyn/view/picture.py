@@ -16,7 +16,7 @@ from ..spatial import Array, Index
 Role = Literal["link", "motor", "joint", "closure"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Point:
     """A point of a body.
 
@@ -64,7 +64,7 @@ class Ball:
     colour: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solid:
     """A triangle mesh fixed to a body.
 
@@ -86,7 +86,7 @@ class Solid:
     own_colour: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Picture:
     """All shapes of a robot.
 

@@ -50,7 +50,7 @@ class Lever:
     is_motor: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Moved:
     """Result of a move.
 

@@ -12,7 +12,7 @@ from ..spatial import Array
 MOST = 6000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """A motion.
 

@@ -29,7 +29,7 @@ UNSTATED = "#b9bfc6"
 NAMED = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Visual:
     """One shape of a link.
 

@@ -105,7 +105,7 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
     return choose_pivots(samples, parts.rank, rows, cols)
 
 
-@dataclass
+@dataclass(eq=False)
 class Core:
     """A module's core in expressions.
 

@@ -41,7 +41,7 @@ WITHOUT_INERTIA = 1e-9
 OF_LOCKED = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DirectModule(WrittenModule):
     """Stages of one module's direct model: outwards, inwards, outwards, wrists.
 

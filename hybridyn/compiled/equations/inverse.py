@@ -34,7 +34,7 @@ from .stages import cut
 from .static_elimination import Pivots, solve
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class InverseModule(WrittenModule):
     """Stages of one module's inverse model: outwards, inwards.
 

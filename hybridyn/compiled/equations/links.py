@@ -21,7 +21,7 @@ TURNING = ("revolute", "continuous")
 ASKEW = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Link:
     """One joint and its child body as numbers.
 

@@ -13,7 +13,7 @@ from .expressions import Expression, plain, symbols, zeros
 from .stages import Stage
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WrittenModule:
     """The stages of one module's model, and the coordinates that they read.
 

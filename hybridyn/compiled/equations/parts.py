@@ -27,7 +27,7 @@ from .rigid import moved, ten_numbers
 LOCATED_LEG = 1e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Leg:
     """One leg of a group.
 
@@ -57,7 +57,7 @@ class Leg:
         return [j for j, k in enumerate(self.tree_v) if k in freedoms]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Parts:
     """A module split into its core and its groups of equal legs.
 

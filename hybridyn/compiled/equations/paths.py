@@ -18,7 +18,7 @@ from .rigid import to_child
 from .static_elimination import Pivots, Trust, choose_pivots, solve
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Path:
     """The joints from the base to the end of a wrist, innermost first.
 

@@ -14,7 +14,7 @@ from .cache import Built
 from .direct_calls import DOUBLE, METH_FASTCALL, REFUSED, Method, knows_arrays
 
 
-@dataclass
+@dataclass(eq=False)
 class Place:
     """A closed posture from which rows are followed.
 

@@ -32,7 +32,7 @@ class _Fields(ctypes.Structure):
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pieces:
     """Polynomials over time, one between each two times.
 

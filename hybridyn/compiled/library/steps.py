@@ -44,7 +44,7 @@ class Tableau:
         self.at = ctypes.addressof(self._fields)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Control:
     """How the estimated error chooses the lengths of steps; see `simulation.stepping.Stepper`.
 
@@ -66,7 +66,7 @@ class Control:
     unit: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Taken:
     """States after the steps taken.
 

@@ -27,7 +27,7 @@ AT_ONCE = 3_000_000
 LEAST_DESIGNS = 256
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DesignTable:
     """Motions and efforts of designs along a table.
 

@@ -33,7 +33,7 @@ AXES = np.eye(3)
 SINGLE = ("revolute", "continuous", "prismatic")
 
 
-@dataclass
+@dataclass(eq=False)
 class Tree:
     """The bodies as they are written.
 

@@ -22,7 +22,7 @@ from .inertias import Inertias
 Z = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Axis:
     """A joint of a follower: its kind in MuJoCo, axis in the follower's frame (3,), position at home."""
 
@@ -39,7 +39,7 @@ class Axis:
         return np.eye(4)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Follower:
     """A body that hangs on one link of a closure and is welded to the other.
 

@@ -40,7 +40,7 @@ REFUSED = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Piece:
     """One joint of the description that stands for a Pinocchio joint or a part of it.
 

@@ -36,7 +36,7 @@ class Mimic:
     node: Node
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Axis:
     """An axis of a joint.
 

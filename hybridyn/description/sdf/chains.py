@@ -26,7 +26,7 @@ from .scopes import Item
 POSE_ROUNDING = 16 * np.finfo(float).eps
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Part:
     """One of the joints that make a joint of SDF.
 

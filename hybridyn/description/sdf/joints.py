@@ -25,7 +25,7 @@ AXES = {
 PERPENDICULAR = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stated:
     """A joint as its file states it.
 

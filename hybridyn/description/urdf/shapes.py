@@ -16,7 +16,7 @@ from .xml_node import Node
 Colour = tuple[float, float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shape:
     """A shape of a link.
 

@@ -20,7 +20,7 @@ from .stage import Prim, Stage
 SINGLE_PRECISION = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pose:
     """Where a prim stands in the world.
 

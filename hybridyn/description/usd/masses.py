@@ -29,7 +29,7 @@ MASS_SCHEMAS = ("PhysicsMassAPI", "NewtonMassAPI", "PhysicsMaterialAPI")
 POINT = "hybridyn:pointMass"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mass:
     """Mass properties in the axes of a body.
 

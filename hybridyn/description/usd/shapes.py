@@ -15,7 +15,7 @@ from .stage import Prim
 FLAT = ("Plane",)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solid:
     """A solid of density 1 in the axes of its prim.
 

@@ -19,7 +19,7 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coordinates:
     """Independent coordinates of a robot.
 

@@ -27,7 +27,7 @@ from ..lost_rank import check_closure_rank
 from .coordinates import Coordinates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModuleMotions:
     """Motions of one module over its independent coordinates.
 

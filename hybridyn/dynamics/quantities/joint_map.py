@@ -32,7 +32,7 @@ from .states import closed_states
 Motions = Callable[[Array, Array | None, Coordinates], tuple[Array, Array]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointMap:
     """Motors and output joints at a posture; the leading axis T is dropped for a single sample.
 

@@ -21,7 +21,7 @@ from ...structure.robot import HybridRobot
 from .joint_map import JointMap, joint_map
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MapTable:
     """Rows of a map.
 

@@ -14,7 +14,7 @@ from .slots import Slot, values_of, with_values
 from .traced import Decision, Record, Traced
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Expressed:
     """A robot whose modules' numbers are traced.
 

@@ -26,7 +26,7 @@ LARGEST_MESH = 100 * 2**20
 UNREAD = "unread"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shape:
     """One visual or collision shape of a link.
 

@@ -67,7 +67,7 @@ class Engine(Protocol):
 Way = tuple[str, Callable[[], Engine]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SingleJoints:
     """The map between the coordinates of an engine whose joints have one freedom each, and the robot's.
 

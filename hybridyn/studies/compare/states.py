@@ -26,7 +26,7 @@ STARTS = 20
 DEPENDENT = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A closed state.
 

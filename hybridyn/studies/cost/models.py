@@ -30,7 +30,7 @@ GENERAL = "effects"
 WORDS = {"float64": "C in float64", "float32": "C in float32"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """A motion of a robot.
 

@@ -54,7 +54,7 @@ class Row:
     message: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chunk:
     """Consecutive designs, evaluated in one go by one process.
 

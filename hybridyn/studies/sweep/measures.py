@@ -142,7 +142,7 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
         raise source.error(keys, f"'{word}' needs a name: measure = {{ name = \"{word}\" }}")
 
 
-@dataclass
+@dataclass(eq=False)
 class Followed:
     """The motion of a design along a trajectory, for functions in Python.
 
@@ -163,7 +163,7 @@ class Followed:
     measures: Mapping[str, float]
 
 
-@dataclass
+@dataclass(eq=False)
 class Gauge:
     """Collects what the measures of a trajectory need, block by block.
 

@@ -20,7 +20,7 @@ from ...structure.robot import HybridRobot
 INDEPENDENT_SHARE = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sweep:
     """The coordinates of a link relative to its module's base link.
 

@@ -11,7 +11,7 @@ from ....structure.module_spec import ModuleSpec
 from ..expressions import Expression
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModuleArguments:
     """The arguments of one module's code.
 

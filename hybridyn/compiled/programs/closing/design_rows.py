@@ -38,7 +38,7 @@ log = logging.getLogger("hybridyn.compiled")
 States = tuple[Array, Array, Array]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DesignStates:
     """States of designs along a table.
 

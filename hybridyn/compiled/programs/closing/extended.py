@@ -19,7 +19,7 @@ from ....structure.mechanism import Mechanism
 from ....structure.module_spec import ModuleSpec
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Extended:
     """The extended tree of a mechanism.
 

@@ -42,7 +42,7 @@ SPARSE_CLOSING = 0.1
 BOUNDED_RATES = 1e6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Written:
     """The kernels of modules of one shape.
 

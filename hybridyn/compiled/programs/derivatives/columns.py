@@ -20,7 +20,7 @@ from ...program import Source, Target
 from .adjoints import PART, Adjoints, Parts, Pattern, Reading
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coordinates:
     """Coordinates of one module, or of a base with a prescribed motion.
 

@@ -64,7 +64,7 @@ class Factors:
         return x
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotorMotion:
     """Motion of some modules of a group over their motors.
 

@@ -35,7 +35,7 @@ Computed = tuple[Numbers, Mask]
 Run = Callable[[str, Array, Array, Array], Computed]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class QuantityRows:
     """Quantities at samples that compiled models compute, each with which of them can be trusted.
 
