@@ -16,7 +16,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "duplicate-name": ("error", "two links, joints or closures have one name"),
     "same-name": ("note", "a link and a joint have one name"),
     "unused-link": ("note", "a link has no mass, no shape and no role"),
-    "reader": ("note", "a remark of the file reader"),
+    "reader": ("note", "the reader ignored something in the file, or interpreted it in a particular way"),
     # masses
     "negative-inertia": ("error", "a principal moment of inertia is negative"),
     "triangle-inequality": ("warning", "a principal moment is larger than the sum of the other two"),
@@ -46,10 +46,10 @@ CODES: dict[str, tuple[Severity, str]] = {
     "limits-zero": ("warning", "a motor's effort or speed is limited to zero"),
     "home-outside-limits": ("warning", "the home posture is outside the limits"),
     # mimic and couplings
-    "mimic-motor": ("warning", "a driven joint mimics another"),
-    "mimic-chain": ("note", "a joint mimics one that mimics another"),
-    "mimic-zero": ("warning", "a joint mimics with multiplier zero"),
-    "mimic-limits": ("warning", "a joint's limits stop the joint that it mimics"),
+    "mimic-motor": ("warning", "a joint with a motor mimics another joint"),
+    "mimic-chain": ("note", "a joint mimics a joint that mimics a third one"),
+    "mimic-zero": ("warning", "a joint mimics another one with multiplier zero"),
+    "mimic-limits": ("warning", "the limits of a joint restrict the joint that it mimics"),
     # loops
     "lost-loops": ("warning", "the robot seems to have loops that its file does not state"),
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
@@ -63,11 +63,11 @@ CODES: dict[str, tuple[Severity, str]] = {
     # motors
     "no-motors": ("warning", "the robot has no motor"),
     "motor-cannot-move": ("error", "closures prevent a motor from moving"),
-    "motors-missing": ("warning", "a motion has no motor"),
-    "motors-opposed": ("error", "two motors drive one motion, and no motor drives another"),
-    "motors-redundant": ("note", "a module has more motors than freedoms"),
+    "motors-missing": ("warning", "no motor drives some motion of a module"),
+    "motors-opposed": ("error", "two motors drive the same motion, and no motor drives another motion"),
+    "motors-redundant": ("note", "a module has more motors than degrees of freedom"),
     "idle-motion": ("note", "a motion moves no platform and no centre of mass"),
-    "architectural": ("error", "motors lose a direction at every posture"),
+    "architectural": ("error", "there is a motion that the motors cannot drive, at every posture"),
     # singularities at home
     "singular-closures": ("warning", "the home posture is a constraint singularity"),
     "singular-parallel": ("warning", "the home posture is a parallel (type 2) singularity"),
