@@ -164,7 +164,7 @@ def test_linear_steps_are_directional_derivatives() -> None:
     function = ca.Function("f", [x, y, z], [ca.vertcat(*out[:2]), ca.vertcat(*out[2:])])
     targets = (Shared(6, 2), Shared(8, 2))
     node = Node("node", function, 1, (Shared(0, 3), Shared(3, 2), Shared(5, 1)), targets)
-    linear = linearized(node, [0, 1], [0, 1])
+    linear = linearized(node, [0, 1], [(0, 0), (0, 1), (1, 0), (1, 1)])
     wanted, rows = linear.used([(0, 0), (0, 1), (0, 2), (1, 0)])
     assert rows == [(0, 0), (0, 1), (1, 1)]
     dx = ca.SX.sym("dx", 4)

@@ -54,6 +54,21 @@ class Linear:
                 needed.update(k for _, k in terms)
         return sorted(x for x in changed if self.inputs.get(x) in needed), rows
 
+    def operations(self, changed: Collection[Entry]) -> int:
+        """Count the operations of the steps for one column in which some source entries change."""
+        active = {self.inputs[x] for x in changed if x in self.inputs}
+        needed = set(self.outputs.values())
+        for out, terms in reversed(self.steps):
+            if out in needed:
+                needed.update(k for _, k in terms)
+        count = 0
+        for out, terms in self.steps:
+            found = [factor for factor, k in terms if k in active]
+            if found and out in needed:
+                active.add(out)
+                count += sum(1 if factor in (1.0, -1.0) and isinstance(factor, float) else 2 for factor in found) - 1
+        return count
+
     def tangents(self, numbers: ca.SX, known: dict[Entry, Any], rows: list[Entry]) -> list[Any]:
         """Return the tangents of target entries, from those of the source entries that change."""
         of = {self.inputs[x]: value for x, value in known.items()}
@@ -65,19 +80,18 @@ class Linear:
         return [of[self.outputs[x]] for x in rows]
 
 
-def linearized(node: Node, ins: list[int], outs: list[int]) -> Linear:
+def linearized(node: Node, ins: list[int], ends: list[Entry]) -> Linear:
     """Write the tangents of a node.
 
     Args:
         ins: Sources that change.
-        outs: Targets whose tangents are wanted.
+        ends: Target entries whose tangents are wanted.
     """
     f = node.function
     columns = [ca.SX.sym(f"x{n}", f.nnz_in(n)) for n in range(f.n_in())]
     values = [ca.densify(x) for x in f.call(columns)]
-    common = ca.vertsplit(ca.cse(ca.vertcat(*(values[n] for n in outs))))
+    common = ca.vertsplit(ca.cse(ca.vertcat(*(values[n][k] for n, k in ends))))
     whole = ca.Function("whole", columns, [ca.vertcat(*common)])
-    rows = [(n, k) for n in outs for k in range(f.nnz_out(n))]
     slots: dict[int, tuple[ca.SX, int | None]] = {}
     inputs: dict[Entry, int] = {}
     outputs: dict[Entry, int] = {}
@@ -96,7 +110,7 @@ def linearized(node: Node, ins: list[int], outs: list[int]) -> Linear:
             slots[out[0]] = ca.SX(whole.instruction_constant(k)), None
         elif op == ca.OP_OUTPUT:
             if (changed := slots[read[0]][1]) is not None:
-                outputs[rows[out[1]]] = changed
+                outputs[ends[out[1]]] = changed
         else:
             given = [slots[i] for i in read]
             value = _value(op, [x for x, _ in given])
@@ -117,7 +131,7 @@ def linearized(node: Node, ins: list[int], outs: list[int]) -> Linear:
             slots[out[0]] = value, count if terms else None
             count += 1
     output = pack(np.array(kept, dtype=object)) if kept else ca.SX(0, 1)
-    key = ("linear", node.key, tuple(ins), tuple(outs))
+    key = ("linear", node.key, tuple(ins), tuple(ends))
     return Linear(key, ca.Function("linear", columns, [output]), len(kept), inputs, outputs, steps)
 
 

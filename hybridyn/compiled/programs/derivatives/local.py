@@ -33,7 +33,12 @@ class Local:
 
 
 def local_jacobian(
-    node: Node, ins: list[int], outs: list[int], common_in: list[bool], common_out: list[bool]
+    node: Node,
+    ins: list[int],
+    outs: list[int],
+    common_in: list[bool],
+    common_out: list[bool],
+    ends: list[tuple[int, int]] | None = None,
 ) -> Local:
     """Differentiate a node.
 
@@ -42,16 +47,18 @@ def local_jacobian(
         outs: Targets to differentiate.
         common_in: Whether all copies read the same numbers, for each of `ins`.
         common_out: Whether the copies add up their numbers, for each of `outs`.
+        ends: Target entries to differentiate, by target; default all of `outs`.
     """
     f = node.function
     columns = [ca.SX.sym(f"x{n}", f.nnz_in(n)) for n in range(f.n_in())]
     values = f.call(columns)
-    x, y = ca.vertcat(*(columns[n] for n in ins)), ca.vertcat(*(ca.densify(values[n]) for n in outs))
+    out_of = [(n, k) for n in outs for k in range(f.nnz_out(n))] if ends is None else ends
+    x = ca.vertcat(*(columns[n] for n in ins))
+    y = ca.vertcat(*(values[n].nonzeros()[k] for n, k in out_of))
     J = _jacobian(y, x)
     rows, cols = J.sparsity().get_triplet()
     numbers = J.nonzeros()
     in_of = [(n, k) for n in ins for k in range(f.nnz_in(n))]
-    out_of = [(n, k) for n in outs for k in range(f.nnz_out(n))]
     common = dict(zip([*ins, *(-1 - n for n in outs)], [*common_in, *common_out], strict=True))
     lists: tuple[list[Entry], list[Entry]] = ([], [])
     terms: tuple[list[Any], list[Any]] = ([], [])
@@ -60,7 +67,7 @@ def local_jacobian(
         which = 0 if common[s] and common[-1 - n] else 1
         lists[which].append((n, r, s, c))
         terms[which].append(value)
-    key = (node.key, tuple(ins), tuple(outs), tuple(common_in), tuple(common_out))
+    key = (node.key, tuple(ins), tuple(out_of), tuple(common_in), tuple(common_out))
     outputs = [pack(np.array(part, dtype=object)) if part else ca.SX(0, 1) for part in terms]
     return Local(key, ca.Function("local", columns, outputs), tuple(lists[0]), tuple(lists[1]))
 

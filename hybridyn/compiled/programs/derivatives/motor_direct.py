@@ -23,6 +23,7 @@ from .groups import Group, Place, groups_of
 from .memory import compacted
 from .motion import Motions
 from .motor_forces import GroupForces, columns_from
+from .motor_legs import sum_legs
 from .motor_motion import MotorMotions
 from .nodes import Joiner
 from .relations import Eliminated
@@ -43,7 +44,7 @@ def motor_direct_derivatives(request: Request) -> Program:
     modules = write_direct_sweeps(request, w, motions=True)
     start = len(w.steps)
     balance = write_balance(request, w)
-    steps = w.calls_from(start)
+    steps = sum_legs(w, modules, balance, start)
     groups = groups_of(request, balance)
     joiner, motions = Joiner(w.kernels, w.handed), MotorMotions(w, Motions(w))
     moving = {group: motions.of([modules[x.k] for x in group.modules]) for group in groups}

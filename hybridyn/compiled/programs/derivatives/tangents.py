@@ -16,7 +16,7 @@ from ...equations.expressions import pack
 from ...program import Constants, Own, Shared, Source, Target, Turned
 from ..writer import Writer
 from .adjoints import PART, Parts, Reading, evaluated
-from .linear import linearized
+from .linear import Entry, linearized
 from .local import local_jacobian
 from .nodes import Node, Number, identity, numbers_of
 
@@ -49,9 +49,21 @@ class Graph:
             if any(x in live for source in node.sources for x in node.numbers(source)):
                 live.update(x for target in node.targets for x in node.numbers(target))
         for node in reversed(nodes):
-            if any(x in needed for target in node.targets for x in node.numbers(target)):
-                needed.update(x for source in node.sources for x in node.numbers(source))
+            _require(node, needed)
         return cls(nodes, live, needed)
+
+
+def _require(node: Node, needed: set[Number]) -> None:
+    """Add the numbers of a node's sources on which needed numbers of its targets depend."""
+    for n, target in enumerate(node.targets):
+        ends = [numbers_of(target, copy) for copy in range(node.copies)]
+        wanted = {k for numbers in ends for k, x in enumerate(numbers) if x in needed}
+        for s, source in enumerate(node.sources) if wanted else ():
+            rows, columns = node.function.jac_sparsity(n, s, True).get_triplet()
+            used = {c for r, c in zip(rows, columns, strict=True) if r in wanted}
+            for copy in range(node.copies) if used else ():
+                numbers = numbers_of(source, copy)
+                needed.update(numbers[k] for k in used if k < len(numbers))
 
 
 @dataclass
@@ -88,12 +100,15 @@ class Tangents:
         """Add the calls of one node: its local derivatives and the tangents of its targets."""
         if not any(x in self.of for source in node.sources for x in node.numbers(source)):
             return
-        ins = [n for n, x in enumerate(node.sources) if not graph.live.isdisjoint(node.numbers(x))]
+        used = graph.live & graph.needed
+        ins = [n for n, x in enumerate(node.sources) if not used.isdisjoint(node.numbers(x))]
         outs = [n for n, x in enumerate(node.targets) if not graph.needed.isdisjoint(node.numbers(x))]
         if not outs:
             return
         if node.copies == 1:
-            self._linear(node, ins, outs)
+            ends = [(n, numbers_of(node.targets[n], 0)) for n in outs]
+            rows = [(n, k) for n, numbers in ends for k, x in enumerate(numbers) if x in graph.needed]
+            self._linear(node, ins, rows)
             return
         local = local_jacobian(node, ins, outs, *node.common(ins, outs))
         summed, each = evaluated(self.writer, self.known, node, local)
@@ -140,14 +155,14 @@ class Tangents:
             for k, row in enumerate(of):
                 self.of.setdefault(numbers[row], []).append((place, k))
 
-    def _linear(self, node: Node, ins: list[int], outs: list[int]) -> None:
-        """Add the tangents of the targets of a node with one copy, step by step."""
+    def _linear(self, node: Node, ins: list[int], ends: list[Entry]) -> None:
+        """Add the tangents of entries of the targets of a node with one copy, step by step."""
         w, key = (
             self.writer,
-            ("linear", node.key, tuple(map(identity, node.sources)), tuple(ins), tuple(outs)),
+            ("linear", node.key, tuple(map(identity, node.sources)), tuple(ins), tuple(ends)),
         )
         if key not in self.known:
-            linear = linearized(node, ins, outs)
+            linear = linearized(node, ins, ends)
             place = w.shared(linear.size)
             self.known[key] = linear, place
             if linear.size:
