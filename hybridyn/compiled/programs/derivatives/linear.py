@@ -19,6 +19,9 @@ from .nodes import Node
 #: A source and its entry, or a target and its entry.
 Entry = tuple[int, int]
 
+#: Factors that cost no product.
+FREE = ("1.0", "-1.0")
+
 
 @dataclass(frozen=True)
 class Linear:
@@ -56,17 +59,15 @@ class Linear:
 
     def operations(self, changed: Collection[Entry]) -> int:
         """Count the operations of the steps for one column in which some source entries change."""
-        active = {self.inputs[x] for x in changed if x in self.inputs}
-        needed = set(self.outputs.values())
+        active, needed, count = set(map(self.inputs.get, changed)), set(self.outputs.values()), 0
         for out, terms in reversed(self.steps):
             if out in needed:
                 needed.update(k for _, k in terms)
-        count = 0
         for out, terms in self.steps:
-            found = [factor for factor, k in terms if k in active]
-            if found and out in needed:
+            factors = [factor for factor, k in terms if k in active]
+            if factors and out in needed:
                 active.add(out)
-                count += sum(1 if factor in (1.0, -1.0) and isinstance(factor, float) else 2 for factor in found) - 1
+                count += sum(2 - (str(factor) in FREE) for factor in factors) - 1
         return count
 
     def tangents(self, numbers: ca.SX, known: dict[Entry, Any], rows: list[Entry]) -> list[Any]:
