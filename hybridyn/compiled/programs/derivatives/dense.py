@@ -63,17 +63,19 @@ def by_columns(all: Each, first: int, count: int) -> Shared:
     return Shared(all.start + first * all.size, count * all.size)
 
 
-def add_terms(w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Source], target: Target) -> None:
-    """Add the call that computes sum_i A_i x_i + sum_j y_j, one column in each lane."""
+def add_terms(
+    w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Source], *targets: Target
+) -> None:
+    """Add the call that writes sum_i A_i x_i + sum_j y_j to each of the targets, one column in each lane."""
     sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
 
     def function() -> ca.Function:
         """Return the sum."""
         total, columns = sum_of(sizes, sizes[0][0], len(more))
-        return ca.Function("columns", columns, [pack(total)])
+        return ca.Function("columns", columns, [pack(total)] * len(targets))
 
-    kernel = w.kernel(("columns", sizes, len(more)), function, DENSE)
-    w.call(kernel, copies, [*sources_of(terms), *more], [target])
+    kernel = w.kernel(("columns", sizes, len(more), len(targets)), function, DENSE)
+    w.call(kernel, copies, [*sources_of(terms), *more], list(targets))
 
 
 def copy_columns(w: Writer, count: int, source: Source, target: Target) -> None:

@@ -195,21 +195,27 @@ class _Results:
         motions, wrench = w.own(count, n), w.own(count, 6) if group.parent else None
         x.elimination.columns(w, count, right, motions, wrench)
         outputs: dict[Place, tuple[Own, Own]] = {}
-        if group.children:
+        if group.children and name != "tau":
             ends = [w.own(count, size) for size in forces.sizes]
             outputs = dict(zip(group.children, zip(ends[::2], ends[1::2], strict=True), strict=True))
             onto: tuple[Source, ...] = ()
             if wrench is not None:
                 onto = (wrench, *(by_columns(self._responses.onwards[p], 0, 6) for p in group.children))
             x.moved_outputs(count, motions, sent, list(ends), onto)
-        for other, y in self._relations.items():
-            terms = self._terms(group, wrench, outputs, other, twists=name != "tau")
-            place = w.result(f"d_{name}", y.forces.motors * self._motors + own[:, None])
+        groups = list(self._relations)
+        if name == "tau":  # symmetric: what it causes outwards of the group is what it causes there
+            groups = groups[: groups.index(group) + 1]
+        for other in groups:
+            terms, moved = self._terms(group, wrench, outputs, other), self._relations[other].forces.motors
+            places = [w.result(f"d_{name}", moved * self._motors + own[:, None])]
+            if name == "tau" and other is not group:
+                places.append(w.result("d_tau", own[:, None] * self._motors + moved))
             caused = [motions] if other is group else []
             if terms:
-                add_terms(w, count, terms, caused, place)
-            else:
-                still = Constants(np.zeros((count, len(y.forces.motors))))
+                add_terms(w, count, terms, caused, *places)
+                continue
+            for place in places:
+                still = Constants(np.zeros((count, len(moved))))
                 copy_columns(w, count, motions if caused else still, place)
 
     def _terms(
@@ -218,16 +224,13 @@ class _Results:
         wrench: Own | None,
         outputs: dict[Place, tuple[Own, Own]],
         other: Group,
-        *,
-        twists: bool,
     ) -> list[Term]:
         """Return what an input of a group brings about in another, or in itself through its base."""
         responses = self._responses
         for place, (A, V) in outputs.items():
             if other in responses.to_motion[place]:
                 known = responses.to_motion[place][other]
-                out = [Term(by_columns(known, 0, 6), A, 6)]
-                return [*out, Term(by_columns(known, 6, V.size), V, V.size)] if twists else out
+                return [Term(by_columns(known, 0, 6), A, 6), Term(by_columns(known, 6, V.size), V, V.size)]
         if wrench is None:
             return []
         own = other is group
