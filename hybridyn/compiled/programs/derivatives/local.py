@@ -53,8 +53,8 @@ def local_jacobian(
     columns = [ca.SX.sym(f"x{n}", f.nnz_in(n)) for n in range(f.n_in())]
     values = f.call(columns)
     out_of = [(n, k) for n in outs for k in range(f.nnz_out(n))] if ends is None else ends
-    x = ca.vertcat(*(columns[n] for n in ins))
-    y = ca.vertcat(*(values[n].nonzeros()[k] for n, k in out_of))
+    x, dense = ca.vertcat(*(columns[n] for n in ins)), [ca.densify(value) for value in values]
+    y = ca.vertcat(*(dense[n][k] for n, k in out_of))
     J = _jacobian(y, x)
     rows, cols = J.sparsity().get_triplet()
     numbers = J.nonzeros()
