@@ -54,12 +54,7 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
     "--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code each."
 )
 def command(
-    load: RobotChoice,
-    as_json: bool,
-    fail_on: str,
-    ignore: frozenset[str],
-    no_meshes: bool,
-    everything: bool,
+    load: RobotChoice, as_json: bool, fail_on: str, ignore: frozenset[str], no_meshes: bool, everything: bool
 ) -> int:
     """Check ROBOT (URDF, MJCF, SDF, USD): impossible inertias, open loops, motors that move nothing.
 

@@ -140,11 +140,7 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
 
 
 def _scene(
-    source: str,
-    until: float | None,
-    limit: float | None,
-    allow_python: bool,
-    progress: Callable[[str], None],
+    source: str, until: float | None, limit: float | None, allow_python: bool, progress: Callable[[str], None]
 ) -> Study:
     """Measure a scene."""
     from ..errors import TrajectoryError

@@ -43,13 +43,7 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 )
 @takes_robot
 @takes_source("TRAJECTORY", own=True)
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    callback=report_file,
-    help="All numbers, .csv or .json",
-)
+@click.option("-o", "--output", metavar="FILE", callback=report_file, help="All numbers, .csv or .json")
 @takes_effects("model")
 @takes_engine("rows", WORTH_OF_EFFECTS)
 @takes_plot("what each effect adds to each motor's effort", page=True)

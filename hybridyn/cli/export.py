@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 
 @click.command("export", cls=RobotCommand, short_help="Dynamic models as dependency-free C.")
 @takes_robot
-@click.option(
-    "-o",
-    "--output",
-    metavar="DIR",
-    type=click.Path(file_okay=False),
-    help="Folder for the files.",
-)
+@click.option("-o", "--output", metavar="DIR", type=click.Path(file_okay=False), help="Folder for the files.")
 @click.option("--name", metavar="NAME", help="Prefix of files and of names in C; the robot's own by default.")
 @click.option(
     "--stats", is_flag=True, help="Print the number of operations of each part, and before simplification."

@@ -231,10 +231,7 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
         elif isinstance(value, float) and math.isinf(value):
             out[field.name] = None
         elif field.name == "linear":
-            out |= {
-                "effort_unit": "N" if value else "N m",
-                "speed_unit": "m/s" if value else "rad/s",
-            }
+            out |= {"effort_unit": "N" if value else "N m", "speed_unit": "m/s" if value else "rad/s"}
         else:
             out[field.name] = value
     if load.gear_ratio != 1.0:

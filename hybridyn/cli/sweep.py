@@ -31,9 +31,7 @@ MOST_PRINTED = 50
     help="Processes of this machine (loky), or Dask or Ray: of this machine, or of a cluster.",
 )  # fmt: skip
 @click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="A cluster that stands: tcp://host:8786 (Dask), host:6379 (Ray).",
+    "--scheduler", metavar="ADDRESS", help="A cluster that stands: tcp://host:8786 (Dask), host:6379 (Ray)."
 )
 @click.option(
     "-j", "--jobs", type=click.IntRange(1, 4096), help="Number of processes.  [default: one per core]"

@@ -7,9 +7,7 @@ import re
 from .urdf.foreign import LEGACY_FORMS
 
 #: Messages for files that are recognised but not read by themselves, by the name of the root element.
-UNREAD_FORMATS = {
-    "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
-}
+UNREAD_FORMATS = {"mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it"}
 
 #: Formats that are read, beside URDF.
 READ_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)"}

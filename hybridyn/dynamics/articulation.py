@@ -19,13 +19,7 @@ from ..spatial import Array, motion_matrix
 from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState
 from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, size_of_solution
-from .inertia_rounding import (
-    cancelled_inertia,
-    force_of_slips,
-    inertia_of_slips,
-    rounding_of,
-    slips_of,
-)
+from .inertia_rounding import cancelled_inertia, force_of_slips, inertia_of_slips, rounding_of, slips_of
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
 from .lost_digits import warn_of_lost_accelerations

@@ -56,11 +56,7 @@ class Postures(NamedTuple):
 
 
 def postures(
-    robot: HybridRobot,
-    motion: Motion,
-    layout: Layout,
-    guess: Array | None,
-    assemble: Assemble | None = None,
+    robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None, assemble: Assemble | None = None
 ) -> Postures:
     """Compute the robot's postures: read them where the table names every joint, else assemble them.
 

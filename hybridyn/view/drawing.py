@@ -213,14 +213,7 @@ class _Pen:
         self._ball(closure.name, "closure", module, b, 0.9 * BALL, CLOSURE)
 
     def _rod(
-        self,
-        name: str,
-        role: Role,
-        module: int,
-        start: Point,
-        end: Point,
-        colour: str,
-        scale: float = 1.0,
+        self, name: str, role: Role, module: int, start: Point, end: Point, colour: str, scale: float = 1.0
     ) -> None:
         self.rods.append(Rod(name, role, module, start, end, scale * self.radius(module), colour))
 

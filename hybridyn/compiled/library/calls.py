@@ -250,11 +250,7 @@ if hasattr(os, "register_at_fork"):  # a forked child has none of the threads an
 
 
 def load(
-    programs: list[Program],
-    *,
-    dtype: str = "float64",
-    lanes: int | None = None,
-    key: str | None = None,
+    programs: list[Program], *, dtype: str = "float64", lanes: int | None = None, key: str | None = None
 ) -> Library:
     """Load programs from the cache, or build and load them.
 

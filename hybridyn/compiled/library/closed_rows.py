@@ -63,11 +63,7 @@ class ClosedRows:
             self._keep(at.q.ctypes.data, at.p.ctypes.data, at.g.ctypes.data)
 
     def follow(
-        self,
-        at: Place,
-        given: tuple[Array, Array, Array],
-        out: tuple[Array, Array, Array],
-        first: bool,
+        self, at: Place, given: tuple[Array, Array, Array], out: tuple[Array, Array, Array], first: bool
     ) -> int:
         """Close rows on the branch of a posture, as far as that is certain.
 

@@ -21,7 +21,7 @@ from .naming import names_of
 
 #: Corrections of frequent errors, by a part of MuJoCo's message.
 CORRECTIONS = {
-    "mass and inertia of moving bodies": "give every moving body an <inertial> or a geom with mass",
+    "mass and inertia of moving bodies": "give every moving body an <inertial> or a geom with mass"
 }
 
 #: MuJoCo's enumerations by the first part of their words.

@@ -35,9 +35,7 @@ def refuse_forces(compiled: Compiled) -> None:
         for field, word in FORCES.items():
             if nonzero(compiled.model, field, tendon):
                 raise compiled.error(
-                    "tendon",
-                    tendon,
-                    f"{word} along a tendon is not read; remove it, or put it on joints",
+                    "tendon", tendon, f"{word} along a tendon is not read; remove it, or put it on joints"
                 )
 
 

@@ -47,10 +47,7 @@ LEGACY_FORMS = {
 }
 
 #: Files beside a robot that state closures in forms that are not read, and the tools that write them.
-UNREAD_SIDE_CARS = {
-    "loop_closures.yaml": "scikit-robot",
-    "loop_closures.yml": "scikit-robot",
-}
+UNREAD_SIDE_CARS = {"loop_closures.yaml": "scikit-robot", "loop_closures.yml": "scikit-robot"}
 
 _LOOP_WORDS = re.compile(
     r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE

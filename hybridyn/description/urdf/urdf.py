@@ -119,10 +119,7 @@ def _pose(node: Node | None) -> Array:
 
 
 def _read_joint(node: Node, robot: RobotFile) -> Joint:
-    node.refuse_misspelt(
-        ["name", "type", "independent"],
-        [*JOINT_PARTS, *ROTOR_PARTS],
-    )
+    node.refuse_misspelt(["name", "type", "independent"], [*JOINT_PARTS, *ROTOR_PARTS])
     name, kind = node.text("name"), _joint_kind(node)
     axis = node.child("axis")
     if axis is not None:

@@ -162,9 +162,7 @@ def _of_collider(bodies: Bodies, body: Prim, prim: Prim) -> Mass:
     frame = np.eye(4) if prim is body else inverse(bodies.pose(body).frame) @ pose.frame
     turn = frame[:3, :3]
     return Mass(
-        density * solid.volume,
-        turn @ solid.centre + frame[:3, 3],
-        density * turn @ solid.inertia @ turn.T,
+        density * solid.volume, turn @ solid.centre + frame[:3, 3], density * turn @ solid.inertia @ turn.T
     )
 
 

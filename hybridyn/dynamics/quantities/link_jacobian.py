@@ -24,12 +24,7 @@ from .states import closed_states
 
 
 def link_jacobian(
-    robot: HybridRobot,
-    q: ArrayLike,
-    link: str,
-    *,
-    joints: Sequence[str] | None = None,
-    axes: str = "world",
+    robot: HybridRobot, q: ArrayLike, link: str, *, joints: Sequence[str] | None = None, axes: str = "world"
 ) -> Array:
     """Compute the Jacobian of a link or platform: its twist is J u (and a moving base's twist beside it).
 

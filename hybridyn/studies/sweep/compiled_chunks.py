@@ -114,9 +114,7 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
             own, seen = one.measured(start + left, values[left], wanted)
             measured |= {k: x for k, x in zip(left.tolist(), own, strict=True) if x is not None}
             found = replace(
-                found,
-                checked=found.checked + len(seen),
-                difference=max([found.difference, *seen]),
+                found, checked=found.checked + len(seen), difference=max([found.difference, *seen])
             )
             left = np.array([k for k in left.tolist() if k not in measured], dtype=int)
         for k, own_values in enumerate(values):

@@ -69,11 +69,7 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
 
 
 def find_sweep(
-    robot: HybridRobot,
-    module: int | str | None,
-    link: str | None,
-    axes: Sequence[str] | None,
-    q: Array,
+    robot: HybridRobot, module: int | str | None, link: str | None, axes: Sequence[str] | None, q: Array
 ) -> Sweep:
     """Choose link and coordinates.
 

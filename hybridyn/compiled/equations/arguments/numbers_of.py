@@ -61,9 +61,7 @@ def numbers_of(spec: ModuleSpec) -> ModuleSpec:
     )
 
 
-def placed(
-    place: Mapping[str, tuple[int, Array, Array]],
-) -> dict[str, tuple[int, Expression, Expression]]:
+def placed(place: Mapping[str, tuple[int, Array, Array]]) -> dict[str, tuple[int, Expression, Expression]]:
     """Return frames of links as expressions. `place`: `Bodies.place`, whose entries may be `Traced`."""
     return {link: (body, _array(R), _array(p)) for link, (body, R, p) in place.items()}
 

@@ -115,11 +115,7 @@ class DesignRows:
         return False
 
     def follow(
-        self,
-        table: DesignRequests,
-        slots: Array,
-        out: States | None = None,
-        guess: Array | None = None,
+        self, table: DesignRequests, slots: Array, out: States | None = None, guess: Array | None = None
     ) -> DesignStates:
         """Compute the states of each design along a table.
 

@@ -67,12 +67,7 @@ class Quantities:
         )
 
     def bias(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        *,
-        joints: Joints = None,
-        base_acceleration: ArrayLike | None = None,
+        self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None, base_acceleration: ArrayLike | None = None
     ) -> Numbers:
         """Compute c(q, v) + g(q), shape (N,) or (T, N), like `hybridyn.bias`."""
         q, v, single = checked_state(self.robot, q, v)

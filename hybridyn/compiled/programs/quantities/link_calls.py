@@ -12,12 +12,7 @@ from ....dynamics.link_motion import LinkMotion, motions_of, named_links
 from ....dynamics.quantities.coordinates import Coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
 from ....dynamics.quantities.link_jacobian import link_jacobian
-from ....dynamics.quantities.operational_inertia import (
-    IMMOVABLE,
-    delassus,
-    inverse_of,
-    operational_inertia,
-)
+from ....dynamics.quantities.operational_inertia import IMMOVABLE, delassus, inverse_of, operational_inertia
 from ....dynamics.quantities.states import checked_state
 from ....errors import SingularityError
 from ....spatial import Array
