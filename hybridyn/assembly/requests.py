@@ -69,7 +69,6 @@ class Requests:
 
 
 def _part(motion: RigidMotion | None, start: int, stop: int) -> RigidMotion | None:
-    """Return a motion at some consecutive samples."""
     return None if motion is None else RigidMotion(*(x[start:stop] for x in motion.arrays))
 
 

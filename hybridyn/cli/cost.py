@@ -142,7 +142,6 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
 def _scene(
     source: str, until: float | None, limit: float | None, allow_python: bool, progress: Callable[[str], None]
 ) -> Study:
-    """Measure a scene."""
     from ..errors import TrajectoryError
     from ..scenes.stage import stage
     from ..studies.cost.runs import LIMIT, study_runs
@@ -174,7 +173,6 @@ def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
 
 
 def _report(study: Study) -> list[str]:
-    """Return the lines to print."""
     from ..studies.cost.points import advice, error_words, front
 
     worth = front(study.points, study.own_error)
@@ -209,13 +207,11 @@ def _failures(study: Study) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    """Format a time with its unit."""
     unit, factor = ("us", 1e6) if seconds < 1e-2 else ("s", 1.0)
     return f"{seconds * factor:.3g} {unit}"
 
 
 def _write(study: Study, output: str) -> None:
-    """Write all measurements as CSV."""
     from ..studies.cost.points import front
 
     worth = front(study.points, study.own_error)

@@ -98,7 +98,6 @@ def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
 
 
 def _head(robot: HybridRobot) -> Iterator[str]:
-    """Yield the lines about the whole robot."""
     description = robot.description
     yield f"{robot.name} ({description.source})"
     free = counted(robot.mobility, "freedom")

@@ -137,7 +137,6 @@ def command(
 
 
 def _write_package(robot: HybridRobot, joints: list[str], folder: str) -> None:
-    """Write the package of the transmission."""
     from ..compiled.needs import needs_casadi
 
     needs_casadi()

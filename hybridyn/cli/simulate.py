@@ -209,7 +209,6 @@ def _earlier(ready: Stage, run: str, scene: str) -> str:
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
-    """Write the table of the motion."""
     from ..errors import TrajectoryError
     from ..simulation.table import columns_of, picked, remarks, rows_of
     from ..tables.results import open_results
@@ -227,7 +226,6 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
-    """Draw a figure of the motion."""
     from ..figures.envelope import Envelope
     from ..figures.motion import chart_of_rows
     from ..simulation.table import columns_of, rows_of
@@ -239,7 +237,6 @@ def _draw(ready: Stage, result: Result, plot: str) -> None:
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
-    """Return the lines of the summary."""
     from ..structure.departures import Departures, departures
 
     counters = result.counters

@@ -171,7 +171,6 @@ def _result(workers: Workers) -> Any:
 
 
 def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:
-    """Write the table of poses."""
     import numpy as np
 
     from ..tables.results import open_results

@@ -200,7 +200,6 @@ def c_name(text: str) -> str:
 
 
 def _makefile(name: str) -> str:
-    """Return the Makefile."""
     return "\n".join(
         [
             f"# {WRITTEN}.", "CFLAGS ?= -O2 -march=native", "WARN = -std=c99 -Wall -Wextra -pedantic", "",
@@ -221,7 +220,6 @@ def _readme(
     *,
     arguments: bool,
 ) -> str:
-    """Return the README."""
     functions = "\n".join(f"    {prototype(program, name, dtype)};" for program in programs)
     closing = _closing(robot, programs, name)
     closing += ". `parameters` are numbers of the robot" if arguments else ""

@@ -172,6 +172,5 @@ def file_beside(target: Path, ending: str) -> Path:
 
 
 def _is_own(file: Path) -> bool:
-    """Say whether convert wrote a file."""
     with open(file, encoding="utf-8", errors="replace") as text:
         return text.readline() == HEAD

@@ -62,7 +62,6 @@ class Bodies:
     """
 
     def __init__(self, description: Description) -> None:
-        """Group the links of a description into bodies."""
         self._description = description
         above = {joint.child: joint for joint in description.joints}
         self.of: dict[str, str] = {}

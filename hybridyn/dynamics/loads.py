@@ -177,7 +177,6 @@ def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, sampl
 
 
 def _enter(robot: HybridRobot, loads: Loads, wrenches: Mapping[str, Array], samples: int) -> None:
-    """Add wrenches on links to the loads."""
     for link, given in wrenches.items():
         wrench = _wrench(robot, link, given, samples)
         body, R, p = robot.bodies.place[link]

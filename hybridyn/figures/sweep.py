@@ -146,7 +146,6 @@ def _title(figure: Figure, about: About, masks: Mask) -> None:
 
 
 def _scatter(ax: Axes, x: Array, y: Array, good: Mask, met: Mask) -> None:
-    """Draw one panel."""
     style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3}
     ax.plot(x[good & ~met], y[good & ~met], color="0.75", **style)
     ax.plot(x[met], y[met], color="C0", **style)

@@ -180,7 +180,6 @@ class Tree:
     def _closure(
         self, closure: Closure, ends: tuple[tuple[Numbers, Numbers], ...], links: dict[str, Frame]
     ) -> Loop:
-        """Build the rows of one closure."""
         A, B = _attach(links[closure.link_a], *ends[0]), _attach(links[closure.link_b], *ends[1])
         return Loop(A, B, constraint_rows(A, B, closure.translations, closure.rotation))
 

@@ -100,7 +100,6 @@ def stage(
 
 
 def _load(source: SceneFile) -> HybridRobot:
-    """Load the scene's robot."""
     stated = source.scene.robot
     gravity = stated.gravity
     return load(
@@ -171,7 +170,6 @@ def _files(said: object) -> Iterator[str]:
 
 
 def _xacro(value: str | bool | int | float) -> str:
-    """Format a value as a xacro argument."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -255,7 +253,6 @@ def _python(source: SceneFile, robot: HybridRobot, table: PythonTable, allow: bo
 
 
 def _effort_table(source: SceneFile, robot: HybridRobot, name: str) -> controllers.EffortTable:
-    """Read the table of efforts over time."""
     columns = [f"{motor}/effort" for motor in robot.motors]
     rows = read_rows(source, ("controller", "table"), name, columns)
     return controllers.EffortTable(rows[:, 0], rows[:, 1:])

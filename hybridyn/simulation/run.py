@@ -125,7 +125,6 @@ class Run:
         return leap, None
 
     def _add_outputs(self, before: State, leap: Leap) -> None:
-        """Add the output states of some steps."""
         if self._wanted is None:
             for t, q, v in zip(leap.t.tolist(), leap.q, leap.v, strict=True):
                 self._add(t, q, v)
@@ -146,7 +145,6 @@ class Run:
             self._next += 1
 
     def _add(self, t: float, q: Array, v: Array) -> None:
-        """Add an output state."""
         self._samples.add(t, q, v)
         self._latest = t
         if len(self._samples.t) == BLOCK:

@@ -247,7 +247,6 @@ class Stepper:
                 )
 
     def _shortest(self, t: float) -> float:
-        """Return the shortest length of a step at a time [s]."""
         return SHORTEST * max(abs(t), abs(self._end), abs(self._end - t))
 
     def _error(self, state: State, stepped: Stepped) -> float:

@@ -19,7 +19,6 @@ class Cut:
     """
 
     def __init__(self, spec: ModuleSpec) -> None:
-        """Build both trees and the index maps between them."""
         self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
         self.bodies = np.array(spec.tree_body)
         self._spec = spec

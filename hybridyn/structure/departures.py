@@ -131,7 +131,6 @@ class Departures:
     """Departures of a whole motion, collected from its blocks in order."""
 
     def __init__(self) -> None:
-        """Start without departures."""
         self._found: dict[tuple[str, str], Departure] = {}
         self._at: dict[tuple[str, str], str] = {}
 

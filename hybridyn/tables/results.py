@@ -49,7 +49,6 @@ def open_results(
 
 @contextlib.contextmanager
 def _opened(target: str | Path, columns: Sequence[str], remarks: Sequence[str]) -> Iterator[Write]:
-    """Open a result file, see `open_results`."""
     file = Path(os.path.realpath(target))  # the target of a link is replaced, not the link
     check_target(target)
     if file.suffix.lower() == ".parquet":

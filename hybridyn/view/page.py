@@ -117,7 +117,6 @@ class Page:
         )
 
     def _add_panel(self, picture: Picture) -> None:
-        """Add the panel of controls."""
         gui = self.server.gui
         robot = self.robot
         sizes = f"modules {len(robot.modules)}, motors {len(robot.motors)}, freedoms {robot.mobility}"
@@ -184,7 +183,6 @@ class Page:
                 self._status.content = status_html(f"{type(error).__name__}: {error}", 0.0)
 
     def _handle(self, name: str, value: Any) -> None:
-        """Carry out a request of the user."""
         if name == "play":
             self._set_playing(value)
         elif name == "time" and self.run is not None:
@@ -199,7 +197,6 @@ class Page:
             self._show(moved.q, moved.message)
 
     def _set_playing(self, playing: bool) -> None:
-        """Start or stop the playback."""
         if self.run is None or playing == self.playing:
             return
         self.playing = playing
@@ -225,7 +222,6 @@ class Page:
         self._frame(self.run.begin + (at - self.run.begin) % span if span else self.run.end)
 
     def _frame(self, at: float) -> None:
-        """Show the motion at a time."""
         assert self.run is not None
         self._time.value = float(np.clip(at, self.run.begin, self.run.end))
         number = self.run.index(at)
@@ -253,7 +249,6 @@ class Page:
         )
 
     def _bars(self, q: Array, sample: int | None) -> None:
-        """Update sliders and bars."""
         self._sliders.show(q)
         try:
             self._closeness.content = closeness_html(self.measures.closeness(q))

@@ -18,7 +18,6 @@ class Progress:
     """A bar that appears after two seconds and is erased at the end. A context manager."""
 
     def __init__(self, thing: str = "samples") -> None:
-        """Start the clock."""
         self._thing = thing
         self.started = self.drawn = time.perf_counter()
         self.wanted = sys.stderr.isatty()

@@ -54,7 +54,6 @@ class Library:
     """
 
     def __init__(self, built: Built) -> None:
-        """Load a library."""
         self.built, self.about = built, built.about
         self.dtype = np.dtype(BORDER[built.about["number"]])
         free = ctypes.CDLL(str(built.path))  # releases the interpreter's lock during a call

@@ -18,7 +18,6 @@ class ClosedDesigns:
     """The library's function, which other threads may call at the same time."""
 
     def __init__(self, built: Built) -> None:
-        """Load a library."""
         library = ctypes.CDLL(str(built.path))
         self._close = library.closed_designs
         self._close.restype = None

@@ -40,7 +40,6 @@ class ClosedRows:
     """
 
     def __init__(self, built: Built) -> None:
-        """Load a library."""
         self.built = built
         held = ctypes.PyDLL(str(built.path))
         self._rows = held.closed_rows

@@ -68,7 +68,6 @@ class Current:
             self._replacement.wait()
 
     def _take(self, library: Library) -> None:
-        """Use the optimised library."""
         with self._lock:
             self._build_all = None
             self.library = library

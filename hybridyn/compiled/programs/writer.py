@@ -150,6 +150,5 @@ class Writer:
 
 
 def _starts(parts: list[tuple[str, int]]) -> dict[str, int]:
-    """Return the start of each part."""
     ends = np.cumsum([0] + [size for _, size in parts]).tolist()
     return {name: ends[i] for i, (name, _) in enumerate(parts)}

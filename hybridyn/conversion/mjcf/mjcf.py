@@ -110,7 +110,6 @@ def _add_lost_names(d: Description, kept: set[str], losses: Losses) -> None:
 
 
 def _add_text(root: ET.Element, name: str, data: str) -> None:
-    """Add a text to `<custom>`."""
     custom = root.find("custom")
     custom = ET.SubElement(root, "custom") if custom is None else custom
     ET.SubElement(custom, "text", name=name, data=data)

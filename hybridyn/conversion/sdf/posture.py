@@ -20,7 +20,6 @@ class Posture:
     """
 
     def __init__(self, d: Description) -> None:
-        """Compute the posture."""
         self.positions = {joint.name: x for joint in d.joints if d.closures and (x := _position(joint, d))}
         self.step = {joint.child: joint.placement @ motion_of(joint, self.positions) for joint in d.joints}
         self.world = poses_at(d, self.positions)

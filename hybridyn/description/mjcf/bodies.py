@@ -63,7 +63,6 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: Root) -> None:
 
 
 def _link(compiled: Compiled, body: int) -> Link:
-    """Return a body as a link."""
     model = compiled.model
     turn = pose(np.zeros(3), model.body_iquat[body])[:3, :3]
     inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T

@@ -197,7 +197,6 @@ def _name_end(robot: RobotFile, closure: Closure, on: str, place: Array, name: s
 
 
 def _rename(robot: RobotFile, name: str, new: str) -> None:
-    """Give a link another name."""
 
     def renamed(link: str) -> str:
         """Return the new name of a link."""

@@ -90,7 +90,6 @@ def is_finite(values: Any) -> bool:
 
 
 def _check_numbers(name: str, word: str, values: Sequence[float], count: int, endless: bool) -> None:
-    """Check an array of a model."""
     numbers = np.asarray(values, dtype=float)
     good = not np.isnan(numbers).any() if endless else is_finite(numbers)
     if numbers.shape != (count,) or not good:

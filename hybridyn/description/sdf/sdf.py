@@ -60,7 +60,6 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) ->
 
 
 def _add_joints(robot: RobotFile, world: Scope, joints: list[Stated], poses: Poses) -> None:
-    """Add the tree, closures, couplings and springs."""
     named = {axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None}
     named |= _geared(joints, poses)
     connecting = [joint for joint in joints if joint.kind != "gearbox"]

@@ -64,7 +64,6 @@ def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
 
 
 def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shape:
-    """Return a shape."""
     placement, colour = origin_of(shape.child("origin")), None
     for material in shape.children("material")[:1]:  # a second one makes no other shape
         colour = _stated(material) or colours.get(material.xml.get("name", ""))

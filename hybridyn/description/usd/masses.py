@@ -64,7 +64,6 @@ def masses(bodies: Bodies) -> dict[str, Mass]:
 
 
 def _mass(bodies: Bodies, body: Prim, colliders: list[Prim]) -> Mass:
-    """Return the mass properties of a body."""
     stage = bodies.stage
     if body.states("newton:inertia") or body.states("newton:massModel"):
         raise body.error("newton:inertia and newton:massModel are not read; author physics:diagonalInertia")

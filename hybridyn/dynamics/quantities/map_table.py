@@ -110,7 +110,6 @@ def _regular(
 
 
 def _named(names: Sequence[str], quantity: str, values: Array) -> dict[str, Array]:
-    """Return columns of one quantity by name."""
     return {f"{name}/{quantity}": values[:, i] for i, name in enumerate(names)}
 
 

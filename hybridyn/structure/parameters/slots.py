@@ -101,7 +101,6 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
 
 
 def _entry(field: Any, index: tuple[int, ...]) -> Any:
-    """Return an entry of a field."""
     return field[index] if index else field
 
 

@@ -50,7 +50,6 @@ class Traced:
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, value: float, expression: Any, record: Record) -> None:
-        """Store the value, the expression and the record of decisions."""
         self.value, self.expression, self.record = value, expression, record
 
     def _with(self, other: Any, apply: Callable[[Any, Any], Any]) -> Any:

@@ -185,7 +185,6 @@ def _stated(file: str) -> dict[str, object]:
 
 
 def _number(name: str, value: object, file: str) -> float:
-    """Return an argument as a number."""
     try:
         return float(str(value))
     except ValueError:

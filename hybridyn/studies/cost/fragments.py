@@ -41,5 +41,4 @@ def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
 
 
 def _toml(value: object) -> str:
-    """Return a value in TOML notation."""
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"

@@ -122,7 +122,6 @@ def advice(study: Study, target: float) -> str:
 
 
 def _counts(point: Point) -> bool:
-    """Return whether a point can be chosen."""
     return not point.failure and point.use != "comparison"
 
 

@@ -71,7 +71,6 @@ def of_integration(step: float) -> Iterator[Setting]:
 
 
 def _adaptive(method: str, projection: str, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Yield settings of an adaptive method."""
     for rtol in TOLERANCES:
         options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2, "projection": projection}
         yield Setting(method + suffix, f"rtol {rtol:.0e}", options, dtype, use=_use(dtype, projection))

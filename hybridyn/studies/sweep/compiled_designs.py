@@ -109,7 +109,6 @@ class CompiledDesigns:
         self.at_once = min(max(1, AT_ONCE // (width * longest)), MOST_AT_ONCE)
 
     def _task(self, name: str, task: TaskTable) -> _Task:
-        """Compile the model of a task."""
         check_task(name, task)
         blocks = [*self.designer.tracks[name].motions(self.robot)]
         layout, motion = blocks[0]

@@ -95,7 +95,6 @@ class Player:
     def _measured(
         self, robot: HybridRobot, result: Result, functions: Mapping[str, Callable[..., Any]]
     ) -> dict[str, float]:
-        """Measure a motion."""
         own = {name: _of_run(result, word) for name, word in self.wanted.items()}
         left = {name: word for name, word in self.wanted.items() if own[name] is None}
         gauge = Gauge(robot, left, functions)

@@ -219,7 +219,6 @@ def _csv(columns: Columns) -> bytes:
 
 
 def _read(file: Path, wanted: Sequence[str]) -> Columns:
-    """Read some columns of a shard."""
     if file.suffix == ".parquet":
         polars = load_polars(str(file))
         try:

@@ -124,5 +124,4 @@ def _alike(one: Description, other: Description) -> bool:
 
 
 def _home(description: Description) -> tuple[object, ...]:
-    """Return the home posture of a description."""
     return description.home, description.base_home

@@ -136,7 +136,6 @@ class Variants:
         return {name: text_of(value) for name, value in self.source.study.robot.xacro.items()} | differing
 
     def _folders(self) -> list[str]:
-        """Return the study's folders of packages."""
         return [self.source.beside(folder) for folder in self.source.study.robot.package_dirs]
 
 

@@ -130,7 +130,6 @@ class Flood:
         return None
 
     def _record(self, level: int, pair: Pair, posture: Array, what: int) -> None:
-        """Record the result of a step."""
         to = pair[1]
         if to in self.reached:
             return

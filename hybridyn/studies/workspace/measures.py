@@ -36,7 +36,6 @@ class Measures:
     """Measures postures of a module. Instances are pickled for other processes."""
 
     def __init__(self, robot: HybridRobot, sweep: Sweep) -> None:
-        """Compute the freedoms of the platform."""
         self.robot, self.sweep = robot, sweep
         m = robot.modules[sweep.module].mechanism
         t = self._twists(m.tree.sweep(m.postures), m.basis(m.generic_K).Psi)

@@ -25,7 +25,6 @@ class Placed(Mapping[int, RigidMotion]):
     """
 
     def __init__(self, samples: int) -> None:
-        """Place the root body."""
         self.known = {0: RigidMotion.at_rest(samples)}
         self.reached = {0}
         self._still = self.known[0]

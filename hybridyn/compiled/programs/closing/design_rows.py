@@ -151,7 +151,6 @@ class DesignRows:
         return _without_states(room, found)
 
     def _room(self, designs: int, rows: int) -> States:
-        """Return room for states."""
         nq, nv = self.robot.nq, self.robot.nv
         return np.empty((designs, rows, nq)), np.empty((designs, rows, nv)), np.empty((designs, rows, nv))
 

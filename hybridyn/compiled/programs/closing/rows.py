@@ -110,7 +110,6 @@ def _folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
 
 
 def _add(out: Rows, chain: Chain, writer: SpanningRows, closure: TreeClosure, frames: Frames) -> None:
-    """Add the rows of a closure."""
     off, over = writer.closure(closure, frames)
     out.K, out.residual = np.concatenate([out.K, over]), np.concatenate([out.residual, off])
     if closure.rotation in ("fixed", "parallel"):

@@ -171,7 +171,6 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
 
 
 def _converted(robot: HybridRobot) -> Engine:
-    """Convert the robot to MJCF."""
     from ....conversion.convert import convert
 
     with tempfile.TemporaryDirectory() as folder:
