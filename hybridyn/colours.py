@@ -29,7 +29,7 @@ def rgb(colour: str) -> Colour:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def towards(colour: str, other: str, part: float) -> str:
-    """Mix a colour with a part of another one, 0 to 1."""
-    mixed = (round(a + part * (b - a)) for a, b in zip(rgb(colour), rgb(other), strict=True))
+def lighter(colour: str, part: float) -> str:
+    """Mix a colour with a part of white, 0 to 1."""
+    mixed = (round(a + part * (255 - a)) for a in rgb(colour))
     return "#" + "".join(f"{x:02x}" for x in mixed)

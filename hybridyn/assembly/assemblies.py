@@ -120,7 +120,7 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     return within
 
 
-def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0) -> Found:
+def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Found:
     """Find the postures of one module with its motors at their home positions.
 
     Raises:
@@ -131,7 +131,7 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0
     requests = gather_requests(robot, joints, {})
     base = robot.bodies.place[module.base][0]
     task = module_task(robot, module, module_request(requests, robot, number, base, {}))
-    return postures(robot, module, task, starts, seed)
+    return postures(robot, module, task, starts, seed=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..colours import MOTOR, towards
+from ..colours import MOTOR, lighter
 from ..linkage.joints import LETTERS
 from .blank import empty_figure
 from .structure_cards import Card, Leg
@@ -86,7 +86,7 @@ def figure_of_cards(cards: list[Card]) -> Figure:
     ax.set_axis_off()
     for card, place in zip(cards, places, strict=True):
         if card.parent is not None:
-            _edge(ax, places[card.parent], place, towards(card.colour, "#ffffff", 0.25))
+            _edge(ax, places[card.parent], place, lighter(card.colour, 0.25))
         _card(ax, card, place)
     used = {sign.letter for card in cards for leg in card.legs for sign in leg.joints}
     kinds = {letter: kind for kind, letter in LETTERS.items() if letter in used and kind != "continuous"}
@@ -109,7 +109,7 @@ def _card(ax: Axes, card: Card, place: Place) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.09", "linewidth": 1.3, "zorder": 2}
-    style |= {"edgecolor": card.colour, "facecolor": towards(card.colour, "#ffffff", 0.9)}
+    style |= {"edgecolor": card.colour, "facecolor": lighter(card.colour, 0.9)}
     for shift in (2 * PILE, PILE, 0.0) if card.folded else (0.0,):
         corner = (place.x + shift, place.y + shift)
         ax.add_patch(FancyBboxPatch(corner, place.width, place.height, **style))
@@ -121,7 +121,7 @@ def _card(ax: Axes, card: Card, place: Place) -> None:
         ax.text(x, y + LINE / 2, _fitting(line, 60), fontsize=8.5, color=FAINT, **look)
         y += LINE
     for leg in card.legs:
-        _leg(ax, leg, x, y + LEG / 2, towards(card.colour, "#ffffff", 0.35))
+        _leg(ax, leg, x, y + LEG / 2, lighter(card.colour, 0.35))
         y += LEG
 
 

@@ -58,7 +58,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or 
                 ax.plot(found.coordinates[chosen][:, _column(found, axes[0])], values[chosen], ".-")
                 ax.set_ylabel(labels[name], fontsize="x-small")
             else:
-                image = _image(ax, found, chosen, values, 0.0, limit)
+                image = _image(ax, found, chosen, values, limit)
             if level is not None and number == 0:
                 at = found.start[_column(found, axes[2])] + level * found.steps[2]
                 ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
@@ -99,7 +99,7 @@ def _levels(index: Array) -> list[int]:
     return [int(values[round(at)]) for at in places[1:-1]]  # the ends are often single points
 
 
-def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, low: float, high: float | None) -> Any:
+def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, high: float | None) -> Any:
     """Draw one slice as cells of the lattice; cells that were not reached stay white."""
     index = found.index[chosen][:, :2]
     lower, upper = found.index[:, :2].min(axis=0), found.index[:, :2].max(axis=0)
@@ -114,7 +114,7 @@ def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, low: float,
         np.ma.masked_invalid(picture.T),
         origin="lower",
         extent=(first[0], last[0], first[1], last[1]),
-        vmin=low,
+        vmin=0.0,
         vmax=high,
         interpolation="nearest",
     )

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..colours import CLOSURE, GROUND, JOINT, MOTOR, module_colour, towards
+from ..colours import CLOSURE, GROUND, JOINT, MOTOR, lighter, module_colour
 from ..description.records import Closure
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
@@ -94,7 +94,7 @@ class _Pen:
         if not m.closures or body in {self.robot.bodies.place[link][0] for link in m.outputs}:
             return module_colour(module)
         sliding = self.robot.bodies.joints[body - 1].joint.kind == "prismatic"
-        return towards(module_colour(module), "#ffffff", SLIDE if sliding else LEG)
+        return lighter(module_colour(module), SLIDE if sliding else LEG)
 
     def add_bodies(self) -> None:
         """Add rods or plates through the joints of the bodies that have no shapes."""

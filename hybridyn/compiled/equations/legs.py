@@ -158,7 +158,6 @@ def write_leg(
     scale: Scale,
     pivots: Pivots | None,
     a: Expression | None = None,
-    folding: Folding | None = None,
 ) -> WrittenLeg:
     """Write the kinematics of a group's legs.
 
@@ -169,9 +168,8 @@ def write_leg(
         scale: Scales of closure residuals.
         pivots: Pivots of the leg's closure.
         a: Accelerations of the leg, for the inverse model. They then have to close the loop.
-        folding: Collects the numbers in which the legs differ; default a new one.
     """
-    folding = Folding() if folding is None else folding
+    folding = Folding()
     links = fold_links(folding, [list(leg.links) for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
     leg = group[0]

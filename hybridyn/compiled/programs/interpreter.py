@@ -13,24 +13,21 @@ from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, S
 FINITE = 1e300
 
 
-def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
-    """Convert a program to one CasADi function.
-
-    Args:
-        symbol: `casadi.SX` for one flat graph, `casadi.MX` for a graph of calls.
+def function_of(program: Program) -> ca.Function:
+    """Convert a program to one CasADi function, a flat graph.
 
     Returns:
         Function with the program's names of inputs and outputs, and the output "guard" last. As in C, the
         guard is above 1 where a result is not finite.
     """
-    columns = [symbol.sym(name, size) for name, size in program.inputs]
+    columns = [ca.SX.sym(name, size) for name, size in program.inputs]
     given = [
         column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)
     ]
-    result, guard = run(program, given, symbol)
+    result, guard = run(program, given)
     ends = np.cumsum([0] + [size for _, size in program.outputs])
     outputs = [ca.vertcat(*result[ends[i] : ends[i + 1]]) for i in range(len(program.outputs))]
-    total = ca.sum1(ca.vertcat(*result)) if result else symbol(0.0)
+    total = ca.sum1(ca.vertcat(*result)) if result else ca.SX(0.0)
     guard = ca.if_else(ca.fabs(total) <= FINITE, guard, np.inf)  # fmax ignores NaN
     return ca.Function(
         program.name,
@@ -41,23 +38,23 @@ def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
     )
 
 
-def run(program: Program, given: list[Any], kind: Any) -> tuple[list[Any], Any]:
+def run(program: Program, given: list[Any]) -> tuple[list[Any], Any]:
     """Run a program on CasADi scalars and return results and guard."""
     shared: list[Any] = [None] * program.shared
     own: list[Any] = [None] * program.own
-    result: list[Any] = [kind(np.nan)] * sum(size for _, size in program.outputs)
-    guard: Any = kind(0.0)
+    result: list[Any] = [ca.SX(np.nan)] * sum(size for _, size in program.outputs)
+    guard: Any = ca.SX(0.0)
     for step in program.steps:
         if isinstance(step, Start):
-            shared[step.start : step.start + len(step.values)] = [kind(float(x)) for x in step.values]
+            shared[step.start : step.start + len(step.values)] = [ca.SX(float(x)) for x in step.values]
             continue
-        guard = _call(program, step, given, result, shared, own, guard, kind)
+        guard = _call(program, step, given, result, shared, own, guard)
     return result, guard
 
 
 def _call(
     program: Program, call: Call, given: list[Any], result: list[Any], shared: list[Any], own: list[Any],
-    guard: Any, kind: Any,
+    guard: Any,
 ) -> Any:  # fmt: skip
     """Run one call and return the updated guard."""
     function = program.kernels[call.kernel].function
@@ -70,7 +67,7 @@ def _call(
                 case Result(index):
                     values = [result[j] for j in index[i]]
                 case Constants(numbers):
-                    values = [kind(float(x)) for x in numbers[i]]
+                    values = [ca.SX(float(x)) for x in numbers[i]]
                 case Shared(start, size):
                     values = shared[start : start + size]
                 case Each(start, size):
@@ -79,7 +76,7 @@ def _call(
                     values = own[start + i * size : start + (i + 1) * size]
                 case Turned():
                     values = [own[j] for j in source.index(i)]
-            arguments.append(ca.vertcat(*values) if values else kind(0, 1))
+            arguments.append(ca.vertcat(*values) if values else ca.SX(0, 1))
         outputs = function.call(arguments)
         for target, output in zip(call.targets, outputs, strict=True):
             values = [output[j] for j in range(output.numel())]

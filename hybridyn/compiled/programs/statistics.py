@@ -91,7 +91,7 @@ def flattened(program: Program) -> tuple[int, int]:
     from .interpreter import run
 
     symbols = [ca.SX.sym(name, size) for name, size in program.inputs]
-    result, guard = run(program, [x for column in symbols for x in ca.vertsplit(column)], ca.SX)
+    result, guard = run(program, [x for column in symbols for x in ca.vertsplit(column)])
     outputs = [ca.vertcat(*result), guard]
     both = (ca.Function("flat", symbols, ca.cse(wanted)) for wanted in (outputs, outputs[:-1]))
     with_guard, alone = (len(costing(operations_of(f))) for f in both)

@@ -34,14 +34,16 @@ def origin_of(node: Node | None) -> Array:
     return placement_from(rotation_from_quaternion(*(quaternion / norm)), position)
 
 
-def axis_of(node: Node | None, default: tuple[float, float, float] = (1, 0, 0)) -> Array:
-    """Return the unit vector that an `<axis xyz>` element states, shape (3,); the default for None.
+def axis_of(node: Node | None) -> Array:
+    """Return the unit vector that an `<axis xyz>` element states, shape (3,); x for None.
 
     Raises:
         ModelError: A number does not parse, or the axis is zero.
     """
-    axis = np.array(default, dtype=float) if node is None else node.numbers("xyz", 3)
+    if node is None:
+        return np.array([1.0, 0.0, 0.0])
+    axis = node.numbers("xyz", 3)
     norm = float(np.linalg.norm(axis))
-    if node is not None and norm < SMALLEST_AXIS:
+    if norm < SMALLEST_AXIS:
         raise node.error('the axis is zero; give a direction such as xyz="0 0 1"')
     return axis / norm
