@@ -61,6 +61,21 @@ def test_records_of_arrays_compare_by_identity() -> None:
     assert comparing == []
 
 
+#: What a test reads from the clock, and limits in seconds that a slow machine could reach.
+JUDGED = re.compile(r"\b(?:perf_counter|process_time|monotonic|thread_time)(?:_ns)?\(\)|\btimeout=[\d.]+[,)]")
+
+
+def test_no_test_is_judged_by_the_clock() -> None:
+    """Clocks are those of `clocks.py`; limits are those of `waiting.py`, which only a hang reaches."""
+    judged = [
+        f"{path.relative_to(ROOT)}: {found[0]}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        if path.name != "waiting.py"
+        for found in JUDGED.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert judged == []
+
+
 @pytest.mark.parametrize("words", [["--help"], ["--version"], ["robots", "--help"], ["check", "--help"]])
 def test_help_imports_nothing_heavy(words: list[str]) -> None:
     code = (
