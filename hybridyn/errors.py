@@ -37,7 +37,7 @@ def install_advice(extra: str) -> str:
 
 
 class PerformanceWarning(UserWarning):
-    """A program calls hybridyn in a way that is far slower than another."""
+    """The program calls hybridyn in a way that is much slower than another one."""
 
 
 class HybridynError(Exception):
@@ -118,12 +118,12 @@ class AssemblyError(HybridynError):
 
 
 class SingularityError(HybridynError):
-    """A matrix that must be solved lost rank.
+    """The matrix of a linear system lost rank.
 
     Attributes:
         module: Name of the module, or None.
         what: What lost rank ("legs", "motors", "inertia", ...), or None.
-        condition: Condition number of it (scaled), or None.
+        condition: Its condition number (scaled), or None.
         sample: Index of the sample in the batch (from 0), or None.
     """
 

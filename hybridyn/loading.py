@@ -38,16 +38,17 @@ def load(
             of a shipped robot, "lx4". An existing path takes precedence. "world.sdf#arm" is the model "arm"
             of an SDF file.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
-            in q, v, a, with Pinocchio's local velocities. None takes what the file says: "floating"
-            for an MJCF robot on a free joint and an SDF robot that nothing holds, else "fixed".
+            in q, v, a, with Pinocchio's local velocities. None uses the base that the file states: "floating"
+            for an MJCF robot on a free joint and for an SDF or USD robot that no joint connects to the world,
+            else "fixed".
         motors: Names of the driven joints, instead of those in the files.
-        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes what the file says
-            (MJCF, SDF, USD), else (0, 0, -9.81).
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None uses that of the file (MJCF,
+            SDF, USD), else (0, 0, -9.81).
         xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders in which `$(find package)` and `package://` look, and from which MJCF and
-            SDF may include files.
-        rank_tolerance: Relative singular value below which closure rows count as dependent; where left out,
-            it is determined at generic postures.
+        package_dirs: Folders in which `$(find package)` and `package://` search, and from which MJCF, SDF
+            and USD files may include files.
+        rank_tolerance: Relative singular value below which closure rows count as dependent. By default it is
+            determined at generic postures.
         closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the
             module's length.
         held: Passive joints that are never removed with a wrist, so that effects can act on them.
@@ -88,9 +89,10 @@ def from_pinocchio(
 ) -> HybridRobot:
     """Build a robot from a Pinocchio model and the constraint models that close its loops.
 
-    The robot's q and v have the order and the coordinates of the model; only a mimicking joint, which has no
-    coordinate in Pinocchio, has its own here, and a coupling ties it to its leader. A composite joint becomes
-    a chain of joints ("name_1", "name_2", ...). Body and operational frames are links.
+    The robot's q and v have the order and the coordinates of the model, with one exception: a mimicking joint
+    has no coordinate in Pinocchio, but has one here, and a coupling relates it to the joint that it mimics.
+    A composite joint becomes a chain of joints ("name_1", "name_2", ...). Body and operational frames become
+    links.
 
     Args:
         model: The model.
@@ -100,18 +102,18 @@ def from_pinocchio(
             "revolute", "prismatic", "cylindrical", "planar", "spherical" or "fixed". The axis is the third
             axis of the constraint's frames.
         home: The home posture: a configuration of the model, shape (nq,), or the name of one of its reference
-            configurations. None takes "home", else the first of them, else `pin.neutral`.
-        base: As in `load`; None gives "floating" to a model on a free-flyer that no constraint ties to the
+            configurations. None uses "home", else the first of them, else `pin.neutral`.
+        base: As in `load`. None means "floating" for a model on a free-flyer that no constraint ties to the
             world, else "fixed".
-        motors: Names of the driven joints. None takes every joint of a tree; in a robot with loops, the
-            joints with an effort limit, if not all have one.
-        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes that of the model.
+        motors: Names of the driven joints. None means every joint of a tree; in a robot with loops, it means
+            the joints with an effort limit, if not all have one.
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None uses that of the model.
         rank_tolerance: As in `load`.
         closure_tolerance: As in `load`.
         held: As in `load`.
 
     Raises:
-        ModelError: The model or a constraint has something that hybridyn does not have; the message names it.
+        ModelError: hybridyn does not support a part of the model or of a constraint; the message names it.
         AssemblyError: No posture closes a module's loops.
     """
     from .description.pin_model.model import read_model

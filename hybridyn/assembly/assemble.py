@@ -67,7 +67,7 @@ def assemble(
     Raises:
         AssemblyError: A target is out of reach, a step would leave the branch, or the posture is
             underdetermined.
-        SingularityError: The joints cannot follow the motion, as a platform's where a leg is stretched.
+        SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, or a number is not finite.
     """
     requests = gather_requests(robot, by_name(motors), by_name(platforms))

@@ -51,10 +51,11 @@ def compile(
             them), or slots; all others are constants of the code.
         threads: Number of threads that share a batch.
         dtype: "float64", or "float32", which computes a batch twice as fast with seven digits.
-        quick: Whether to return after a quick build (-Og) of one model, which gives the same bits in about
-            half more time: of `idm` (True or "idm"), or of `ddm` ("ddm"). The first call that needs another
-            model builds all, quickly. A process of its own builds the optimised library, and the model uses
-            it when it is there. It ends with the program, and the next one begins again.
+        quick: Whether to return after a quick build (-Og) of one model: of `idm` (True or "idm"), or of `ddm`
+            ("ddm"). It gives the same bits in about half more time. The first call that needs another model
+            builds all models in the same way. Meanwhile a separate process builds the optimised library, and
+            the model uses it as soon as it is built. This process ends with the program; the next program
+            starts it again.
 
     Returns:
         The compiled models. Call `idm` and `ddm` like the functions of the general path.

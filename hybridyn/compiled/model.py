@@ -115,18 +115,18 @@ class CompiledRobot(ControlSteps, LinkQuantities):
 
     @property
     def library(self) -> Library:
-        """The loaded library of all models; after a quick build of one, the others are built now."""
+        """The loaded library of all models. After a quick build of one model, this builds the others."""
         return self._current.whole()
 
     def replace_later(
         self, build_all: Callable[[], Library], replacing: Callable[[Callable[[Library], None]], Replacement]
     ) -> None:
-        """Use the optimised library when it is there, see `Current.replace_later`."""
+        """Use the optimised library as soon as it is built, see `Current.replace_later`."""
         self._current.replace_later(build_all, replacing)
 
     @property
     def quick(self) -> bool:
-        """Whether the programs are those of a quick build, with the same bits in half more time."""
+        """Whether the programs are of a quick build: they give the same bits in about half more time."""
         return self._current.library.built.quick
 
     def wait_until_optimised(self) -> None:

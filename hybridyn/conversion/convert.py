@@ -38,12 +38,13 @@ _UNWRITABLE = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @dataclass(frozen=True)
 class Conversion:
-    """What `convert` wrote.
+    """The result of `convert`.
 
     Attributes:
-        files: The files, the robot's first; the others stand beside it and hybridyn reads them with it.
-        losses: What the format cannot say, one line each, with the names of joints, links and closures.
-        notes: Remarks that are no losses.
+        files: Paths of the written files. The first is the robot's file; hybridyn reads the others with it.
+        losses: Properties that the format cannot express, one line each, with the names of joints, links
+            and closures.
+        notes: Remarks that do not concern losses.
     """
 
     files: tuple[Path, ...]
@@ -62,24 +63,25 @@ def convert(
 ) -> Conversion:
     """Write a robot in the format that the ending of a file names: URDF, MJCF (`.xml`), SDF, USD (`.usda`).
 
-    Tree, closures, inertias, limits, motors, effects and home are written as far as the format can say them;
-    what it cannot is listed. A `robot.xml.model.toml` beside `robot.xml` holds what only hybridyn reads.
+    Tree, closures, inertias, limits, motors, effects and home posture are written as far as the format can
+    express them. The result lists all other properties. Data that only hybridyn reads is written to a file
+    beside the output, `robot.xml.model.toml` for `robot.xml`.
 
     Args:
         robot: A robot, with its own base and gravity; or a file of any format that `load` reads; or the name
             of a shipped robot.
         path: The file to be written.
-        base: "fixed" or "floating"; None takes what the robot has.
+        base: "fixed" or "floating"; None uses the base of the robot.
         tightness: Distance by which closures may open in a simulator that holds them with springs [m].
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages, as for `load`.
 
     Returns:
-        The written files and what was lost.
+        The written files, the losses and the notes.
 
     Raises:
-        ModelError: The robot cannot be read, no writer has this ending, the folder does not exist, or a file
-            would be replaced that the robot comes from or that another program wrote.
+        ModelError: The robot cannot be read, the ending names no format, the folder does not exist, or a file
+            would be replaced that belongs to the robot or that `convert` did not write.
         OSError: A file cannot be written.
     """
     target = Path(path)

@@ -20,7 +20,7 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
 
     Args:
         robot: The robot.
-        effects: As in `choose`.
+        effects: As in `hybridyn.idm`.
 
     Raises:
         ModelError: An effect or a link is unknown, a floating base is prescribed, or `robot.model` was

@@ -84,13 +84,13 @@ def locate(event: Event, between: Between, t0: float, before: float) -> Found:
 def near_singularity(
     robot: HybridRobot, threshold: float = 1e-3, *, what: str = "closures", terminal: bool = True
 ) -> Event:
-    """Build the event that a robot comes close to a singularity.
+    """Build an event that occurs when a robot comes close to a singularity.
 
     Args:
         robot: The robot.
         threshold: Least singular value, relative to the largest, at which the event occurs.
-        what: "closures" where the loops are about to lose rank; "motors" where the motors are about to lose a
-            motion (parallel singularities), or the motions a motor.
+        what: "closures": the closures are about to lose rank. "motors": the motors are about to lose a motion
+            (parallel singularities), or the motions a motor.
         terminal: Whether the event ends the run.
     """
     manifold = Manifold(robot)

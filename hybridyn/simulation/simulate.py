@@ -63,35 +63,35 @@ def simulate(
         v0: Rates at the start, shape (nv,), [m/s, rad/s]; not used with `resume`.
         times: Start and end [s], or all output times, in order; an end before the start runs backwards.
         effort: Efforts in the order of `robot.motors`, shape (motors,), [N or N m], or a function of (t, q,
-            v) that returns them; zero where left out.
+            v) that returns them; zero by default.
         effects: As in `ddm`; tables over time are evaluated at the simulated time.
         wrenches: For each link a wrench ON it, shape (6,), [N, N m], in its frame, or a function of (t, q, v)
             that returns such a mapping.
         base_motion: For base="moving", a function of t that returns the root's pose x, y, z, qx, qy, qz, qw,
             its twist and its spatial acceleration, both in its own frame (Pinocchio's).
         solver: Method, length of steps, tolerances and projection, see `hybridyn.simulation.solver.Solver`;
-            adaptive steps of "dopri5" where left out.
+            adaptive steps of "dopri5" by default.
         events: Events to detect; they are located on the dense output to rounding.
-        output_times: Times of the samples; where left out, the ends of the steps (or `times`, if more than
+        output_times: Times of the samples; by default the ends of the steps (or `times`, if more than
             two).
         initial_velocity: "refuse" raises an error for a v0 that does not keep the loops closed; "project"
             projects it.
         progress: Called after every step with the time reached and the end.
         checkpoint: File for the result so far, written every 1,000 steps and at the end.
-        resume: An earlier result, or its file, from which the run continues; with the same arguments the
-            bits are the same as those of one run.
+        resume: An earlier result, or its file, from which the run continues. With the same arguments the
+            result is the same, bit for bit, as that of one run.
         compiled: `hybridyn.compile(robot, effects)`, which then computes the accelerations, and takes steps
-            of "rk4" and "dopri5" in C. Accelerations agree to rounding; a step's error is the method's, in
-            coordinates of independent joints instead of those of the tangent space. The general path is used
-            where the compiled one is not valid.
+            of "rk4" and "dopri5" in C. Accelerations agree to rounding. Steps in C use coordinates of
+            independent joints instead of those of the tangent space, so results differ by the error of the
+            method. If the compiled model is not valid at a state, the general path is used.
         scene: Digest of the scene (`hybridyn.scenes.stage.identity`). It is stored in the checkpoint, and a
             run that resumes it must have the same one.
         **options: Fields of `Solver` as keywords, instead of `solver`: method, step, rtol, atol, projection,
             baumgarte.
 
     Returns:
-        The motion; `status` and `message` say how it ended. Where loops cannot be closed any more, and at a
-        keyboard interrupt, the run ends and returns what was computed so far.
+        The motion; `status` and `message` state how it ended. If loops cannot be closed any more, or at a
+        keyboard interrupt, the run ends and the motion so far is returned.
 
     Raises:
         AssemblyError: q0 or v0 does not close the loops.

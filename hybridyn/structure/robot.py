@@ -210,7 +210,7 @@ class HybridRobot:
 
     @property
     def unchanged_model(self) -> pin.Model:
-        """The same model for hybridyn's own functions; callers never hold it."""
+        """The same model for hybridyn's own functions; it is never returned to callers."""
         return self._models[1]
 
     @cached_property
@@ -220,14 +220,14 @@ class HybridRobot:
 
     @property
     def model_is_held(self) -> bool:
-        """Whether somebody may hold `model`, or a part of it, and change it later."""
+        """Whether the program may hold a reference to `model`, or to a part of it, and change it later."""
         if "_models" not in self.__dict__:
             return False
         count = getattr(sys, "getrefcount", None)
         return count is None or count(self._models[0]) > count(self._models[1])
 
     def with_parameters(self, values: Mapping[str, ArrayLike]) -> HybridRobot:
-        """Build the robot with other parameters; where its topology is the same, ranks are only checked.
+        """Build the robot with other parameters; if its topology is the same, ranks are only checked.
 
         Args:
             values: Parameters by name: numbers of the description such as "mass:LINK" or "position:JOINT" (as
@@ -251,7 +251,7 @@ class HybridRobot:
         return model, model.copy()
 
     def check_model(self) -> None:
-        """Check that nobody changed `model`, whose changes hybridyn's own functions would not read.
+        """Check that `model` was not changed, because hybridyn's own functions would not read the changes.
 
         Raises:
             ModelError: It was changed; the message names the parts.

@@ -38,7 +38,7 @@ def geometry_model(
         The shapes; their names and parent frames are those of Pinocchio's own URDF reader.
 
     Raises:
-        ModelError: The robot's file is no URDF, or a mesh is missing or cannot be read.
+        ModelError: The robot's file is not a URDF, or a mesh is missing or cannot be read.
         TrajectoryError: `kind` is neither "visual" nor "collision".
     """
     import pinocchio as pin

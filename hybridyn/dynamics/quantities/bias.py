@@ -46,12 +46,12 @@ def bias(
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
-        joints: Independent joints u, as many in each module as it has freedoms; the motors where left out. A
-            floating base's twist comes first in u.
-        effects: As in `idm`; friction, springs and contacts count where they are among them.
+        joints: Independent joints u, in each module as many as its degrees of freedom; the motors by default.
+            The twist of a floating base comes first in u.
+        effects: As in `idm`; friction, springs and contacts contribute if they are among these effects.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (T, 6);
-            zero where left out.
+            zero by default.
 
     Returns:
         Shape (N,) or (T, N), [N or N m].
@@ -59,8 +59,8 @@ def bias(
     Raises:
         AssemblyError: The state does not close the loops.
         SingularityError: Closures lose rank, or the joints are not independent.
-        ModelError: Effects that are unknown, without numbers, or prescribe the base.
-        TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
+        ModelError: Effects are unknown, lack parameters, or prescribe the base.
+        TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
     """
     u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects)
     q, v, single = checked_state(robot, q, v)
@@ -84,7 +84,7 @@ def coriolis(
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         joints: As in `bias`.
-        effects: As in `bias`; of them inertia, legs, rotors and velocity terms count.
+        effects: As in `bias`; of these, only inertia, legs, rotors and velocity terms contribute.
 
     Returns:
         Shape (N,) or (T, N), [N or N m].
@@ -101,13 +101,13 @@ def coriolis(
 def gravity(
     robot: HybridRobot, q: ArrayLike, *, joints: Sequence[str] | None = None, effects: Choice = None
 ) -> Array:
-    """Compute g(q): the generalised force along u that holds the weights, the derivative of their energy.
+    """Compute g(q): the generalised force along u that balances the weights (gradient of their energy).
 
     Args:
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         joints: As in `bias`.
-        effects: As in `bias`; of them weights and legs count.
+        effects: As in `bias`; of these, only the weights of bodies and legs contribute.
 
     Returns:
         Shape (N,) or (T, N), [N or N m].

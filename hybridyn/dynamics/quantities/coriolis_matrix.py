@@ -44,8 +44,8 @@ def coriolis_matrix(
         robot: The robot; a "moving" base has to be at rest.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
-        joints: Independent joints u, as many in each module as it has freedoms; the motors where left out. A
-            floating base's twist comes first in u.
+        joints: Independent joints u, in each module as many as its degrees of freedom; the motors by default.
+            The twist of a floating base comes first in u.
         effects: As in `coriolis`.
 
     Returns:
@@ -54,8 +54,8 @@ def coriolis_matrix(
     Raises:
         AssemblyError: The state does not close the loops.
         SingularityError: Closures lose rank, or the joints are not independent or leave idle motions open.
-        ModelError: Effects that are unknown, without numbers, or prescribe the base.
-        TrajectoryError: Arrays of the wrong shape, or not finite; a moving base that moves.
+        ModelError: Effects are unknown, lack parameters, or prescribe the base.
+        TrajectoryError: An array has the wrong shape or is not finite, or a prescribed base moves.
     """
     u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects).only(QUADRATIC)
     refuse_idle(robot, u, "the Coriolis matrix")

@@ -48,7 +48,7 @@ class JointMap:
         motor_positions: Positions of the motors, shape (T, m), [m or rad].
         motors_per_joints: H, rates of the motors over those of the joints, shape (T, m, k).
         joints_per_motors: G, rates of the joints over those of the motors, shape (T, k, m).
-        motions: Computes motions over one side, for `curvature`.
+        motions: Function that computes motions over one side, for `curvature`.
     """
 
     robot: HybridRobot = field(repr=False)
@@ -91,7 +91,7 @@ class JointMap:
         return _times(np.swapaxes(self.joints_per_motors, -1, -2), joint_efforts)
 
     def at_joints(self, motors: ArrayLike) -> Array:
-        """Compute what the motors' inertia, damping or stiffness is at the joints, H^T diag H.
+        """Compute the inertia, damping or stiffness of the motors as felt at the joints, H^T diag(motors) H.
 
         Args:
             motors: One number for each motor, shape (m,), in its units.
@@ -102,7 +102,7 @@ class JointMap:
         return _congruence(self.motors_per_joints, motors)
 
     def at_motors(self, joints: ArrayLike) -> Array:
-        """Compute what the joints' inertia, damping or stiffness is at the motors, G^T diag G.
+        """Compute the inertia, damping or stiffness of the joints as felt at the motors, G^T diag(joints) G.
 
         Args:
             joints: One number for each joint, shape (k,), in its units.
@@ -113,13 +113,14 @@ class JointMap:
         return _congruence(self.joints_per_motors, joints)
 
     def joint_stiffness(self, motor_stiffness: ArrayLike, motor_efforts: ArrayLike) -> Array:
-        """Compute the stiffness at the joints of motors that carry efforts: d(joint efforts)/d(joints).
+        """Compute the stiffness at the joints, d(joint efforts)/d(joints), of motors that exert efforts.
 
-        K = H^T diag(k) H + sum over motors of tau d2(motor)/d(joints)2, the second term because H turns.
+        K = H^T diag(k) H + sum over motors of tau d2(motor)/d(joints)2. The second term is due to the change
+        of H with the posture.
 
         Args:
             motor_stiffness: Effort of each motor over its displacement, shape (m,).
-            motor_efforts: Efforts that the motors carry, shape (m,) or (T, m).
+            motor_efforts: Efforts that the motors exert, shape (m,) or (T, m).
 
         Returns:
             Symmetric, shape (k, k) or (T, k, k).
@@ -147,14 +148,14 @@ class JointMap:
 
 
 def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str]) -> JointMap:
-    """Compute the map between output joints and the motors of the modules that hold them.
+    """Compute the map between output joints and the motors of the modules that contain these joints.
 
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq); or a position, a number or shape (T,), for
             each of the joints or each of those motors, from which the posture is assembled near home.
-        joints: Names of the output joints, with one freedom each: as many in each of their modules as it has
-            freedoms.
+        joints: Names of the output joints, with one degree of freedom each. A module with output joints must
+            have as many of them as degrees of freedom.
 
     Returns:
         The map, with the positions of both sides.
@@ -163,7 +164,7 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
         AssemblyError: The posture does not close the loops, or is out of reach.
         SingularityError: Joints or motors lose a direction, closures lose rank, or there are more or fewer
             joints or motors than freedoms.
-        TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
+        TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
     """
     return related(robot, q, joints, partial(side_motions, robot))
 

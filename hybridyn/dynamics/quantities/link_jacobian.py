@@ -26,16 +26,16 @@ from .states import closed_states
 def link_jacobian(
     robot: HybridRobot, q: ArrayLike, link: str, *, joints: Sequence[str] | None = None, axes: str = "world"
 ) -> Array:
-    """Compute the Jacobian of a link or platform: its twist is J u (and a moving base's twist beside it).
+    """Compute the Jacobian J of a link or platform: its twist is J u, plus that due to a moving base.
 
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
-        link: Name of the link, a massless one inside a wrist too.
-        joints: Independent joints u, as many in each module as it has freedoms; the motors where left out. A
-            floating base's twist comes first in u.
-        axes: "world": velocity of the link's origin and angular velocity in world axes, as `kinematics` has
-            them; "link": in the link's own axes.
+        link: Name of the link. It may also be a massless link inside a wrist.
+        joints: Independent joints u, in each module as many as its degrees of freedom; the motors by default.
+            The twist of a floating base comes first in u.
+        axes: "world": velocity of the link's origin and angular velocity in world axes, as in `kinematics`;
+            "link": the same in the link's own axes.
 
     Returns:
         Shape (6, N) or (T, 6, N).
@@ -43,8 +43,8 @@ def link_jacobian(
     Raises:
         AssemblyError: The posture does not close the loops.
         SingularityError: Closures lose rank, or the joints are not independent.
-        TrajectoryError: An unknown link; arrays of the wrong shape, or not finite; a joint that cannot be a
-            coordinate.
+        TrajectoryError: A link is unknown, an array has the wrong shape or is not finite, or a joint cannot
+            be a coordinate.
     """
     u = independent_coordinates(robot, joints)
     named_links(robot, [link])

@@ -32,25 +32,26 @@ from .states import closed_states
 def mass_matrix(
     robot: HybridRobot, q: ArrayLike, *, joints: Sequence[str] | None = None, effects: Choice = None
 ) -> Array:
-    """Compute M(q) of tau = M u_dot + c + g, symmetric; kinetic energy is u^T M u / 2.
+    """Compute the mass matrix M(q) of tau = M u_dot + c + g; the kinetic energy is u^T M u / 2.
 
-    The cost is linear in the number of modules times their depth: quadratic for a chain, as its entries are.
+    The cost is linear in the number of modules times their depth. For a chain of modules this is quadratic,
+    like the number of entries.
 
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
-        joints: Independent joints u, as many in each module as it has freedoms; the motors where left out. A
-            floating base's twist comes first in u.
-        effects: As in `idm`: rotors count where "rotor_inertia" is among them.
+        joints: Independent joints u, in each module as many as its degrees of freedom; the motors by default.
+            The twist of a floating base comes first in u.
+        effects: As in `idm`; rotors contribute if "rotor_inertia" is among these effects.
 
     Returns:
-        Shape (N, N) or (T, N, N), [kg, kg m, kg m^2].
+        Symmetric matrix, shape (N, N) or (T, N, N), [kg, kg m, kg m^2].
 
     Raises:
         AssemblyError: The posture does not close the loops.
         SingularityError: Closures lose rank, or the joints are not independent.
-        ModelError: Effects without inertia, unknown, or without numbers.
-        TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
+        ModelError: Effects are unknown, lack parameters, or do not include "inertia".
+        TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
     """
     u, on = independent_coordinates(robot, joints), choose(robot, effects)
     needs_inertia(on)

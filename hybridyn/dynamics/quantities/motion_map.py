@@ -34,16 +34,17 @@ def motion_map(
 def motion_map(
     robot: HybridRobot, q: ArrayLike, v: ArrayLike | None = None, *, joints: Sequence[str] | None = None
 ) -> Array | tuple[Array, Array]:
-    """Compute E(q) with v = E u, and with rates v also E_dot with a = E u_dot + E_dot u.
+    """Compute the map E(q) from independent rates u to all rates v = E u, and also E_dot if `v` is given.
 
-    u are the rates of the motors, or of `joints`, in this order; a floating base's twist comes first. The
-    rows of a prescribed base ("moving") are zero: its twist adds to v.
+    Accelerations are a = E u_dot + E_dot u. The entries of u are the rates of the motors, or of `joints`, in
+    this order; the twist of a floating base comes first. The rows of a prescribed base ("moving") are zero,
+    because its twist is added to v.
 
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
-        joints: Independent joints, as many in each module as it has freedoms; the motors where left out.
+        joints: Independent joints, in each module as many as its degrees of freedom; the motors by default.
 
     Returns:
         E, shape (nv, N) or (T, nv, N); with `v` also E_dot, of the same shape.
@@ -52,7 +53,7 @@ def motion_map(
         AssemblyError: The state does not close the loops.
         SingularityError: Closures lose rank, or the joints are not independent: u does not determine v, or
             has more entries than the robot has freedoms.
-        TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
+        TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
     """
     u = independent_coordinates(robot, joints)
     q, rates, single = checked_state(robot, q, v)

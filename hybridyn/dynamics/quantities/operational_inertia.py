@@ -43,9 +43,9 @@ def delassus(
     Args:
         robot: The robot; a "moving" base is held.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
-        links: Name of a link, or of several: six rows each, in this order.
+        links: Names of one or several links; the result has six rows for each, in this order.
         axes: Axes of wrenches and accelerations at the links' origins: "world", or "link" for their own.
-        effects: As in `idm`: rotors count where "rotor_inertia" is among them.
+        effects: As in `idm`; rotors contribute if "rotor_inertia" is among these effects.
 
     Returns:
         Shape (6 k, 6 k) or (T, 6 k, 6 k), symmetric, positive semidefinite.
@@ -53,8 +53,8 @@ def delassus(
     Raises:
         AssemblyError: The posture does not close the loops.
         SingularityError: Closures lose rank, or a wrench acts on a motion without inertia.
-        ModelError: Effects without inertia, unknown, or without numbers.
-        TrajectoryError: An unknown link; arrays of the wrong shape, or not finite.
+        ModelError: Effects are unknown, lack parameters, or do not include "inertia".
+        TrajectoryError: A link is unknown, or an array has the wrong shape or is not finite.
     """
     names = [links] if isinstance(links, str) else list(links)
     named_links(robot, names)

@@ -17,7 +17,7 @@ def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike | None) -> tupl
     """Return positions and rates (None: zero) as batches of equal size, and whether q was a single sample.
 
     Raises:
-        TrajectoryError: Arrays of the wrong shape, or not finite.
+        TrajectoryError: An array has the wrong shape or is not finite.
     """
     q, single = as_positions(robot, q)
     rates = np.zeros((len(q), robot.nv)) if v is None else as_rates(robot, v)[0]
@@ -30,7 +30,7 @@ def closed_states(robot: HybridRobot, q: Array, v: Array | None = None) -> list[
 
     Args:
         q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv); zero where left out.
+        v: Rates, shape (T, nv); zero by default.
 
     Raises:
         AssemblyError: Positions or rates do not close the loops.

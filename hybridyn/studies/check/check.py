@@ -53,7 +53,7 @@ def check(
 
     Args:
         path: The robot's file, or the name of a shipped robot.
-        motors: Names of the driven joints, in place of those that the files state.
+        motors: Names of the driven joints, instead of those that the files state.
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders in which `$(find package)` and `package://` search.
         rank_tolerance: As for `hybridyn.load`.

@@ -74,11 +74,11 @@ def _result(future: Any) -> Any:
 
 @contextlib.contextmanager
 def open_dask(jobs: int, scheduler: str | None) -> Iterator[DaskPool]:
-    """Connect to a cluster that stands, or start one on this machine.
+    """Connect to a running cluster, or start one on this machine.
 
     Args:
         jobs: Number of processes of a cluster on this machine.
-        scheduler: Address of a cluster that stands, or None.
+        scheduler: Address of a running cluster, or None.
 
     Raises:
         HybridynError: The scheduler does not answer, or has no workers.

@@ -29,7 +29,7 @@ def open_pool(engine: Engine, jobs: int | None, scheduler: str | None) -> Iterat
     Args:
         engine: "loky", "dask" or "ray".
         jobs: Number of processes; one per core by default. A cluster has its own number.
-        scheduler: Address of a cluster that stands: of Dask, "tcp://host:8786", or of Ray, "host:6379".
+        scheduler: Address of a running cluster: of Dask, "tcp://host:8786", or of Ray, "host:6379".
 
     Raises:
         HybridynError: A package is missing, or the scheduler does not answer.

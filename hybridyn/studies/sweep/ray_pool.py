@@ -62,11 +62,11 @@ def _result(task: Any) -> Any:
 
 @contextlib.contextmanager
 def open_ray(jobs: int, scheduler: str | None) -> Iterator[RayPool]:
-    """Connect to a cluster that stands, or start one on this machine.
+    """Connect to a running cluster, or start one on this machine.
 
     Args:
         jobs: Number of processes of a cluster on this machine.
-        scheduler: Address of a cluster that stands, "host:6379" or "auto", or None.
+        scheduler: Address of a running cluster, "host:6379" or "auto", or None.
 
     Raises:
         HybridynError: The cluster does not answer.

@@ -94,26 +94,26 @@ def sweep(
 ) -> Swept:
     """Evaluate every design of a study: one row per design, in shards in a folder.
 
-    A design is the same, and its row the same bits, whatever the engine, the number of processes and the
-    division into shards.
+    The designs and their rows are the same, bit for bit, for every engine, number of processes and division
+    into shards.
 
     Args:
         study: The study's TOML file, see docs/sweeps.md.
         output: Folder of the results.
         engine: "loky" (processes on this machine), "dask" or "ray".
         jobs: Number of processes; one per core by default.
-        scheduler: Address of a cluster that stands: of Dask, "tcp://host:8786", or of Ray, "host:6379"; its
+        scheduler: Address of a running cluster: of Dask, "tcp://host:8786", or of Ray, "host:6379". Its
             workers need the same files.
         resume: Whether to continue from the shards in the folder.
         allow_python: Whether measures may be functions of Python files, which run with all rights of the
             processes.
         format: Format of the shards, "parquet" or "csv"; by default Parquet where polars is installed.
-        compiled: Whether compiled models may evaluate designs, where the study allows it. A run that
-            continues does as the one before.
+        compiled: Whether compiled models may evaluate designs if the study allows it. A resumed run uses the
+            choice of the earlier run.
         progress: Called after each chunk.
 
     Returns:
-        What was done.
+        A summary of the run.
 
     Raises:
         HybridynError: The study is wrong, none of its designs loads, the folder has other results, the
