@@ -270,5 +270,4 @@ def _reached(task: Task, q: Array) -> Array:
         if not len(active):
             break
     result = task.solve(q[there], np.zeros(there.sum(), dtype=int))
-    closed: Array = result.q[task.closed(result)]
-    return closed
+    return result.q[task.closed(result)]

@@ -96,8 +96,7 @@ def motor_share(module: Module, Psi: Array) -> Array | None:
     if not module.motors or not module.mobility:
         return None
     orthonormal = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None])[0]
-    out: Array = np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)[:, -1]
-    return out
+    return np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)[:, -1]
 
 
 def architecturally_singular(module: Module) -> str:

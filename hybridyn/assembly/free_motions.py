@@ -147,16 +147,14 @@ def _null_space(A: Array, tolerance: float) -> Array:
         return np.zeros((0, 0))
     _, s, Vt = np.linalg.svd(A, full_matrices=True)
     rank = int(np.sum(s > tolerance))
-    out: Array = Vt[rank:].T
-    return out
+    return Vt[rank:].T
 
 
 def _complement(Q: Array) -> Array:
     """Compute an orthonormal basis of the complement of orthonormal columns Q."""
     if not Q.shape[1]:
         return np.eye(len(Q))
-    out: Array = np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
-    return out
+    return np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
 
 
 def _named(motions: Array, names: list[str]) -> tuple[str, ...]:

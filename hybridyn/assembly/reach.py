@@ -97,5 +97,4 @@ def _nearest(good: Index, bad: Index) -> Index:
     """Return for each bad sample the nearest good one; both are sorted."""
     after = np.minimum(np.searchsorted(good, bad), len(good) - 1)
     before = np.maximum(after - 1, 0)
-    closer: Index = np.where(bad - good[before] <= np.abs(good[after] - bad), good[before], good[after])
-    return closer
+    return np.where(bad - good[before] <= np.abs(good[after] - bad), good[before], good[after])

@@ -58,8 +58,7 @@ class Need:
 
 def motor_units(module: Module) -> Array:
     """Return the factor that converts each motor's effort to work per scaled coordinate, shape (motors,)."""
-    out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
-    return out
+    return module.mechanism.reduction.col_scale[module.motor_columns]
 
 
 def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sharing: Sharing) -> Array:

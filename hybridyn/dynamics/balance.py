@@ -101,8 +101,7 @@ def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
     resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
     kept = largest(x.Q_0)
     terms = largest(y) * np.maximum(x.size / np.where(kept > 0, kept, np.inf), 1.0)
-    out: Array = np.maximum(terms, x.size / np.where(resisted > 0, resisted, np.inf))
-    return out
+    return np.maximum(terms, x.size / np.where(resisted > 0, resisted, np.inf))
 
 
 def congruence(B: Array, M: Array) -> Array:

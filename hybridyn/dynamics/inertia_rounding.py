@@ -66,5 +66,4 @@ def rounding_of(inertia: Array) -> Array:
     bounds all these errors.
     """
     diagonal = np.diagonal(inertia, axis1=2, axis2=3)
-    out: Array = 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
-    return out
+    return 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)

@@ -147,5 +147,4 @@ def possible_motions(module: Module, K: Array) -> Array:
     r = module.mechanism.reduction
     _, s, Vt = np.linalg.svd(r.scaled(K))
     kept = min(int(np.sum(s > 10 * LOST_PIVOT * s[0])), r.rank - 1)
-    out: Array = Vt[kept:].T * r.col_scale[:, None]
-    return out
+    return Vt[kept:].T * r.col_scale[:, None]

@@ -59,8 +59,7 @@ class NaturalSizes:
         Args:
             length: Length of the pendulum [m].
         """
-        out: Array = np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
-        return out
+        return np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
 
     def acceleration(self, length: float) -> Array:
         """Compute the reference acceleration for the rounding of accelerations, shape (T,), [rad/s^2].
@@ -68,8 +67,7 @@ class NaturalSizes:
         Args:
             length: Length of the pendulum in `rate` [m].
         """
-        out: Array = np.maximum(self.stated, self.rate(length) ** 2)
-        return out
+        return np.maximum(self.stated, self.rate(length) ** 2)
 
 
 def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:

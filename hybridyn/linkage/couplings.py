@@ -48,5 +48,4 @@ def coupling_residual(tree: Tree, coupling: TreeCoupling, q: Array) -> Array:
             total += coefficient * x[:, 0]
     # Cosine and sine of a continuous joint determine its angle up to whole turns.
     period = 2 * np.pi * common_measure(endless)
-    out: Array = total - period * np.round(total / period) if period else total
-    return out
+    return total - period * np.round(total / period) if period else total

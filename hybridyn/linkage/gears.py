@@ -79,8 +79,7 @@ class Gear:
         total = self.given[samples + 1] - self.given[samples]
         for term in self.terms:
             total = total + term.weight * step[:, term.to]
-        out: Mask = np.abs(total) < self.period / 2
-        return out
+        return np.abs(total) < self.period / 2
 
     def near(self, q: Array) -> Gear:
         """Return the gear with its unknown turns fixed as in a posture, shape (nq,)."""
@@ -148,5 +147,4 @@ def turns_decide(unknown: Sequence[float], known: Sequence[float]) -> bool:
 
 def nearest(angle: Array, near: Array) -> Array:
     """Add to angles the whole turns that bring them nearest to others."""
-    out: Array = angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
-    return out
+    return angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))

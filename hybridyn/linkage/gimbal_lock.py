@@ -24,8 +24,7 @@ def is_locked(S: Array) -> Mask:
         Mask, shape (T,).
     """
     s = np.linalg.svd(S, compute_uv=False)
-    out: Mask = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
-    return out
+    return s[:, -1] <= GIMBAL_LOCK * s[:, 0]
 
 
 def warn_of_gimbal_lock(S: Array) -> None:

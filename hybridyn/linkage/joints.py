@@ -135,8 +135,7 @@ class TreeJoint:
 
 def _turned(x: Array, y: Array) -> Array:
     """Compute the signed angles from unit vectors x to y, shape (T,)."""
-    out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
-    return out
+    return np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
 
 
 def _turn(cos_sin: Array, angle: Array) -> Array:

@@ -91,8 +91,7 @@ def size_of_rows(s: Array, tolerance: float) -> Array:
         s: Singular values, largest first, shape (T, values).
         tolerance: Singular values below this are rounding.
     """
-    out: Array = np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
-    return out
+    return np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
 
 
 def decide_rank(K: Array, tolerance: float) -> RankReport:

@@ -120,8 +120,7 @@ def branch_of(
 def derivative(f: Callable[[float], Array]) -> Array:
     """Compute f'(0) by fourth-order central differences."""
     h = BRANCH_DIFFERENCE
-    out: Array = (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
-    return out
+    return (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
 
 
 def along_branch(state: ModuleState, basis: Basis) -> Basis:
@@ -172,8 +171,7 @@ class _Path:
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
         rates = rate * m.reduction.col_scale
         at = np.repeat(x, len(rates), axis=0)
-        out: Array = m.closures.rates(m.tree.sweep(at, rates), rates)[1] * m.reduction.row_scale
-        return out
+        return m.closures.rates(m.tree.sweep(at, rates), rates)[1] * m.reduction.row_scale
 
     def strong_drift(self, s: float, parts: tuple[Array, ...], strong: int) -> Array:
         """Compute the drift that the strong rows determine at path length s, (n,), from their U, s, Vt."""

@@ -108,8 +108,7 @@ class Pd:
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
         x, x_dot, _ = self._reference.at(t)
-        out: Array = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
-        return out
+        return self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the control for steps in C."""

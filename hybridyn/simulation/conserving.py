@@ -270,8 +270,7 @@ def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
     scale = dz @ moved
     if scale == 0.0 or not np.isfinite(scale):
         return inverse
-    out: Array = inverse + np.outer(dz - moved, dz @ inverse) / scale
-    return out
+    return inverse + np.outer(dz - moved, dz @ inverse) / scale
 
 
 def _check_inertia(end: _End) -> None:

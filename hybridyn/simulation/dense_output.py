@@ -70,8 +70,7 @@ class Between:
         manifold = self._system.manifold
         pull = manifold.retraction.pull
         size = RATE_DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
-        out: Array = (pull(xi + size * rate, v) - pull(xi - size * rate, v)) / (2 * size)
-        return out
+        return (pull(xi + size * rate, v) - pull(xi - size * rate, v)) / (2 * size)
 
     def _acceleration(self, state: State) -> Array:
         if self._exact:

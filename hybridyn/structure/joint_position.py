@@ -19,5 +19,4 @@ def joint_position(robot: HybridRobot, q: Array, joint: str) -> Array:
         Shape (...), [m or rad].
     """
     x = q[..., robot.q_slices[robot.joint_index[joint]]]
-    at: Array = x[..., 0] if x.shape[-1] == 1 else np.arctan2(x[..., 1], x[..., 0])
-    return at
+    return x[..., 0] if x.shape[-1] == 1 else np.arctan2(x[..., 1], x[..., 0])

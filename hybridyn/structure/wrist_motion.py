@@ -72,8 +72,7 @@ class WristMotion:
         linear, angular = (c[:, cols] for c in spanning.columns(motion))
         shift = cross(angular, motion.p[:, end, None] - motion.p[:, spanning.dof_body[cols]])
         S = np.swapaxes(np.concatenate([(linear + shift) / self._length, angular], axis=-1), 1, 2)
-        out: Array = S * self._col_scale[cols]
-        return out
+        return S * self._col_scale[cols]
 
     def link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
         """Compute the Jacobian from x_dot to the twist of a link inside a wrist, in the link's frame.

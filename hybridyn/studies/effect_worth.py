@@ -145,8 +145,7 @@ class Worth:
         model = None if self._compiled is None else self._compiled.model(on)
         if model is None:
             return self._general(on)
-        efforts: Array = model.idm(*self._motion)
-        return efforts
+        return model.idm(*self._motion)
 
     def contributions(self) -> tuple[list[Contribution], float]:
         """Compute the difference that each effect makes; inertia is removed with the effects that need it.

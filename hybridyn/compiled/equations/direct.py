@@ -81,8 +81,7 @@ class _Solved:
 
     def u_dot(self, A_base: Expression) -> Expression:
         """Compute the accelerations along the module's motions from the base's, Eq. (51)."""
-        out: Expression = self.u_0 - dot(self.G, A_base)
-        return out
+        return self.u_0 - dot(self.G, A_base)
 
     def y(self, A_base: Expression) -> Expression:
         """Compute the core's accelerations from the base's, Eq. (51)."""

@@ -116,8 +116,7 @@ def _score(size: Array) -> Array:
 
 def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
     """Convert pivots to the units of the unscaled matrix."""
-    out: Array = pivot / (row_scale * col_scale)
-    return out
+    return pivot / (row_scale * col_scale)
 
 
 def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Trust]:

@@ -218,8 +218,7 @@ class JointChart:
 
     def independent(self, x: Array) -> Array:
         """Return the independent entries of rates, accelerations or displacements, (nv,) or (nv, k)."""
-        out: Array = x[self._independent]
-        return out
+        return x[self._independent]
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
         """Compute posture and rates, like `Chart.lift`.

@@ -194,5 +194,4 @@ def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
 
 
 def _unit(vector: Array) -> Array:
-    out: Array = vector / np.linalg.norm(vector)
-    return out
+    return vector / np.linalg.norm(vector)

@@ -112,8 +112,7 @@ def _direction(node: Node, at: Array, poses: dict[str, Array]) -> Array:
     unit: Array = value / length
     if not stated:
         return unit
-    turned_: Array = at[:3, :3].T @ _frame(node, stated, poses)[:3, :3] @ unit
-    return turned_
+    return at[:3, :3].T @ _frame(node, stated, poses)[:3, :3] @ unit
 
 
 def _frame(node: Node, name: str, poses: dict[str, Array]) -> Array:

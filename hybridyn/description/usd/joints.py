@@ -225,5 +225,4 @@ def relative(bodies: Bodies, joint: UsdJoint) -> Array:
         (np.eye(4) if body is None else bodies.pose(body).frame) @ frame
         for body, frame in zip(joint.bodies, joint.frames, strict=True)
     )
-    out: Array = inverse(first) @ second
-    return out
+    return inverse(first) @ second

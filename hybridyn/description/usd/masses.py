@@ -90,8 +90,7 @@ def _mass(bodies: Bodies, body: Prim, colliders: list[Prim]) -> Mass:
 
 def _steiner(arm: Array) -> Array:
     """Return the inertia of a unit mass at the end of an arm, shape (3, 3)."""
-    out: Array = arm @ arm * np.eye(3) - np.outer(arm, arm)
-    return out
+    return arm @ arm * np.eye(3) - np.outer(arm, arm)
 
 
 def _without_shape(body: Prim, mass: float, com: Array | None, inertia: Array | None) -> Mass:

@@ -259,8 +259,7 @@ class _ModuleCheck:
             J = np.concatenate([m.tree.jacobian(motion, body) / units for body in m.spec.outputs], axis=1)
             motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
             scaled = J @ (motions * m.reduction.col_scale[:, None])
-            out: Array = np.linalg.svd(scaled, compute_uv=False).astype(float)
-            return out
+            return np.linalg.svd(scaled, compute_uv=False).astype(float)
 
         usual = np.median(values(m.postures, m.basis(m.generic_K).Psi), axis=0)
         rank = int(np.sum(usual > SINGULAR_POSTURE * usual[0]))

@@ -122,8 +122,7 @@ def _draw(
 
 def _kept(K: Array, x: Array) -> Array:
     """Return the part of x that the rows leave free."""
-    out: Array = x - np.linalg.lstsq(K, K @ x, rcond=DEPENDENT)[0] if len(K) else x
-    return out
+    return x - np.linalg.lstsq(K, K @ x, rcond=DEPENDENT)[0] if len(K) else x
 
 
 def closure_rows(robot: HybridRobot, q: Array) -> Array:

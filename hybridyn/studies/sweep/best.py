@@ -92,8 +92,7 @@ def _chosen(
     found.considered += int(keep.sum())
     by_name = {**shard, **{aim.text: values[:, i] for i, aim in enumerate(aims)}}
     cells = np.column_stack([by_name[name] for name in found.columns]).astype(float)
-    rows: Array = np.column_stack([values, cells])[keep]
-    return rows
+    return np.column_stack([values, cells])[keep]
 
 
 def _leave(found: Best, why: str, count: int) -> None:
@@ -103,8 +102,7 @@ def _leave(found: Best, why: str, count: int) -> None:
 def _ranked(rows: Array, aims: int) -> Array:
     """Sort rows by their objectives, the first of them first, then by design."""
     keys = [rows[:, aims], *(rows[:, i] for i in reversed(range(aims)))]
-    out: Array = rows[np.lexsort(keys)]
-    return out
+    return rows[np.lexsort(keys)]
 
 
 def _front(rows: Array, aims: int) -> Array:
@@ -117,5 +115,4 @@ def _front(rows: Array, aims: int) -> Array:
         no_worse, better = (others <= one).all(axis=1), (others < one).any(axis=1)
         if not (no_worse & better).any() and not math.isnan(one[0]):
             kept.append(i)
-    out: Array = rows[kept]
-    return out
+    return rows[kept]

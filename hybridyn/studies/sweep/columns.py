@@ -52,8 +52,7 @@ def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> A
     if robot.kinds[joint] not in kinds:
         raise TrajectoryError(f"joint '{owner}' is {robot.kinds[joint]}, and has no single {quantity}")
     rows, places = quantities[quantity]
-    out: Array = rows[:, places[joint].start]
-    return out
+    return rows[:, places[joint].start]
 
 
 def _of_link(robot: HybridRobot, block: Postures, link: str, quantity: str, component: str) -> Array:
@@ -63,8 +62,7 @@ def _of_link(robot: HybridRobot, block: Postures, link: str, quantity: str, comp
         raise TrajectoryError(f"'{link}/{quantity}/{component}' is not understood; {_FORMS}")
     motion = kinematics(robot, block.q, block.v, block.a, links=[link])[link]
     rows = {"pose": motion.pose, "velocity": motion.twist, "acceleration": motion.acceleration}[quantity]
-    out: Array = rows[:, TWIST.index(component)]
-    return out
+    return rows[:, TWIST.index(component)]
 
 
 def _absent(what: str, name: str, known: tuple[str, ...] | list[str]) -> TrajectoryError:

@@ -173,8 +173,7 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
 def _further(count: int) -> Index:
     """Return the numbers of further designs that are read to find structures."""
     multiples = GOLDEN * np.arange(1, min(MOST_READ, count // READ_SHARE) + 1)
-    numbers: Index = (multiples % 1 * count).astype(int)
-    return numbers
+    return (multiples % 1 * count).astype(int)
 
 
 def _structures(designer: Designer, count: int, values: Array) -> Iterator[tuple[Structure, Array]]:

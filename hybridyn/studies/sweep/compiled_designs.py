@@ -225,8 +225,7 @@ def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Arra
 
 def _certain(tables: Sequence[DesignTable]) -> Index:
     """Return the places of designs whose motions and efforts are certain in each table."""
-    places: Index = np.flatnonzero(np.logical_and.reduce([table.good for table in tables]))
-    return places
+    return np.flatnonzero(np.logical_and.reduce([table.good for table in tables]))
 
 
 def _table(task: _Task, p: Array) -> DesignTable:

@@ -116,8 +116,7 @@ def _axis(one: ParameterTable) -> Array:
         return np.array(one.values)
     assert one.range is not None
     assert one.steps is not None
-    out: Array = np.linspace(one.range[0], one.range[1], one.steps)
-    return out
+    return np.linspace(one.range[0], one.range[1], one.steps)
 
 
 def _quantile(unit: Array, one: ParameterTable) -> Array:

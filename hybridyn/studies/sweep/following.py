@@ -161,8 +161,7 @@ def _count(
     if found.unreachable + found.singular == before:  # each posture can be, but not one after the other
         found.unreachable += isinstance(error, AssemblyError)
         found.singular += isinstance(error, SingularityError)
-    last: Array | None = q[closed][-1] if closed.any() else guess
-    return last
+    return q[closed][-1] if closed.any() else guess
 
 
 def _count_singular(robot: HybridRobot, q: Array, how: Follower, found: Postmortem) -> None:

@@ -106,8 +106,7 @@ class Measures:
         rank = len(self.sweep.names)
         s, Vt = np.maximum(s[:, :rank], np.finfo(float).tiny), Vt[:, :rank]
         values = np.linalg.svd(np.matmul(J, np.swapaxes(Vt, 1, 2) / s[:, None]), compute_uv=False)
-        out: Array = values[:, rank - 1] / np.maximum(values[:, 0], np.finfo(float).tiny)
-        return out
+        return values[:, rank - 1] / np.maximum(values[:, 0], np.finfo(float).tiny)
 
     def _gravity(self, q: Array, singular: Mask) -> dict[str, Array]:
         """Compute the motor efforts that hold the robot's weight; empty if motors are missing."""

@@ -47,8 +47,7 @@ class JointLimits:
         positions = q[:, self.columns]
         outside = np.maximum(self.lower - positions, positions - self.upper)
         worst = outside.argmax(axis=1)
-        out: Index = np.where(outside.max(axis=1) > LIMIT_SLACK, self.joints[worst], REACHED)
-        return out
+        return np.where(outside.max(axis=1) > LIMIT_SLACK, self.joints[worst], REACHED)
 
 
 class Closing:

@@ -29,8 +29,7 @@ class Parent:
     def request(self) -> dict[str, Any] | None:
         """Read a request of the parent, one line; None at the end."""
         line = self.answers.readline()
-        request: dict[str, Any] | None = json.loads(line) if line else None
-        return request
+        return json.loads(line) if line else None
 
     def answer(self, header: dict[str, Any], text: bytes) -> None:
         """Send a line of JSON and a text to the parent."""

@@ -81,8 +81,7 @@ class DrakeEngine:
                 context, self.map.rates(force, plant.num_velocities())
             )
             derivatives = plant.EvalTimeDerivatives(context).CopyToVector()
-            out: Array = np.asarray(derivatives)[plant.num_positions() :]
-            return out
+            return np.asarray(derivatives)[plant.num_positions() :]
 
         def discrete() -> Array:
             """Compute the accelerations from a short step of a discrete plant."""

@@ -116,8 +116,7 @@ class MujocoEngine:
         self.data.qacc[:] = T.T @ (a - self._drift(q, v))
         out = np.zeros(self.model.nv)
         self._mujoco.mj_rne(self.model, self.data, 1, out)
-        forces: Array = T @ out
-        return forces
+        return T @ out
 
     def freedoms(self, q: Array) -> int:
         """Count freedoms by the rank of the equalities' Jacobian."""
