@@ -175,7 +175,8 @@ def cost_lines(contributions: Sequence[Contribution], seconds: float) -> list[st
     """Return the table of each effect's cost in time."""
     rows = [["effect", "time per sample", "of the whole"]]
     for effect in contributions:
-        rows.append([effect.name, f"{effect.seconds * 1e6:.1f} us", f"{effect.seconds / seconds:.1%}"])
+        share = f"{effect.seconds / seconds:.1%}" if seconds > 0 else ""  # a coarse clock stands still
+        rows.append([effect.name, f"{effect.seconds * 1e6:.1f} us", share])
     rows.append(["all together", f"{seconds * 1e6:.1f} us", ""])
     return ["", *aligned_rows(rows, right=(1, 2))]
 

@@ -158,7 +158,7 @@ def _summary(state: Swept, output: str) -> list[str]:
             f"a worker process died {counted(state.restarts, 'time')}; its designs were evaluated again"
         )
     if state.now:
-        share = state.work / (state.seconds * max(state.workers, 1))
+        share = state.work / (state.seconds * max(state.workers, 1)) if state.seconds > 0 else 1.0
         lines.append(
             f"{state.work / state.now * 1e3:.3g} ms per design, {counted(state.workers, 'worker')} busy "
             f"{share:.0%}, wall time {state.seconds:.2f} s"

@@ -13,8 +13,10 @@ from hybridyn.cli import main
 from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
+from hybridyn.studies import effect_worth
 from hybridyn.studies.effect_worth import EffectSets, Selection, Worth
 from tests import ROOT
+from tests.clocks import Clock
 from tests.comparing import close_to
 from tests.effect_cases import every
 from tests.mechanisms import random_mechanism, random_states
@@ -121,6 +123,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
     assert "effects on: gravity, inertia" in err
     selection = Selection(("gravity",), 0.25, 1, 1e-6, 2e-6)
     monkeypatch.setattr(Worth, "sufficient", lambda self, within: selection)
+    monkeypatch.setattr(effect_worth, "clock", Clock())  # it stands still, as coarse ones do
     assert main(["effects", *FIVE_BAR, "--effects", "default", "--within", "0.3"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us" in last

@@ -66,6 +66,11 @@ def test_equal_times_go_to_the_more_accurate() -> None:
     assert cheapest(study, 1e-3) == study.points[1]
 
 
+def test_advice_after_a_clock_that_stood_still() -> None:
+    study = STUDY._replace(points=[POINTS[0], point("fast", 1e-3, 0.0)])
+    assert advice(study, 1e-2).startswith("For 1 % on efforts, take fast: no faster than the slow way")
+
+
 def test_advice_names_the_way_and_what_it_saves() -> None:
     assert advice(STUDY, 1e-2).startswith("For 1 % on efforts, take fast: 8 times as fast as the slow way")
     assert "take slow (error 1.0e-09): nothing cheaper suffices" in advice(STUDY, 1e-6)

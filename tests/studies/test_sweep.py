@@ -30,6 +30,7 @@ from hybridyn.studies.sweep.sensitivity import sensitivity
 from hybridyn.studies.sweep.shards import About, Shards, read_shards
 from hybridyn.studies.sweep.slot_numbers import SlotNumbers
 from hybridyn.studies.sweep.variants import Variants
+from tests.clocks import Clock
 from tests.extras import needs
 
 #: Largest relative difference to a formula: both round a few times.
@@ -502,8 +503,11 @@ def test_functions_of_a_python_file_measure(folder: Path) -> None:
     assert np.allclose(row.measures, [tau[3] + np.abs(tau).max(), np.abs(tau).max()], rtol=ROUNDING)
 
 
-def test_the_command_evaluates_and_asks(folder: Path, here: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_evaluates_and_asks(
+    folder: Path, here: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     here(Here())
+    monkeypatch.setattr(sweeping, "time", Clock())  # it stands still, as coarse ones do
     written("method = 'grid'")
     words = [
         "sweep",

@@ -113,7 +113,7 @@ def advice(study: Study, target: float) -> str:
     own = _cheapest(study, target, ("usual", "command", "program"))
     more = ""
     if own is not None and own.use == "program" and best.seconds > NOISE * own.seconds:
-        ratio = (usual or best).seconds / own.seconds
+        ratio = _speed(own, usual or best)
         more = f"; in a program of your own, {own.what}: {ratio:.2g} times (error {error_words(own, study)})"
     if usual is None or best is usual:
         kept = "" if usual is None else ": nothing cheaper suffices"
@@ -138,9 +138,14 @@ def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
 
 def _against(point: Point, usual: Point, study: Study) -> str:
     """Compare a point's time with the usual one's, in words."""
-    ratio = usual.seconds / point.seconds
+    ratio = _speed(point, usual)
     faster = f"{ratio:.2g} times as fast as" if ratio >= NOISE else "no faster than"
     return f"{faster} {study.usual}"
+
+
+def _speed(point: Point, usual: Point) -> float:
+    """Return how many times as fast as another a point is; 1 where the clock was too coarse for it."""
+    return usual.seconds / point.seconds if point.seconds > 0 else 1.0
 
 
 def error_words(point: Point, study: Study) -> str:
