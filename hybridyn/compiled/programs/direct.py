@@ -40,6 +40,7 @@ class DirectCalls(ModuleCalls):
         deltas: Acceleration of each platform relative to the base, by the platform's link of the core.
         u_dot: Accelerations along its motions, where they are asked for.
         leg_calls: Calls of its legs: their contributions, then their accelerations.
+        inertias: Places of the forces over accelerations, where they are asked for.
     """
 
     options: DirectOptions
@@ -51,6 +52,7 @@ class DirectCalls(ModuleCalls):
     deltas: dict[int, Shared] = field(default_factory=dict)
     u_dot: Shared | None = None
     leg_calls: list[Call] = field(default_factory=list)
+    inertias: dict[str, Shared] = field(default_factory=dict)
 
 
 def direct_program(request: Request) -> Program:
@@ -69,20 +71,23 @@ def direct_inputs(request: Request) -> list[tuple[str, int]]:
     return inputs + request.parameter_inputs
 
 
-def write_direct_sweeps(request: Request, w: Writer, *, motions: bool = False) -> list[DirectCalls]:
+def write_direct_sweeps(
+    request: Request, w: Writer, *, motions: bool = False, inertias: bool = False
+) -> list[DirectCalls]:
     """Add the sweeps of the direct model to a program, and return the calls of each module.
 
     Args:
         request: The robot and its effects.
         w: The program under construction.
         motions: Whether the accelerations along the modules' motions are kept (`DirectCalls.u_dot`).
+        inertias: Whether the modules' forces over accelerations are kept (`DirectCalls.inertias`).
     """
     robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
     root = moving_base(request, w, given, report=True) if given else None
-    sweeps = _Sweeps(request, w, root, motions)
+    sweeps = _Sweeps(request, w, root, motions, inertias)
     modules: list[DirectCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
@@ -97,9 +102,20 @@ class _Sweeps:
     """Add the calls of the modules to the program, sweep by sweep."""
 
     def __init__(
-        self, request: Request, writer: Writer, root: tuple[Source, Source] | None, motions: bool
+        self,
+        request: Request,
+        writer: Writer,
+        root: tuple[Source, Source] | None,
+        motions: bool,
+        inertias: bool,
     ) -> None:
-        self.request, self.w, self.root, self.motions = request, writer, root, motions
+        self.request, self.w, self.root, self.motions, self.inertias = (
+            request,
+            writer,
+            root,
+            motions,
+            inertias,
+        )
         self.efforts = Efforts(request, writer)
         self._code: dict[Any, DirectModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
@@ -135,6 +151,11 @@ class _Sweeps:
             targets |= {"I_base": inertia, "b_base": bias}
         elif self.root is not None:
             targets |= {"I_base": self.w.shared(21), "b_base": self.w.shared(6)}
+        if self.inertias:
+            n = calls.module.mobility
+            sizes = {"A_t": n * (n + 1) // 2, "E": 6 * n, "I": 21}
+            calls.inertias = {name: self.w.shared(size) for name, size in sizes.items()}
+            targets |= calls.inertias
         calls.stages.call(1, sources, targets)
 
     def accelerate(self, calls: DirectCalls) -> None:
@@ -164,7 +185,9 @@ class _Sweeps:
         key = (id(plan), options)
         if key not in self._code:
             name, counted = f"module_{len(self._code)}", self.request.counted
-            self._code[key] = write_direct(name, plan, options, motions=self.motions, counted=counted)
+            self._code[key] = write_direct(
+                name, plan, options, motions=self.motions, inertias=self.inertias, counted=counted
+            )
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

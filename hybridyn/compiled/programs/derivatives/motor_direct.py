@@ -14,7 +14,7 @@ import numpy as np
 from ...equations.expressions import dot, pack, symbols
 from ...equations.request import Request
 from ...program import Constants, Each, Own, Program, Shared, Source, Target
-from ..direct import direct_inputs, write_direct_sweeps
+from ..direct import DirectCalls, direct_inputs, write_direct_sweeps
 from ..inverse import write_balance
 from ..writer import Writer
 from .adjoints import PART
@@ -23,6 +23,7 @@ from .groups import Group, Place, groups_of
 from .memory import compacted
 from .motion import Motions
 from .motor_forces import GroupForces, columns_from
+from .motor_inertias import along_motors
 from .motor_legs import sum_legs
 from .motor_motion import MotorMotions
 from .nodes import Joiner
@@ -41,7 +42,7 @@ def motor_direct_derivatives(request: Request) -> Program:
     robot, motors = request.robot, len(request.robot.motors)
     outputs = [("a", robot.nv)] + [(f"d_{name}", motors * motors) for name in INPUTS]
     w = Writer("ddm_motor_jacobian", direct_inputs(request), outputs, computed=("a",))
-    modules = write_direct_sweeps(request, w, motions=True)
+    modules = write_direct_sweeps(request, w, motions=True, inertias=True)
     start = len(w.steps)
     balance = write_balance(request, w)
     steps = sum_legs(w, modules, balance, start)
@@ -51,7 +52,8 @@ def motor_direct_derivatives(request: Request) -> Program:
     relations: dict[Group, MotorRelations] = {}
     for group in reversed(groups):
         H = {place: [relations[child].H for child in children] for place, children in group.children.items()}
-        relations[group] = MotorRelations.of(GroupForces.of(w, group, moving[group], steps, joiner, H))
+        forces = GroupForces.of(w, group, moving[group], steps, joiner, H)
+        relations[group] = MotorRelations.of(forces, [modules[x.k] for x in group.modules])
     relations = dict(reversed(relations.items()))
     results = _Results(w, motors, relations, Responses(w, relations))
     for x in relations.values():
@@ -74,21 +76,19 @@ class MotorRelations(Eliminated):
     S: Each
 
     @classmethod
-    def of(cls, x: GroupForces) -> MotorRelations:
+    def of(cls, x: GroupForces, modules: list[DirectCalls]) -> MotorRelations:
         """Add the relations of a group."""
         w, group, n, rows = x.writer, x.group, x.group.mobility, x.rows
         total = sum(x.sizes)
-        D, F, S, first = w.each(n, n), w.each(n, rows - n), w.each(n, 6 * len(x.places)), 0
-        for i, part in enumerate(x.parts):
-            targets: dict[str, Target] = {"motors": columns_from(D, first)}
-            if rows > n:
-                targets["base"] = columns_from(F, first)
+        S, over, onto = w.each(n, 6 * len(x.places)), w.each(rows, n), w.each(6, rows)
+        alone = len(modules) == 1
+        if alone:
+            ends: list[Target] = [Shared(end.start, rows * size) for end, size in ((over, n), (onto, 6))]
+            along_motors(w, modules[0], x.parts[0], ends)
             if total:
-                targets["accelerations"] = columns_from(S, first)
-            x.over_motors(i, "a", targets)
-            first += len(part.motors)
-        over = w.each(rows, n)
-        _by_rows(w, D, F, n, over)
+                x.over_motors(0, "a", {"accelerations": S})
+        else:
+            _over_accelerations(x, S, over)
         moved = x.moved
         unit = 6 * len(group.children) + sum(end.size for end in moved)
         out = cls(
@@ -105,12 +105,14 @@ class MotorRelations(Eliminated):
             out._unit(x.onto[place]["both"], None, 6 * k, 6)
         at = 6 * len(group.children)
         for end in moved:
-            received = w.own(end.size, rows)
-            targets, sent = {"both": received}, w.own(end.size, total) if total else None
+            known, received = alone and end == moved[0], w.own(end.size, rows)
+            sent = w.own(end.size, total) if total else None
+            targets: dict[str, Target] = {} if known else {"both": received}
             if sent:
                 targets["outputs"] = sent
-            x.columns([(end, Constants(np.eye(end.size)))], end.size, targets)
-            out._unit(received, sent, at, end.size)
+            if targets:
+                x.columns([(end, Constants(np.eye(end.size)))], end.size, targets)
+            out._unit(onto if known else received, sent, at, end.size)
             at += end.size
         return out
 
@@ -236,6 +238,21 @@ class _Results:
         own = other is group
         found = responses.own.get(group) if own else responses.to_wrench[group.base].get(other)
         return [Term(by_columns(found, 0, 6), wrench, 6)] if found else []
+
+
+def _over_accelerations(x: GroupForces, S: Each, over: Each) -> None:
+    """Add forces, row by row, and accelerations of the outputs, column by column, over the motors' own."""
+    w, n = x.writer, x.group.mobility
+    D, F, first = w.each(n, n), w.each(n, x.rows - n), 0
+    for i, part in enumerate(x.parts):
+        targets: dict[str, Target] = {"motors": columns_from(D, first)}
+        if F.size:
+            targets["base"] = columns_from(F, first)
+        if S.size:
+            targets["accelerations"] = columns_from(S, first)
+        x.over_motors(i, "a", targets)
+        first += len(part.motors)
+    _by_rows(w, D, F, n, over)
 
 
 def _by_rows(w: Writer, upper: Each, lower: Each, n: int, target: Each) -> None:

@@ -121,7 +121,8 @@ class GroupForces:
         tangents = Tangents(w, count, self._known)
         for source, block in seeds:
             tangents.seed(source, block)
-        tangents.sweep(self.graph)
+        onwards = set(targets) <= {"outputs", "accelerations"}
+        tangents.sweep(self.graph, self.graph.towards(_outputs(group)) if onwards else None)
         reading = tangents.reading([x for end in _results(group) for x in numbers_of(end, 0)])
         factors = [(part.left, part.factors) for part in self.parts]
         onto = self.onto
@@ -174,8 +175,12 @@ def _results(group: Group) -> list[Source | Target]:
     """Return what is left of a group's forces, the wrench on its base, and its outputs' motion."""
     left: list[Source | Target] = [member.left for member in group.modules if member.left is not None]
     base = group.modules[0].F_base if group.parent else None
-    ends = [end for place in group.children for end in group.output(place)[:2]]
-    return [*left, *([base] if base else []), *ends]
+    return [*left, *([base] if base else []), *_outputs(group)]
+
+
+def _outputs(group: Group) -> list[Source | Target]:
+    """Return accelerations and twists of a group's outputs."""
+    return [end for place in group.children for end in group.output(place)[:2]]
 
 
 def outputs_of(ends: Sequence[tuple[Target, Target]]) -> Targets:

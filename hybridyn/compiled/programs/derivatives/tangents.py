@@ -38,6 +38,11 @@ class Graph:
     live: set[Number]
     needed: set[Number]
 
+    def towards(self, results: Sequence[Source | Target]) -> list[Node]:
+        """Return the nodes that some of the results depend on."""
+        part = Graph.between(self.nodes, [], results)
+        return [x for x in self.nodes if any(not part.needed.isdisjoint(x.numbers(y)) for y in x.targets)]
+
     @classmethod
     def between(
         cls, nodes: list[Node], inputs: Sequence[Source], results: Sequence[Source | Target]
@@ -87,13 +92,14 @@ class Tangents:
         for k, number in enumerate(numbers_of(source, 0)):
             self.of.setdefault(number, []).append((block, k))
 
-    def sweep(self, graph: Graph) -> None:
+    def sweep(self, graph: Graph, nodes: list[Node] | None = None) -> None:
         """Add the calls that compute the tangents of all needed numbers that the seeds change.
 
         Args:
             graph: The nodes; their local derivatives are the same for all sweeps that share `known`.
+            nodes: Those of its nodes that are swept; default all.
         """
-        for node in graph.nodes:
+        for node in graph.nodes if nodes is None else nodes:
             self._forwards(node, graph)
 
     def _forwards(self, node: Node, graph: Graph) -> None:
