@@ -38,18 +38,18 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
     return frozenset(names)
 
 
-@click.command("check", cls=RobotCommand, short_help="What looks wrong in a model, why, and how to mend it.")
+@click.command("check", cls=RobotCommand, short_help="Find mistakes in a model, and how to correct them.")
 @takes_robot
-@click.option("--json", "as_json", is_flag=True, help="As JSON on standard output.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON on standard output.")
 @click.option(
     "--fail-on",
     type=click.Choice([*SEVERITIES, "never"]),
     default="error",
     show_default=True,
-    help="Exit with status 1 from this severity up.",
+    help="Exit with status 1 if there is a finding of this severity or above.",
 )
-@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Findings to leave out.")
-@click.option("--no-meshes", is_flag=True, help="Neither look for mesh files nor load them.")
+@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Codes of findings to leave out.")
+@click.option("--no-meshes", is_flag=True, help="Do not search or load mesh files.")
 @click.option(
     "--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code each."
 )
@@ -58,9 +58,10 @@ def command(
 ) -> int:
     """Check ROBOT (URDF, MJCF, SDF, USD): impossible inertias, open loops, motors that move nothing.
 
-    Each finding has a code, a severity, its element and line, why it matters and how to mend it. Errors lead
-    to wrong numbers or none; warnings probably do; notes are for information. For xacro the line is that of
-    the macro which writes the element. docs/check.md lists every code.
+    Each finding states a code, a severity, the element with its line, why it matters and how to correct it.
+    An error means that results are wrong or cannot be computed; a warning that they are probably wrong; a
+    note only informs. For xacro, the line is the one that generates the element. docs/check.md lists all
+    codes.
 
     Exit status: 0 no finding at or above --fail-on; 1 at least one; 2 the file cannot be read.
     """

@@ -32,7 +32,9 @@ def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[st
     return names
 
 
-@click.command("compare", cls=RobotCommand, short_help="What other engines make of a robot and its loops.")
+@click.command(
+    "compare", cls=RobotCommand, short_help="Compare how other engines simulate a robot and its loops."
+)
 @takes_robot
 @click.argument("trajectory", required=False, shell_complete=complete_data)
 @click.option(
@@ -42,20 +44,22 @@ def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[st
     default="pinocchio,mujoco,drake,newton",
     show_default=True,
     callback=_engines,
-    help="Engines; those that are not installed are named and skipped.",
+    help="Engines to compare; those that are not installed are listed and skipped.",
 )
-@click.option("--samples", type=click.IntRange(1, 1000), default=5, show_default=True, help="Closed states.")
+@click.option(
+    "--samples", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of closed states."
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the states.")
 @click.option(
     "--tolerance",
     type=click.FloatRange(0, 1, min_open=True),
     default=1e-6,
     show_default=True,
-    help="Relative difference up to which an engine computes the same robot.",
+    help="Largest relative difference of an engine that counts as equal.",
 )
-@click.option("--no-drift", is_flag=True, help="Do not simulate.")
+@click.option("--no-drift", is_flag=True, help="Do not simulate the fall, in which loops open.")
 @click.option("-o", "--output", metavar="PAGE", help="Write a page, .md or .html.")
-@click.option("--json", "as_json", is_flag=True, help="As JSON on standard output.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON on standard output.")
 @click.option(
     "--fail-on",
     type=click.Choice(["ignored", "different", "never"]),
@@ -75,15 +79,15 @@ def command(
     as_json: bool,
     fail_on: str,
 ) -> int:
-    """Compare what other engines make of ROBOT with hybridyn, at closed states near home or of TRAJECTORY.
+    """Compare ROBOT in other engines with hybridyn, at closed states near home or of TRAJECTORY.
 
-    Each engine takes the robot as its own reader reads the file, and as hybridyn hands it over. The table
-    says how many freedoms it leaves, which closures it holds, softens or ignores, how far accelerations and
-    efforts are from hybridyn's, how far the loops open while the robot falls for a second, and the time of
-    one direct dynamics. Only rigid bodies are compared: friction, springs, rotors, limits and contacts are
-    switched off.
+    Each engine gets the robot twice: read by its own reader from the file, and built from hybridyn's model.
+    The table shows the number of degrees of freedom; which closures the engine enforces, softens or ignores;
+    the differences of accelerations and efforts from hybridyn's; how far the loops open while the robot
+    falls for a second; and the time of one evaluation of the direct model. Only rigid bodies are compared:
+    friction, springs, rotors, limits and contacts are switched off.
 
-    Exit status: 0 no engine fails --fail-on; 1 one does, or the data are wrong; 2 wrong usage.
+    Exit status: 0 no engine fails --fail-on; 1 an engine does, or the data are wrong; 2 wrong usage.
     """
     from ..studies.compare.compare import compare
     from ..studies.compare.report import as_text, check_page, write_page

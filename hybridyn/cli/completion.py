@@ -15,10 +15,10 @@ WHERE = {
 }
 
 
-@click.command("completion", short_help="The script that lets your shell complete what you type.")
+@click.command("completion", short_help="Print the script for completion in your shell.")
 @click.argument("shell", type=click.Choice(SHELLS), required=False)
 def command(shell: str | None) -> None:
-    """Print the completion script for SHELL: bash, zsh or fish; $SHELL where left out.
+    """Print the completion script for SHELL: bash, zsh or fish; by default that of $SHELL.
 
     \b
     bash  eval "$(hybridyn completion bash)" in ~/.bashrc

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 LOST = 1
 
 
-@click.command("convert", cls=RobotCommand, short_help="The robot in another format: MJCF, SDF, URDF, USD.")
+@click.command(
+    "convert", cls=RobotCommand, short_help="Write a robot in another format: MJCF, SDF, URDF, USD."
+)
 @click.argument("robot", callback=robot_file, shell_complete=complete_robot)
 @click.option(
     "-o",
@@ -28,9 +30,9 @@ LOST = 1
 @click.option(
     "--base",
     type=click.Choice(["fixed", "floating"]),
-    help="Motion of the root link: at rest, or free.  [default: what the file says, else fixed]",
+    help="Motion of the root link: at rest, or free.  [default: as the file states, else fixed]",
 )
-@click.option("--strict", is_flag=True, help="Exit with status 1 if the format cannot say something.")
+@click.option("--strict", is_flag=True, help="Exit with status 1 if something is lost.")
 @click.option(
     "--tightness",
     type=click.FloatRange(0, min_open=True),
@@ -51,9 +53,10 @@ def command(
 ) -> int:
     """Write ROBOT (URDF, MJCF, SDF, USD) in another format.
 
-    Tree, closures, inertias, limits, motors, effects and home are written as far as the format can say them.
-    Each line 'lost: ...' names what it cannot. A file FILE.model.toml beside the output holds what only
-    hybridyn reads. ROBOT may be the name of a shipped robot ('hybridyn robots').
+    Tree, closures, inertias, limits, motors, effects and home are written as far as the format can express
+    them. Each line 'lost: ...' names a property that it cannot express. A file FILE.model.toml beside the
+    output contains data that only hybridyn reads. ROBOT may be the name of a shipped robot ('hybridyn
+    robots').
     """
     from ..conversion.convert import convert
 

@@ -50,7 +50,7 @@ def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str
     return result_file(ctx, param, value)
 
 
-@click.command("cost", short_help="What accuracy costs in time, for your robot and motion.")
+@click.command("cost", short_help="Measure what accuracy costs in time, for your robot.")
 @click.argument("source", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
 @click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
 @click.option(
@@ -90,10 +90,10 @@ def command(
 ) -> int:
     """Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
 
-    For a robot and a trajectory, the settings are: effects, general path or compiled C, float32 or float64,
-    tolerance of closures, source of rates. For a scene: methods, steps, tolerances, projection, general path
-    or C, effects. Errors are relative to a reference whose own error is shown. Times are measured on this
-    machine.
+    The command measures error and time of many settings. For a robot and a trajectory these are effects,
+    general path or compiled C, float32 or float64, tolerance of closures, and source of rates. For a scene
+    they are methods, steps, tolerances, projection, general path or compiled C, and effects. Errors are
+    relative to a reference, whose own error is shown. Times are measured on this machine.
     """
     from ..description.shipped import own_trajectory
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    "ddm", cls=RobotCommand, short_help="Accelerations under motor efforts (direct dynamic model)."
+    "ddm", cls=RobotCommand, short_help="Compute accelerations from efforts (direct dynamic model)."
 )
 @takes_robot
 @takes_table("STATES", plot="the motors' accelerations, grouped by module")
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def command(
     load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...], engine: str | None
 ) -> None:
-    """Compute the accelerations of ROBOT (URDF, MJCF, SDF, USD) at the states and for the efforts of STATES.
+    """Compute the accelerations of ROBOT (URDF, MJCF, SDF, USD) for the states and efforts in STATES.
 
     The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
     velocities of every joint, '<joint>/position|velocity', or of the motors or platforms, from which the

@@ -39,7 +39,7 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 
 
 @click.command(
-    "effects", cls=RobotCommand, short_help="What each physical effect adds to a motion's efforts."
+    "effects", cls=RobotCommand, short_help="Compute what each physical effect adds to the efforts."
 )
 @takes_robot
 @takes_source("TRAJECTORY", own=True)
@@ -65,11 +65,12 @@ def command(
 ) -> None:
     """Compute what each effect adds to the efforts of ROBOT along TRAJECTORY, and its cost in time.
 
-    The table is that of 'hybridyn idm'. For each effect and motor: the largest addition, its RMS, and its
-    share (RMS over the RMS of the motor's whole effort; shares need not sum to 100 %). The addition of an
-    effect is the difference between all effects and all but this one; without inertia, effects that need it
-    (velocity, rotor_inertia) are left out as well. Times are those of the general path, measured on this
-    machine ('hybridyn cost' measures compiled models, of which one is built for each set of effects).
+    The table has the columns of 'hybridyn idm'. The addition of an effect is the difference between the
+    efforts with all effects and those without this effect. Without inertia, the effects that need it
+    (velocity, rotor_inertia) are left out as well. The results for each effect and motor are the largest
+    addition, its RMS, and its share (RMS over the RMS of the motor's whole effort; shares need not sum to
+    100 %). Times are those of the general path, measured on this machine. 'hybridyn cost' measures compiled
+    models.
 
     Effects: gravity, inertia, leg_inertia (the legs' mass), velocity (centrifugal and gyroscopic forces),
     rotor_inertia, viscous_friction, coulomb_friction, stribeck_friction, spring, damper, stop,

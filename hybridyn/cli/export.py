@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
 
 
-@click.command("export", cls=RobotCommand, short_help="Dynamic models as dependency-free C.")
+@click.command("export", cls=RobotCommand, short_help="Write the dynamic models as dependency-free C.")
 @takes_robot
 @click.option("-o", "--output", metavar="DIR", type=click.Path(file_okay=False), help="Folder for the files.")
 @click.option("--name", metavar="NAME", help="Prefix of files and of names in C; the robot's own by default.")

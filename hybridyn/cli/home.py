@@ -32,7 +32,7 @@ def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ..
     return out
 
 
-@click.command("home", cls=RobotCommand, short_help="Closed home postures; write one to model.toml.")
+@click.command("home", cls=RobotCommand, short_help="Find closed home postures; write one to model.toml.")
 @takes_robot
 @click.option(
     "--at",
@@ -73,8 +73,8 @@ def command(
 ) -> None:
     """Find postures of ROBOT (URDF, MJCF, SDF, USD) that close its loops with its motors at home.
 
-    The search starts from random postures, so --all may still miss one. The chosen posture is printed as the
-    table [home] of model.toml; --write writes it there and keeps everything else in that file.
+    The search starts from random postures, so --all may still miss a posture. The command prints the chosen
+    posture as the table [home] of model.toml. --write writes it to that file, and changes nothing else there.
     """
     from ..description.side_cars.home_table import home_table, write_home
     from ..errors import ModelError

@@ -28,11 +28,13 @@ takes_passive = click.option(
     type=click.Choice(["given", "solved"]),
     default="given",
     show_default=True,
-    help="Accelerations of joints without a motor: those of the table, or those under zero effort.",
+    help="Accelerations of joints without a motor: 'given' in the table, or 'solved' for zero effort.",
 )
 
 
-@click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
+@click.command(
+    "idm", cls=RobotCommand, short_help="Compute motor efforts for a motion (inverse dynamic model)."
+)
 @takes_robot
 @takes_table("TRAJECTORY", own=True, plot="the efforts, motors grouped by module")
 @takes_passive
@@ -67,8 +69,8 @@ def command(
     The table has named columns, in SI units: 'time', '<joint>/position|velocity|acceleration',
     '<link>/pose/x|y|z|qx|qy|qz|qw' or any of 'x|y|z|roll|pitch|yaw' relative to the root link
     ('<link>@<other>/...': to another link), '<link>/velocity|acceleration/x|y|z|wx|wy|wz',
-    '<link>/wrench/fx|fy|fz|mx|my|mz'. It names the motors, the platforms, a mixture, or every joint;
-    missing rates are fitted by a spline over time.
+    '<link>/wrench/fx|fy|fz|mx|my|mz'. It contains the motion of the motors, of platforms, of a mixture of
+    both, or of every joint. Missing rates are fitted by a spline over time. docs/tables.md explains all.
 
     The result has one row per sample, with 'time' and a column '<motor>/effort' per motor.
     """

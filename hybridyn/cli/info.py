@@ -34,7 +34,9 @@ REMARKS = {
 }
 
 
-@click.command("info", cls=RobotCommand, short_help="Modules, legs, closures, motors, and what looks wrong.")
+@click.command(
+    "info", cls=RobotCommand, short_help="Show modules, legs, closures, motors, and what looks wrong."
+)
 @click.option(
     "--assemblies",
     "starts",
@@ -54,7 +56,7 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
     type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
-    posture. Equal modules are described once. The end lists what looks wrong.
+    posture. Equal modules are described once. The last lines list what looks wrong.
     """
     from ..assembly.findings import findings, home_residuals
     from ..studies.home import branch

@@ -47,7 +47,7 @@ def _grid(
 
 
 @click.command(
-    "map", cls=RobotCommand, short_help="Motors over output joints: a parallel ankle's pitch and roll."
+    "map", cls=RobotCommand, short_help="Map output joints to motors: a parallel ankle's pitch and roll."
 )
 @takes_robot
 @click.argument(
@@ -86,17 +86,18 @@ def command(
     ros2: str | None,
     output: str | None,
 ) -> None:
-    """Compute how the motors of ROBOT follow output joints, along TRAJECTORY or over a grid.
+    """Compute how the motors of ROBOT move with output joints, along TRAJECTORY or over a grid.
 
-    The joints are as many as the freedoms of the modules that hold them, such as the pitch and roll of a
-    parallel ankle. A row has positions of joints and motors, and '<motor>/per/<joint>', the motor's rate per
-    rate of the joint. Motor efforts turn into joint efforts by the transposed matrix. Where the robot's files
-    state rotors, '<joint>/inertia/<joint>' is their inertia at the joints. Along a trajectory (a table as
-    for 'hybridyn idm'), a row also has rates and accelerations of both sides.
+    Output joints are, for example, the pitch and roll of a parallel ankle. A module with output joints must
+    have as many of them as degrees of freedom. Each row contains the positions of joints and motors, and
+    '<motor>/per/<joint>', the rate of the motor per rate of the joint. The transposed matrix maps efforts of
+    the motors to efforts of the joints. If the robot's files state rotors, '<joint>/inertia/<joint>' is
+    their inertia at the joints. Along a trajectory (a table as for 'hybridyn idm'), a row also contains rates
+    and accelerations of joints and motors.
 
-    With --ros2, joints and motors become a transmission of ros2_control (needs the extra 'compiled').
+    --ros2 writes joints and motors as a transmission of ros2_control (needs the extra 'compiled').
 
-    Points of a grid that the loops do not reach from home, or that are singular, are left out and counted.
+    Points of a grid that cannot be reached from home, or that are singular, are left out and counted.
     """
     import numpy as np
 

@@ -11,9 +11,7 @@ from .common.files import complete_robot, existing_file, robot_file
 from .common.options import RobotCommand, takes_packages, takes_xacro_arguments
 
 
-@click.command(
-    "plot", cls=RobotCommand, short_help="A figure of a table: motors, efforts, energies against time."
-)
+@click.command("plot", cls=RobotCommand, short_help="Draw a table: motors, efforts, energies over time.")
 @click.argument("table", callback=existing_file)
 @click.option(
     "-o",
@@ -37,10 +35,10 @@ def command(
 ) -> None:
     """Draw TABLE, a result of idm, ddm or simulate, or a trajectory: one panel per quantity, over time.
 
-    Where the table has efforts, only joints with an effort (motors) are drawn; energies and the closure
-    residual follow. A table does not state which joints slide and which turn: without --robot, each joint has
-    an axis of its own. The option '--plot' of these commands also shows what comes from the robot's files:
-    motors grouped by module, limits.
+    If the table contains efforts, only joints with an effort (motors) are drawn, followed by energies and the
+    closure residual. A table does not state which joints are prismatic and which are revolute. Without
+    --robot, each joint therefore has an axis of its own. The option '--plot' of these commands also shows
+    data of the robot's files: it groups motors by module, and draws limits.
     """
     import numpy as np
 

@@ -7,13 +7,13 @@ import json
 import click
 
 
-@click.command("robots", short_help="The robots that come with hybridyn, by name.")
+@click.command("robots", short_help="List the robots that come with hybridyn.")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, with the paths of their files.")
 def command(as_json: bool) -> None:
-    """List the shipped robots. Wherever a command takes a robot, their names can replace their files.
+    """List the shipped robots. All commands accept their names instead of a robot's file.
 
-    'hybridyn idm lx4' moves a robot along its own trajectory; 'lx4/traj.csv' names this table, and
-    'lx4/sag.toml' a scene, wherever a command takes one.
+    'hybridyn idm lx4' moves the robot lx4 along its own trajectory. Commands that read a table or a scene
+    also accept 'lx4/traj.csv' and 'lx4/sag.toml'.
     """
     from ..description.shipped import shipped_robots, shown
     from ..errors import ModelError

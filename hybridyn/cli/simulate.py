@@ -34,7 +34,7 @@ WITH_INVERSE_MODEL = 3
 AT_ONCE = 4096
 
 
-@click.command("simulate", short_help="A scene: motion in time under a controller and effects.")
+@click.command("simulate", short_help="Simulate a scene: a robot under a controller and effects.")
 @click.argument("scene", callback=scene_file, shell_complete=complete_robot)
 @click.option(
     "-o",
@@ -72,9 +72,9 @@ def command(
     '<motor>/effort'; 'energy/kinetic|potential|total'; 'residual' of the closures. 'hybridyn idm' reads it
     back as a trajectory. Lines with '#' before the header name the effects that were on and off.
 
-    Ctrl-C stops after the current step. The rows so far are written, and beside them FILE.state, from which
-    '--resume' continues to the same bits as a run that was never stopped. FILE.state is also written every
-    1,000 steps, and removed at the end.
+    Ctrl-C stops after the current step. The rows so far are written to FILE, and the state to FILE.state.
+    '--resume FILE' continues the run; the result is the same, bit for bit, as that of a run without a stop.
+    FILE.state is also written every 1,000 steps, and removed at the end.
     """
     from ..scenes.stage import files_of, identity, play, stage
 

@@ -35,9 +35,7 @@ if TYPE_CHECKING:
 EXCEEDED = 1
 
 
-@click.command(
-    "size", cls=RobotCommand, short_help="What a motion requires of each motor: effort, speed, power."
-)
+@click.command("size", cls=RobotCommand, short_help="Compute what a motion requires of each motor.")
 @takes_robot
 @takes_source("TRAJECTORY", own=True, many=True)
 @click.option(
@@ -67,13 +65,14 @@ def command(
     engine: str | None,
     jobs: int | None,
 ) -> int:
-    """Compute what moving ROBOT along TRAJECTORY requires of each motor, for choosing motors.
+    """Compute the load of each motor of ROBOT along TRAJECTORY, to choose motors.
 
-    The table is that of 'hybridyn idm'; long ones are read in blocks. Per motor: peak and RMS effort, peak
-    speed, peak power given and taken (braking), mean power, energies, travel, the times of the peaks; with a
-    gear ratio, torque and speed of the rotor too. Efforts, speeds and positions over the limits of the
-    robot's file are named, those of joints without a motor too. Unlike in 'idm', all effects that the
-    robot's files state are computed: rotors and friction are part of a motor's load.
+    The table has the columns of 'hybridyn idm'; long tables are read in blocks. The results for each motor
+    are peak and RMS effort, peak speed, peak power delivered and absorbed (braking), mean power, energies,
+    travel, and the times of the peaks. With a gear ratio, they include torque and speed of the rotor.
+    Efforts, speeds and positions that exceed a limit of the robot's file are listed, also for joints without
+    a motor. Unlike 'idm', 'size' computes all effects that the robot's files state, because rotors and
+    friction are part of a motor's load.
 
     Exit status: 0 no limit is exceeded, or --fail-on never; 1 a limit is exceeded (the results are complete),
     or a file is wrong; 2 wrong usage.

@@ -23,7 +23,7 @@ ENGINES = ("loky", "dask", "ray")
 MOST_PRINTED = 50
 
 
-@click.command("sweep", short_help="Many designs of a robot: evaluate them, and find the best.")
+@click.command("sweep", short_help="Evaluate many designs of a robot, and find the best.")
 @click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
 @click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
 @click.option(
@@ -31,7 +31,9 @@ MOST_PRINTED = 50
     help="Processes of this machine (loky), or Dask or Ray: of this machine, or of a cluster.",
 )  # fmt: skip
 @click.option(
-    "--scheduler", metavar="ADDRESS", help="A cluster that stands: tcp://host:8786 (Dask), host:6379 (Ray)."
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Address of a running cluster: tcp://host:8786 (Dask), host:6379 (Ray).",
 )
 @click.option(
     "-j", "--jobs", type=click.IntRange(1, 4096), help="Number of processes.  [default: one per core]"
@@ -44,8 +46,14 @@ MOST_PRINTED = 50
     "--best", metavar="A,-B,...",
     help="Print the designs in which A is smallest and B largest; with several, the Pareto front.",
 )  # fmt: skip
-@click.option("--where", metavar="CONDITION", help="Only designs for which this holds: 'reach > 0.2'.")
-@click.option("--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Designs printed.")
+@click.option(
+    "--where",
+    metavar="CONDITION",
+    help="Print only designs that satisfy this condition, such as 'reach > 0.2'.",
+)
+@click.option(
+    "--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Number of designs to print."
+)
 @click.option("--sensitivity", is_flag=True, help="Print the Sobol or Morris indices of the parameters.")
 @click.option("--plot", metavar="FILE", callback=figure_file, help="Draw the designs: .png, .svg or .pdf")
 @click.option(
@@ -72,10 +80,10 @@ def command(
     """Evaluate the designs of STUDY (a TOML file), and find the best.
 
     A study names a robot, parameters with their values, tasks, and what is measured; docs/sweeps.md explains
-    its keys. FOLDER receives one shard per second of work, written whole or not at all; the rows are the same
-    bits whatever the engine and the number of processes. A design that does not load, and every posture that
-    is out of reach or singular, is counted and named. Without STUDY, --best and --plot ask the results of an
-    earlier run:
+    its keys. The results are written to FOLDER, one file (shard) per second of work; a shard is complete or
+    does not exist. The rows are the same, bit for bit, for every engine and number of processes. Designs
+    that do not load, and postures that are out of reach or singular, are counted and listed. Without STUDY,
+    --best and --plot use the results of an earlier run:
 
     hybridyn sweep -o results --best "peak_effort" --where "reach > 0.2"
     """

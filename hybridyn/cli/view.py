@@ -37,7 +37,9 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
     return width, height
 
 
-@click.command("view", cls=RobotCommand, short_help="The robot in 3-D: drag motors, play motions; PNG, MP4.")
+@click.command(
+    "view", cls=RobotCommand, short_help="Show a robot in 3-D: drag motors, play motions; PNG, MP4."
+)
 @takes_robot
 @click.argument("motion", required=False, callback=existing_file)
 @click.option("--png", metavar="FILE", callback=ends_in(".png"), help="Write a picture instead.")
@@ -63,9 +65,11 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
     "--host",
     default="127.0.0.1",
     show_default=True,
-    help="Address that the page listens at; 0.0.0.0 lets other machines see it.",
+    help="Address at which the page listens; with 0.0.0.0, other machines can see it.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="Its port.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="Port of the page."
+)
 @click.option("--no-browser", is_flag=True, help="Do not open the browser; the address is printed.")
 def command(
     load: RobotChoice,
@@ -82,13 +86,13 @@ def command(
 ) -> None:
     """Show ROBOT in 3-D, on a page in the browser: modules in colours, closures yellow, motors as sliders.
 
-    Loops stay closed while a motor is dragged; where they cannot close, the drag stops with a message. MOTION
-    is a trajectory or the result of a simulation (see 'hybridyn idm --help'). It can be played and scrubbed,
-    with the efforts along it as bars (its own, if it has them; else those of 'hybridyn idm'). Ctrl-C ends
-    the command.
+    Loops stay closed while you drag a motor. If they cannot be closed any further, the motor stops, and the
+    page says why. MOTION is a trajectory or the result of a simulation (see 'hybridyn idm --help'), which you
+    can play on the page. Bars show the efforts in MOTION, or else those that 'hybridyn idm' computes. Ctrl-C
+    ends the command.
 
-    With --png or --mp4 neither browser nor screen is needed. Links are drawn with their URDF visuals; where a
-    mesh file is missing, as rods and plates between their joints.
+    --png and --mp4 need neither browser nor screen. Links are drawn with their URDF visuals, or as rods and
+    plates between their joints if a mesh file is missing.
     """
     for need in [
         name for name, wanted in (("page", not (png or mp4)), (".png", png), (".mp4", mp4)) if wanted

@@ -42,13 +42,16 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
 
 
 @click.command(
-    "workspace", cls=RobotCommand, short_help="The poses that a module reaches, and what they cost."
+    "workspace", cls=RobotCommand, short_help="Find the poses that a module reaches, and their efforts."
 )
 @takes_robot
 @click.option(
-    "-m", "--module", metavar="NUMBER|NAME", help="The module, from 1.  [default: the only looped one]"
+    "-m",
+    "--module",
+    metavar="NUMBER|NAME",
+    help="Number (from 1) or name of the module.  [default: the only one with loops]",
 )
-@click.option("--link", metavar="LINK", help="A link of it.  [default: its platform]")
+@click.option("--link", metavar="LINK", help="The link of the module that is moved.  [default: its platform]")
 @click.option(
     "--sweep",
     metavar="X,Y,...",
@@ -95,11 +98,11 @@ def command(
 ) -> None:
     """Find the poses that a module of ROBOT reaches from home on its assembly branch, within joint limits.
 
-    A lattice of poses is flooded from the home posture. The table has a row per reached pose:
-    '<link>@<base>/pose/...', '<motor>/position' of the module's motors, 'conditioning' (0 singular, 1
-    isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort of any motor against 1 N or
-    1 N m in the worst direction), '<motor>/effort' (against gravity; the other modules at home). Efforts of
-    singular postures are inf.
+    The poses form a lattice, which is searched from the home pose to neighbours that can be reached. The
+    table has a row per reached pose: '<link>@<base>/pose/...', '<motor>/position' of the module's motors,
+    'conditioning' (0 singular, 1 isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort
+    of any motor against 1 N or 1 N m in the worst direction), '<motor>/effort' (against gravity, with the
+    other modules at home). Efforts of singular postures are inf.
     """
     from ..studies.workspace.workspace import workspace
 

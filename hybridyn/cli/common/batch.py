@@ -48,12 +48,14 @@ def takes_many(
         check: Callback that checks the output of a single table.
     """
     options = (
-        click.option("--resume", is_flag=True, help="Of several tables: compute those without a shard."),
+        click.option(
+            "--resume", is_flag=True, help="For several tables: compute those without an up-to-date result."
+        ),
         click.option(
             "--pool", type=click.Choice(["loky", "dask", "ray"]),
-            help="Of several tables: processes of this machine (loky), or Dask or Ray.  [default: loky]",
+            help="For several tables: processes of this machine (loky), or Dask or Ray.  [default: loky]",
         ),
-        click.option("--scheduler", metavar="ADDRESS", help="A cluster that stands, as in 'sweep'."),
+        click.option("--scheduler", metavar="ADDRESS", help="Address of a running cluster, as in 'sweep'."),
     )  # fmt: skip
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:

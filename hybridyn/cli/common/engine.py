@@ -38,13 +38,13 @@ def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., An
         samples: Name of the samples in the help.
         worth: Samples times freedoms above which building a model pays.
     """
-    less = f", or from {WORTH_OF_POSTURES:,} rows on where postures are assembled" if worth == WORTH else ""
+    less = f", or from {WORTH_OF_POSTURES:,} rows on if postures are assembled" if worth == WORTH else ""
     return click.option(
         "--engine",
         type=click.Choice(ENGINES),
-        help="'general', or 'compiled': the robot's models as C, built once and kept; results agree to "
-        f"rounding.  [default: compiled where {samples} times freedoms of the robot's joints are {worth:,} "
-        f"or more{less}, and the compiled models support the options]",
+        help="'general', or 'compiled': models of the robot in C, which are built once and kept. Results "
+        f"agree to rounding.  [default: compiled if {samples} times freedoms of the robot's joints are "
+        f"{worth:,} or more{less}, and if the compiled models support the options]",
     )
 
 

@@ -63,7 +63,7 @@ def takes_plot(what: str, *, page: bool = False) -> Callable[[Callable[..., Any]
         what: The content of the figure, for the help.
         page: Whether the figure can also be a page (.html).
     """
-    endings = ".png, .svg, .pdf, or .html for a page to zoom into" if page else ".png, .svg or .pdf"
+    endings = ".png, .svg, .pdf, or .html for a page in which you can zoom" if page else ".png, .svg or .pdf"
     callback = chart_file if page else figure_file
     return click.option("--plot", metavar="FILE", callback=callback, help=f"Also draw {what}: {endings}")
 

@@ -108,7 +108,7 @@ takes_xacro_arguments = click.option(
     metavar="NAME:=VALUE",
     callback=_xacro_arguments,
     multiple=True,
-    help="Argument of a xacro file; a bare word NAME:=VALUE does the same.",
+    help="Argument of a xacro file; NAME:=VALUE without --xacro does the same.",
 )
 #: Adds `--package-dir` to a command, which receives `package_dirs`.
 takes_packages = click.option(
@@ -116,7 +116,7 @@ takes_packages = click.option(
     "package_dirs",
     type=click.Path(exists=True, file_okay=False),
     multiple=True,
-    help="Folder with packages, for $(find ...) in xacro files, and for files that MJCF and USD name.",
+    help="Folder with packages for $(find ...) in xacro files, and with files that MJCF, SDF and USD name.",
 )
 
 _OPTIONS = (
@@ -124,8 +124,8 @@ _OPTIONS = (
     click.option(
         "--base",
         type=click.Choice(["fixed", "moving", "floating"]),
-        help="Motion of the root link: at rest, prescribed by the table, or free.  [default: what the "
-        "file says, else fixed]",
+        help="Motion of the root link: at rest, prescribed by the table, or free.  [default: as the file "
+        "states, else fixed]",
     ),
     click.option(
         "--motors",
@@ -137,14 +137,15 @@ _OPTIONS = (
         "--gravity",
         metavar="X,Y,Z",
         callback=_vector,
-        help="Acceleration of gravity in the world [m/s^2].  [default: what the file says, else 0,0,-9.81]",
+        help="Acceleration of gravity in the world [m/s^2].  [default: as the file states, else 0,0,-9.81]",
     ),
     takes_xacro_arguments,
     takes_packages,
     click.option(
         "--rank-tolerance",
         type=click.FloatRange(0, 1, min_open=True, max_open=True),
-        help="Relative singular value below which closure rows count as dependent, where no gap shows it.",
+        help="Relative singular value below which closure rows count as dependent.  [default: determined at "
+        "generic postures]",
     ),
     click.option(
         "--closure-tolerance",

@@ -155,10 +155,10 @@ def takes_table(
             "--reactions",
             metavar="FILE",
             callback=result_file,
-            help="Also write the inner wrenches, .csv or .parquet: '<root link>/reaction/fx' .. 'mz' of "
-            "the ground on the root body; '<module>/reaction/...' of a module's base body on it, at that "
-            "body's origin in its axes; '<closure>/wrench/...' of a closure on its successor, at the "
-            "successor's closure frame in the axes of the predecessor's; '<coupling>/multiplier'.",
+            help="Also write the internal wrenches, .csv or .parquet: '<root link>/reaction/fx' .. 'mz' of "
+            "the ground on the root link; '<module>/reaction/...' of a module's base body on the module, at "
+            "the origin and in the axes of this body; '<closure>/wrench/...' of a closure on its successor, "
+            "at the successor's closure frame in the axes of the predecessor's; '<coupling>/multiplier'.",
         ),
         takes_jobs,
         takes_plot(plot, page=True),
