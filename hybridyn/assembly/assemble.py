@@ -17,6 +17,7 @@ from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
+from ..linkage.tree import Motion
 from ..linkage.winding import winding_of
 from ..spatial import LARGEST, Array, cross
 from ..structure.joint_position import joint_position
@@ -171,8 +172,9 @@ def _assemble_module(
         winding = task.problem.winding.anchored(start, task.known)
         task = replace(task, problem=replace(task.problem, winding=winding))
     x = settled(m, follow(task, start))
-    x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x)
-    target = m.tree.sweep(x, x_dot, x_ddot)
+    placed = m.tree.sweep(x)
+    x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
+    target = m.tree.sweep(x, x_dot, x_ddot, placed)
     q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
     m.cut.to_spanning(x_dot, vk)
@@ -217,16 +219,15 @@ def settled(m: Mechanism, x: Array) -> Array:
 
 
 def _rates_and_accelerations(
-    module: Module, problem: LoopProblem, request: ModuleRequest, x: Array
+    module: Module, problem: LoopProblem, request: ModuleRequest, x: Array, placed: Motion
 ) -> tuple[Array, Array]:
-    """Solve the same rows for rates and accelerations of the tree after the cuts."""
+    """Solve the same rows for rates and accelerations of the tree after the cuts, `placed` at positions x."""
     m, samples = module.mechanism, np.arange(len(x))
-    motion = m.tree.sweep(x)
-    K = problem.matrix(motion)
+    K = problem.matrix(placed)
     wanted = [np.zeros((len(x), m.closures.rows))]
-    wanted += [t.rates(motion, samples)[0] / t.units for t in problem.targets]
+    wanted += [t.rates(placed, samples)[0] / t.units for t in problem.targets]
     x_dot = _solve(module, problem, K, request.known_v, np.concatenate(wanted, axis=1), "rates")
-    motion = m.tree.sweep(x, x_dot)
+    motion = m.tree.sweep(x, x_dot, at=placed)
     drift = m.closures.rates(motion, x_dot)[1] * m.reduction.row_scale
     wanted = [-drift] + [t.rates(motion, samples)[1] / t.units for t in problem.targets]
     return x_dot, _solve(module, problem, K, request.known_a, np.concatenate(wanted, axis=1), "accelerations")

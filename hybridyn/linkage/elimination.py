@@ -31,8 +31,10 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     for k in range(rank):
         block = A[:, k:, k:columns]
         best = k + np.argmax(np.einsum("bij,bij->bj", block, block), axis=1)
-        A[batch, :, k], A[batch, :, best] = A[batch, :, best], A[batch, :, k].copy()
-        order[batch, k], order[batch, best] = order[batch, best], order[batch, k].copy()
+        for x in (A.swapaxes(1, 2), order):
+            left = x[:, k].copy()
+            x[:, k] = x[batch, best]
+            x[batch, best] = left
         if m - k == 1:
             break
         x = A[:, k:, k].copy()

@@ -146,20 +146,26 @@ class LoopProblem:
             out = np.maximum(out, _turned(J, J_after - J, rank))
         return out
 
+    @cached_property
+    def _blocks_by_shape(self) -> list[tuple[Index, Index]]:
+        """Rows and columns of the blocks, shapes (blocks, m) and (blocks, c), for each m and c."""
+        shapes: dict[tuple[int, int], list[Block]] = {}
+        for block in self.blocks:
+            shapes.setdefault((len(block.rows), len(block.cols)), []).append(block)
+        groups = shapes.values()
+        return [(np.array([b.rows for b in group]), np.array([b.cols for b in group])) for group in groups]
+
     def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Index:
         """Solve block by block into `out`; return the samples at which a block is close to singular."""
         T = len(K)
         easy = np.ones(T, dtype=bool)
-        shapes: dict[tuple[int, int], list[Block]] = {}
-        for block in self.blocks:
-            shapes.setdefault((len(block.rows), len(block.cols)), []).append(block)
-        for (m, c), group in shapes.items():
-            rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
+        for rows, cols in self._blocks_by_shape:
+            (count, m), c = rows.shape, cols.shape[1]
             A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], rhs[:, rows, None]], axis=-1)
             R, order = pivoted_qr(A.reshape(-1, m, c + 1), c, c)
             x = np.empty((len(R), c))
             np.put_along_axis(x, order, back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0], axis=1)
-            out[:, cols] = x.reshape(T, len(group), c)
+            out[:, cols] = x.reshape(T, count, c)
             easy &= pivot_ratio(R, c).reshape(T, -1).min(axis=1) > RANK_TOLERANCE
         return np.flatnonzero(~easy)
 

@@ -107,14 +107,17 @@ class Tree:
             self._levels.append((children, parents[children - 1]))
         self._turning = {kind: self._of_kind(kind) for kind in ("revolute", "continuous")}
         self._sliding = self._of_kind("prismatic")
+        self._adding = self._of_kind("revolute", "prismatic")
+        self._others = [i for i, j in enumerate(joints) if j.kind not in ("revolute", "prismatic")]
+        self._adding_dofs = np.array([self.v_slices[i].start for i in self._adding[0]], dtype=int)
         self._single = np.array([i for i, j in enumerate(joints) if NV[j.kind] == 1], dtype=int)
         self._single_dofs = np.array([self.v_slices[i].start for i in self._single], dtype=int)
         self._turn_parts = _turn_parts(self.joints)
         self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
 
-    def _of_kind(self, kind: str) -> tuple[Index, Index]:
-        """Return the indices of the joints of a kind, and of their first positions in q."""
-        numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
+    def _of_kind(self, *kinds: str) -> tuple[Index, Index]:
+        """Return the indices of the joints of some kinds, and of their first positions in q."""
+        numbers = [i for i, j in enumerate(self.joints) if j.kind in kinds]
         return np.array(numbers, dtype=int), np.array([self.q_slices[i].start for i in numbers], dtype=int)
 
     def neutral(self) -> Array:
@@ -124,15 +127,21 @@ class Tree:
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
         out = np.empty_like(q)
-        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
-            out[:, at] = joint.integrate(q[:, at], dq[:, to])
+        _, single = self._adding
+        out[:, single] = q[:, single] + dq[:, self._adding_dofs]
+        for i in self._others:
+            at = self.q_slices[i]
+            out[:, at] = self.joints[i].integrate(q[:, at], dq[:, self.v_slices[i]])
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         out = np.empty((len(q0), self.nv))
-        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
-            out[:, to] = joint.difference(q0[:, at], q1[:, at])
+        _, single = self._adding
+        out[:, self._adding_dofs] = q1[:, single] - q0[:, single]
+        for i in self._others:
+            at = self.q_slices[i]
+            out[:, self.v_slices[i]] = self.joints[i].difference(q0[:, at], q1[:, at])
         return out
 
     def _local(self, q: Array) -> tuple[Array, Array]:
