@@ -165,10 +165,10 @@ def _refuse_if_suspicious(node: Node) -> None:
 
 def _refuse_inside(node: Node, outer: Node) -> None:
     """Raise for loops inside an element that is skipped otherwise, such as `<gazebo>`."""
-    tags = {child.tag for child in node.children()}
-    if node.tag == "joint" and {"parent", "child"} <= tags and not _is_read(node, outer):
+    tag = node.tag
+    if tag == "joint" and node.children("parent") and node.children("child") and not _is_read(node, outer):
         raise _refusal(node, f"an SDF joint inside <{outer.tag}> (Gazebo)")
-    if node.tag in READ_TAGS[3:] or node.tag in LEGACY_FORMS:
+    if tag in READ_TAGS[3:] or tag in LEGACY_FORMS:
         raise _refusal(node, f"inside <{outer.tag}>")
 
 
@@ -182,10 +182,11 @@ def _refuse_misplaced(root: Node) -> None:
     """Raise for tags of loops where they are not read: `<loop>` in a link, `<mimic>` outside a joint."""
     for top in root.children():
         for node in top.descendants():
-            lost = node.tag in (*READ_TAGS[3:], *LEGACY_FORMS)
-            if top.tag in ("link", "joint"):
-                lost = lost or node.tag in ("link", "joint")
-            if node.tag in ("mimic", "drake:mimic"):
+            tag = node.tag
+            lost = tag in READ_TAGS[3:] or tag in LEGACY_FORMS
+            if tag in ("link", "joint"):
+                lost = lost or top.tag in ("link", "joint")
+            if tag in ("mimic", "drake:mimic"):
                 lost = top.tag != "joint" or node.xml.getparent() is not top.xml
             if lost:
                 above = next(node.xml.iterancestors())

@@ -137,12 +137,11 @@ class Node:
 
     def children(self, *tags: str) -> list[Node]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        elements = ((child, child.tag) for child in self.xml)
-        return [
-            Node(child, self.file)
-            for child, tag in elements
-            if isinstance(tag, str) and (not tags or _written(child, tag) in tags)
-        ]
+        if not tags:
+            return [Node(child, self.file) for child in self.xml.iterchildren("*")]
+        local = {name for tag in tags for name in (tag, tag.rpartition(":")[2])}
+        found = self.xml.iterchildren(*(f"{{*}}{name}" for name in local))  # in any namespace
+        return [Node(child, self.file) for child in found if _written(child, child.tag) in tags]
 
     def descendants(self) -> Iterator[Node]:
         """Yield every element below this one, in file order."""
