@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ MASSLESS_MOTION = 1e-12
 DRIVEN = 1e-6
 
 
-@dataclass(frozen=True)
-class FreeMotions:
+class FreeMotions(NamedTuple):
     """Motions at a generic posture, each named by the freedom that moves most.
 
     Attributes:

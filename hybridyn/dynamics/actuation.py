@@ -6,7 +6,7 @@ efforts of redundant motors are distributed by weights, and efforts of different
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ SINGULAR_MOTOR_MAP = 1e-10
 UNDRIVEN = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Sharing:
+class Sharing(NamedTuple):
     """How the load is distributed among redundant motors.
 
     Attributes:
@@ -39,8 +38,7 @@ class Sharing:
     passive_hint: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Need:
+class Need(NamedTuple):
     """Generalised force that a module's motors must produce.
 
     Attributes:

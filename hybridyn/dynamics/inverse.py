@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal, overload
+from typing import Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +27,7 @@ from .state_checks import check_closed
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
 
 
-@dataclass(frozen=True, eq=False)
-class InverseResult:
+class InverseResult(NamedTuple):
     """Result of the inverse model.
 
     Attributes:

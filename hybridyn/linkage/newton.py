@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,7 @@ SMALLEST_STEP = 1e-9
 STALLED, PATIENCE = 0.8, 8
 
 
-@dataclass(frozen=True, eq=False)
-class Closed:
+class Closed(NamedTuple):
     """Result of Newton's method for each start.
 
     Attributes:

@@ -17,7 +17,7 @@ position across the branch is known to 1e-16 / d, a tangent to 1e-16 / d^2, an a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +47,7 @@ ASTRAY, AT_ONCE = 1e-4, 1e-10
 BRANCH_DIFFERENCE = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(NamedTuple):
     """The scaled rows of one posture, with weak rows replaced by their limits.
 
     Attributes:

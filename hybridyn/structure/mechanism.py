@@ -11,8 +11,9 @@ For an output that is a leg link, a_o = J_o Psi.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +44,7 @@ CHECKED, LEAST_FOLLOW = 8, 0.5
 MOST_PINOCCHIO_FREEDOMS = 128
 
 
-@dataclass(frozen=True)
-class Tolerances:
+class Tolerances(NamedTuple):
     """Tolerances for building a robot (see `build_robot`).
 
     Attributes:

@@ -6,7 +6,7 @@ A file whose loops close at home to the last digit is not rounded to four digits
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..linkage.closures import Closures
 from ..linkage.generic_postures import CLOSED, generic_postures
@@ -24,8 +24,7 @@ FINEST_LOCK = 1e-3
 ENOUGH = 12
 
 
-@dataclass(frozen=True, eq=False)
-class RankEvidence:
+class RankEvidence(NamedTuple):
     """Evidence from the home posture that doubtful rows are independent.
 
     Attributes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from ..linkage.tree import Motion
 from ..spatial import Array
@@ -11,8 +12,7 @@ from .mechanism import Mechanism
 from .module import Module
 
 
-@dataclass(frozen=True, eq=False)
-class RobotMotion:
+class RobotMotion(NamedTuple):
     """Motion of a whole robot on its spanning tree.
 
     Attributes:

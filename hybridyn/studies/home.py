@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +46,7 @@ class HomePosture:
     distances: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Homes:
+class Homes(NamedTuple):
     """Closed postures with the same positions of the motors.
 
     Attributes:

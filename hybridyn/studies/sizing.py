@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,7 @@ TIE = 1e-6
 CLOUD = 2000
 
 
-@dataclass(frozen=True)
-class Peak:
+class Peak(NamedTuple):
     """The value of largest magnitude of a quantity.
 
     Attributes:

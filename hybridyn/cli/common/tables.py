@@ -7,8 +7,7 @@ import functools
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import click
 
@@ -43,8 +42,7 @@ class Gathered(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """The computation of a command.
 
     Attributes:
@@ -62,8 +60,7 @@ class Plan:
     assemble: Assemble | None = None
 
 
-@dataclass(frozen=True)
-class Tables:
+class Tables(NamedTuple):
     """The files of a command, and its options for them.
 
     Attributes:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from ..names import listed
 from ..records import Joint
@@ -14,8 +15,7 @@ INERTIA_TAGS = ("rotor_inertia", "drake:rotor_inertia", "rotorInertia")
 RATIO_TAGS = ("gear_ratio", "drake:gear_ratio", "mechanicalReduction")
 
 
-@dataclass(frozen=True)
-class Rotor:
+class Rotor(NamedTuple):
     """The values that a file states for the rotor of a motor.
 
     Attributes:
