@@ -7,12 +7,17 @@ import numpy as np
 import pytest
 
 import hybridyn
+from benchmarks.derivatives import operations
 from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobian
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Shared
 from hybridyn.compiled.programs.derivatives.linear import linearized
+from hybridyn.compiled.programs.derivatives.motor_direct import motor_direct_derivatives
 from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
 from hybridyn.compiled.programs.derivatives.nodes import Node
+from hybridyn.compiled.programs.derivatives.tangents import Graph
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -176,6 +181,29 @@ def test_linear_steps_are_directional_derivatives() -> None:
     both = ca.Function("both", [x, y, z, dx], [ca.vertcat(*found), truth])
     steps, wanted_values = both([0.3, 1.2, -0.7], [0.4, -1.1], 0.9, [0.2, -0.5, 0.8, 1.3])
     close_to(np.array(steps), np.array(wanted_values), ROUNDING)
+
+
+def test_only_numbers_that_results_need_get_tangents() -> None:
+    """The second output and the entry that it alone reads are left out, and so are their operations."""
+    x = ca.SX.sym("x", 3)
+    function = ca.Function("f", [x], [ca.vertcat(x[0] * x[1], ca.sin(x[2]) * x[1])])
+    node = Node("node", function, 1, (Shared(0, 3),), (Shared(3, 2),))
+    graph = Graph.between([node], [Shared(0, 3)], [Shared(3, 1)])
+    assert graph.needed == {("shared", k) for k in (0, 1, 3)}
+    assert graph.towards([Shared(4, 1)]) == [node]
+    assert graph.towards([Shared(5, 1)]) == []
+    linear = linearized(node, [0], [(0, 0)])
+    assert list(linear.outputs) == [(0, 0)]
+    assert linear.operations([(0, 0), (0, 1), (0, 2)]) == 3  # two products, one sum
+    assert linear.operations([(0, 2)]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gough_stewart", "lx4"])
+def test_operations_are_at_most_ten_times_the_models(name: str) -> None:
+    robot = build_robot(shipped(name))
+    derivatives = motor_direct_derivatives(request(robot, None))
+    assert operations(derivatives) <= 10 * operations(programs(robot, models=("ddm",))["ddm"])
 
 
 @pytest.mark.slow
