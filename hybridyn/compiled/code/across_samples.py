@@ -5,8 +5,10 @@ With one lane it is the scalar program of one sample.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from functools import partial
 from itertools import accumulate
+from types import MappingProxyType
 
 import numpy as np
 
@@ -33,8 +35,9 @@ HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own,
 
 
 def across_samples(
-    program: Program, names: list[str], tables: Tables, head: str = HEAD, between: str = ""
-) -> str:
+    program: Program, names: list[str], tables: Tables, head: str = HEAD, between: str = "",
+    sums: Mapping[int, Collection[int]] = MappingProxyType({}),
+) -> str:  # fmt: skip
     """Return the C function `<program>_samples`, or the one that `head` declares.
 
     Args:
@@ -43,20 +46,21 @@ def across_samples(
         tables: Collects the tables of the function.
         head: Its declaration.
         between: C statement before each kernel, in which {t} stands for the number of kernels before it.
+        sums: Outputs that kernels add in place (`drivers.summed`), by kernel.
     """
     starts = iter(accumulate((step.copies for step in program.steps if isinstance(step, Call)), initial=0))
 
     def call(step: Call, name: str) -> list[str]:
         """Return the lines of a call."""
         t = f"{next(starts)}{' + i' if step.copies > 1 else ''}"
-        return _call(step, name, tables, between.format(t=t))
+        return _call(step, name, tables, between.format(t=t), sums.get(step.kernel, ()))
 
     return driver(program, f"{head.format(name=program.name)} {{", names, tables, call)
 
 
-def _call(call: Call, name: str, tables: Tables, between: str) -> list[str]:
+def _call(call: Call, name: str, tables: Tables, between: str, sums: Collection[int]) -> list[str]:
     """Return the calls of a kernel for all copies, with a statement before each."""
-    block = Block.of(call, partial(_source, call, tables), partial(_target, call, tables))
+    block = Block.of(call, partial(_source, call, tables), partial(_target, call, tables, sums))
     if between:
         block.before.insert(0, between)
     head = "{" if call.copies == 1 else f"for (int i = 0; i < {call.copies}; i++) {{"
@@ -106,7 +110,9 @@ def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) ->
             return x
 
 
-def _target(call: Call, tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:
+def _target(
+    call: Call, tables: Tables, sums: Collection[int], n: int, target: Target, free: bool, block: Block
+) -> str:
     """Return an argument that is written; what cannot be written in place is copied afterwards."""
     y = f"y{n}"
     match target:
@@ -115,6 +121,8 @@ def _target(call: Call, tables: Tables, n: int, target: Target, free: bool, bloc
         case Worst():
             block.after.append(f"*guard = worst(*guard, {y}[0]);")
             return block.vector(y, 1)
+        case Add(start, _) if n in sums:
+            return f"shared + {start}"
         case Add(start, size):
             block.after.append(f"add(shared + {start}, {y}, {size});")
             return block.vector(y, size)

@@ -5,6 +5,8 @@ The text is the same for every number type; `Scalar.prelude` defines V and its a
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from ...spatial import Array
 from ..program import Kernel
 from .fusing import fused
@@ -21,14 +23,20 @@ def kernel_graph(kernel: Kernel) -> Graph:
     return fused(operations_of(kernel.function))
 
 
-def kernel_text(graph: Graph) -> str:
-    """Return the arguments and body of a kernel in C, without a name: `(const V *restrict x0, ...) {...}`."""
+def kernel_text(graph: Graph, sums: Collection[int] = ()) -> str:
+    """Return the arguments and body of a kernel in C, without a name: `(const V *restrict x0, ...) {...}`.
+
+    Args:
+        graph: Its operations.
+        sums: Outputs that are added to what is there; others overwrite it.
+    """
     arguments = [f"const V *restrict x{i}" for i, _ in enumerate(graph.sizes)]
     arguments += [f"V *restrict y{i}" for i, _ in enumerate(graph.outputs)]
     written: dict[int, list[str]] = {}
     for i, output in enumerate(graph.outputs):
         for k, x in enumerate(output):
-            written.setdefault(x - 1, []).append(f"    y{i}[{k}] = {{}};")
+            sign = "+=" if i in sums else "="
+            written.setdefault(x - 1, []).append(f"    y{i}[{k}] {sign} {{}};")
     unused = [f"    (void)x{i};" for i, size in enumerate(graph.sizes) if not _reads(graph, i)]
     unused += [f"    (void)y{i};" for i, output in enumerate(graph.outputs) if not output]
     lines = [f"({', '.join(arguments)}) {{", *unused]

@@ -10,6 +10,7 @@ from ..program import Call, Program
 from .across_copies import across_copies
 from .across_samples import HEAD, across_samples
 from .alone import choice, code, lanes_of_codes, second_unit
+from .drivers import summed
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
@@ -52,18 +53,21 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
     """
     bodies: dict[str, str] = {}
     names: dict[str, list[str]] = {}
+    adding: dict[str, list[str]] = {}  # in batches, where legs add their sums in place
     programs = [trimmed(program) for program in programs]
     for program in programs:
         check(program)
-        names[program.name] = []
-        for kernel in program.kernels:
-            text = kernel_text(kernel_graph(kernel))
-            name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-            bodies[name] = text
+        sums = _sums(program, scalar)
+        names[program.name], adding[program.name] = [], []
+        for k, kernel in enumerate(program.kernels):
+            graph = kernel_graph(kernel)
+            name = _named(kernel_text(graph), bodies)
             names[program.name].append(name)
+            adding[program.name].append(_named(kernel_text(graph, sums[k]), bodies) if k in sums else name)
     lengths = {name: text.count("\n") for name, text in bodies.items()}
     codes = {p.name: lanes_of_codes(p, [lengths[k] for k in names[p.name]], scalar.lanes) for p in programs}
-    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, codes, names, bodies, scalar, more)]
+    driver = _driver_unit(programs, codes, names, adding, bodies, scalar, more)
+    units = [*_kernel_units(bodies, scalar), driver]
     for program in programs:
         for lanes in codes[program.name][1:]:
             units.append(second_unit(program, names[program.name], bodies, Scalar(scalar.name, lanes)))
@@ -76,6 +80,18 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
         "steps": steps_in_c(programs, scalar),
     }
     return Source(tuple(units), about)
+
+
+def _named(text: str, bodies: dict[str, str]) -> str:
+    """Return the name of a kernel, and add its arguments and body to those known."""
+    name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    bodies[name] = text
+    return name
+
+
+def _sums(program: Program, scalar: Scalar) -> dict[int, set[int]]:
+    """Return the sums that kernels add in place (`drivers.summed`), where single calls have other kernels."""
+    return summed(program) if scalar.lanes > 1 else {}
 
 
 def _about(program: Program, scalar: Scalar, kernels: list[str], codes: list[int]) -> dict[str, Any]:
@@ -113,18 +129,19 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 
 
 def _driver_unit(
-    programs: list[Program], codes: dict[str, list[int]], names: dict[str, list[str]], bodies: dict[str, str],
-    scalar: Scalar, more: str,
+    programs: list[Program], codes: dict[str, list[int]], names: dict[str, list[str]],
+    adding: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar, more: str,
 ) -> str:  # fmt: skip
     """Return the file with the drivers and tables; single calls choose among `codes`."""
     tables = Tables()
     drivers = []
     for program in programs:
+        called, sums = adding[program.name], _sums(program, scalar)
         if more:
-            drivers.append(across_samples(program, names[program.name], tables))
+            drivers.append(across_samples(program, called, tables, sums=sums))
         drivers.append(_ahead(program))
         between = f"{program.name}_ahead(in, out, s + W, {{t}});"
-        drivers.append(across_samples(program, names[program.name], tables, BATCH, between))
+        drivers.append(across_samples(program, called, tables, BATCH, between, sums))
         drivers.append(_batch(program))
         if scalar.lanes > 1:
             drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
