@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,3 +112,26 @@ def test_tables_with_named_columns() -> None:
     np.testing.assert_array_equal(hybridyn.idm(robot, rows, v, a), hybridyn.idm(robot, q, v, a))
     with pytest.raises(TrajectoryError, match="v is not an array of numbers"):
         hybridyn.idm(robot, q, [["fast"] * robot.nv] * 2, a)
+
+
+@pytest.mark.parametrize("wrong", ["fast", 10**400], ids=["a word", "too large"])
+def test_what_is_no_number_is_named(wrong: Any) -> None:
+    robot = hybridyn.load("five_bar")
+    motor, link = robot.motors[0], "m1_tool"
+    v = np.zeros(robot.nv)
+    calls: dict[str, Callable[[], object]] = {
+        "q is": lambda: hybridyn.idm(robot, np.array([wrong] * robot.nq, dtype=object), v, v),
+        "time is": lambda: hybridyn.idm(robot, robot.home, v, v, time=wrong),
+        f"wrench on '{link}' is": lambda: hybridyn.idm(
+            robot, robot.home, v, v, wrenches={link: np.array([wrong] * 6)}
+        ),
+        f"joint '{motor}' is": lambda: hybridyn.assemble(robot, motors={motor: (0.0, wrong)}),
+        f"the pose of '{link}' is": lambda: hybridyn.assemble(robot, platforms={link: ([wrong] * 7,)}),
+        f"coordinate 'x' of '{link}' is": lambda: hybridyn.assemble(robot, platforms={link: {"x": wrong}}),
+        "guess is": lambda: hybridyn.assemble(robot, guess=np.array([wrong] * robot.nq)),
+    }
+    for name, run in calls.items():
+        with pytest.raises(TrajectoryError, match=f"{name} not an array of numbers"):
+            run()
+    with pytest.raises(TrajectoryError, match="coordinate 'x' needs numbers of shape"):
+        hybridyn.assemble(robot, platforms={link: {"x": np.zeros((2, 2))}})

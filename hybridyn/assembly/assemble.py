@@ -25,6 +25,7 @@ from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_numbers
 from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import follow
 from .module_request import ModuleRequest, module_request
@@ -85,7 +86,7 @@ def first_guess(robot: HybridRobot, guess: Array | None) -> Array:
     """
     if guess is None:
         return robot.home
-    guess = np.asarray(guess, dtype=float).reshape(-1)
+    guess = as_numbers(guess, "guess").reshape(-1)
     if guess.shape != (robot.nq,):
         raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
     check_guess(robot, guess)

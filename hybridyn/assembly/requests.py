@@ -13,7 +13,7 @@ from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES
 from ..spatial import Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from ..structure.samples import UNIT
+from ..structure.samples import UNIT, as_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +91,12 @@ def gather_requests(
     joints = {name: _three(value, name) for name, value in motors.items()}
     raw = {key: _triple(value) for key, value in platforms.items()}
     sizes = {np.shape(x)[-1] for j in joints.values() for x in j if np.ndim(x)}
-    sizes |= {n for parts in raw.values() for part in parts for n in _lengths(part)}
+    lengths = {n for key, parts in raw.items() for part in parts for n in _lengths(key, part)}
+    sizes |= lengths
     if len(sizes) > 1:
         raise TrajectoryError(f"motors and platforms have different numbers of samples: {sorted(sizes)}")
     T = sizes.pop() if sizes else 1
-    single = not any(np.ndim(x) for j in joints.values() for x in j) and not any(
-        _lengths(part) for parts in raw.values() for part in parts
-    )
+    single = not lengths and not any(np.ndim(x) for j in joints.values() for x in j)
     arrays = {name: np.stack([np.broadcast_to(x, (T,)) for x in parts]) for name, parts in joints.items()}
     base, quaternion = None, None
     poses = []
@@ -128,20 +127,21 @@ def _triple(value: object) -> tuple[object, object, object]:
 
 def _three(value: object, name: str) -> list[Array]:
     """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where omitted."""
-    parts = [np.asarray(0.0 if x is None else x, dtype=float) for x in _triple(value)]
+    parts = [as_numbers(0.0 if x is None else x, f"joint '{name}'") for x in _triple(value)]
     for x in parts:
         if x.ndim > 1 or not np.isfinite(x).all():
             raise TrajectoryError(f"joint '{name}' needs finite numbers of shape () or (T,)", column=name)
     return parts
 
 
-def _lengths(part: object) -> list[int]:
+def _lengths(key: str, part: object) -> list[int]:
     """Return the batch sizes in one part of a pose."""
     if part is None:
         return []
     if isinstance(part, Mapping):
-        return [len(x) for x in map(np.asarray, part.values()) if x.ndim]
-    array = np.asarray(part)
+        values = (as_numbers(x, f"coordinate '{name}' of '{key}'") for name, x in part.items())
+        return [len(x) for x in values if x.ndim]
+    array = as_numbers(part, f"the pose of '{key}'")
     return [len(array)] if array.ndim > 1 else []
 
 
@@ -207,7 +207,10 @@ def _coordinates(key: str, parts: Sequence[object], T: int) -> dict[str, Array]:
                 raise TrajectoryError(
                     f"the rates of '{key}' must name the same coordinates as its pose", column=key
                 )
-            triple.append(np.broadcast_to(np.asarray(0.0 if given is None else given, dtype=float), (T,)))
+            x = np.asarray(0.0 if given is None else given, dtype=float)
+            if x.ndim > 1:
+                raise TrajectoryError(f"coordinate '{name}' needs numbers of shape () or (T,)", column=key)
+            triple.append(np.broadcast_to(x, (T,)))
         out[name] = np.stack(triple)
         if not np.isfinite(out[name]).all():
             raise TrajectoryError(f"coordinate '{name}' is not finite", column=key)

@@ -17,6 +17,7 @@ from ..errors import TrajectoryError
 from ..spatial import Array, rotate, wrench_to_base
 from ..structure.module_spec import ModuleSpec
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_numbers
 from .link_motion import observed_motions
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
     """Check a wrench on a link and return it for every sample, shape (samples, 6)."""
     if link not in robot.bodies.place:
         raise TrajectoryError(f"wrench on unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
-    wrench = np.asarray(given, dtype=float)
+    wrench = as_numbers(given, f"wrench on '{link}'")
     if wrench.shape not in ((6,), (samples, 6)):
         raise TrajectoryError(f"wrench on '{link}' has shape {wrench.shape}; wanted (6,) or ({samples}, 6)")
     if not np.isfinite(wrench).all():

@@ -12,6 +12,7 @@ from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.payload import Payload
+from ..structure.samples import as_numbers
 from .elastic import RotorInertia, Spring, Stop
 from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
 from .inputs import BaseMotion, Limits
@@ -163,7 +164,7 @@ def times(time: object, samples: int) -> Array | None:
     """
     if time is None:
         return None
-    out = np.asarray(time, dtype=float)
+    out = as_numbers(time, "time")
     if out.shape not in ((), (samples,)) or not np.isfinite(out).all():
         raise TrajectoryError(f"time has shape {out.shape}; wanted one finite number or ({samples},)")
     return np.broadcast_to(out, (samples,))

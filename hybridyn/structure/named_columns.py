@@ -117,7 +117,7 @@ def _chosen(table: Any, names: Sequence[str], quantity: str, joints: Sequence[st
         raise TrajectoryError(f"{quantity}: the table lacks the columns {listed(missing)}")
     try:
         return np.array([np.asarray(table[name], dtype=float) for name in names]).T.reshape(-1, len(names))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise TrajectoryError(f"{quantity}: a column does not hold numbers: {error}") from None
 
 

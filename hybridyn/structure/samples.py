@@ -16,6 +16,18 @@ from .robot import HybridRobot
 UNIT = 1e-6
 
 
+def as_numbers(given: object, name: str) -> Array:
+    """Return an argument as an array.
+
+    Raises:
+        TrajectoryError: It is not an array of numbers.
+    """
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TrajectoryError(f"{name} is not an array of numbers: {error}") from None
+
+
 def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     """Return samples as an array of shape (T, width), and whether the input was a single sample.
 
@@ -28,10 +40,7 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
             f"{name} is a table with named columns (a DataFrame), which is not read here: give an array in "
             "the robot's order, table[names].to_numpy()"
         )
-    try:
-        out = np.asarray(array, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"{name} is not an array of numbers: {error}") from None
+    out = as_numbers(array, name)
     single = out.ndim == 1
     if single:
         out = out[None]

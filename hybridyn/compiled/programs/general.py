@@ -35,7 +35,7 @@ def as_batches(given: Mapping[str, ArrayLike], sizes: dict[str, int]) -> dict[st
     """
     try:
         arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         check_batches(given, sizes)
         raise
     if {array.ndim for array in arrays.values()} - {1, 2}:
