@@ -254,8 +254,10 @@ def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) 
     """Check that Newton's steps close slightly open loops, and that the rates keep them closed.
 
     Returns:
-        Whether the steps converged at some sample.
+        Whether the steps converged at some sample, or nothing moves.
     """
+    if not robot.nv:
+        return True
     manifold = Manifold(robot)
     xi = AWAY * manifold.unit * np.random.default_rng(0).choice([-1.0, 1.0], size=v.shape)
     for _ in range(NEWTON_STEPS):

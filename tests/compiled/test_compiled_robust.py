@@ -89,6 +89,14 @@ def test_a_home_with_open_loops_chooses_no_pivots() -> None:
     assert (difference(result, a)[guard <= TRUSTED] <= MODEL_AGREES["float64"]).all()
 
 
+def test_a_robot_without_freedoms_has_models() -> None:
+    fixed = Joint("weld", "fixed", "base", "block", at(1.0), Z)
+    robot = robot_of("a block", ["block"], [fixed], [], [])
+    assert robot.nv == 0
+    library = Interpreted(robot, ("idm", "ddm", "kinematics", "lift"))
+    verify(library, robot, choose(robot, None))
+
+
 @pytest.mark.slow
 def test_motions_without_inertia_are_the_general_paths() -> None:
     """Rods between balls spin idly, without inertia: what a pivot of rounding gives is no acceleration."""
