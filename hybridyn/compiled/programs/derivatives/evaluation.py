@@ -91,7 +91,7 @@ class Derivatives:
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
         check_coordinates(robot, coordinates, parameters=parameters)
-        self.robot, self._model, self._parameters = robot, model, parameters
+        self.robot, self._model, self._parameters = robot, model, bool(parameters)
         self._motors = coordinates == "motors"
         with as_compile_error(robot):
             self.library = self._built()
