@@ -407,6 +407,13 @@ def test_a_shape_that_cannot_be_read_is_named(role: str, inside: str, wrong: str
     assert finding.message == f"its {role} shape cannot be read: {wrong.format(role=role)}"
 
 
+def test_a_geometry_of_another_kind_is_named(tmp_path: Path) -> None:
+    cone = '<visual><geometry>\n<cone radius="1"/></geometry></visual>'
+    (finding,) = found(tmp_path, arm(inside=BALL + cone))
+    assert (finding.code, finding.line) == ("broken-shape", 2)
+    assert "<cone>: not read as a shape; write a box" in finding.message
+
+
 def test_the_scale_of_a_mesh_is_named_by_its_own_line(tmp_path: Path) -> None:
     mesh = MESH.format("part.stl").replace("<mesh", '\n<mesh scale="0.001,0.001,0.001"')
     (finding,) = found(tmp_path, arm(inside=BALL + mesh))

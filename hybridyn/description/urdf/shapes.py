@@ -67,7 +67,8 @@ def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shap
     placement, colour = origin_of(shape.child("origin")), None
     for material in shape.children("material")[:1]:  # a second one makes no other shape
         colour = _stated(material) or colours.get(material.xml.get("name", ""))
-    for node in shape.required_child("geometry").children():
+    geometry = shape.required_child("geometry").children()
+    for node in geometry:
         file, size = "", tuple[float, ...]()
         if node.tag == "box":
             size = tuple(map(float, node.numbers("size", 3)))
@@ -79,6 +80,8 @@ def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shap
             file, size = node.text("filename"), tuple(map(float, node.numbers("scale", 3, (1, 1, 1))))
         if size:
             return Shape(link, node.tag, placement, size, file, None, colour, shape.tag, shape.line)
+    if geometry:
+        raise geometry[0].error("not read as a shape; write a box, cylinder, capsule, sphere or mesh")
     raise shape.error("a shape without geometry")
 
 
