@@ -70,13 +70,15 @@ def export(
 
     Raises:
         ModelError: A parameter is unknown, or together with `map_joints`; an effect is not available in
-            compiled models, `dtype` is invalid, `name` is not a C identifier, or a file of the same name
-            exists that hybridyn did not write.
+            compiled models, `dtype` is invalid, `name` is not a C identifier, no joint moves, or a file of
+            the same name exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, or their guards are above 1 at
             every random state.
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
     """
     name = checked_name(robot, name)
+    if robot.nv == 0:
+        raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to export")
     if dtype not in REAL:
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
     on = choose(robot, effects)

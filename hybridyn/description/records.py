@@ -194,7 +194,7 @@ class ReadFrom:
     package_dirs: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Description:
     """The description of one robot, from all of its files.
 

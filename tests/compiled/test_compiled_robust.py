@@ -20,7 +20,7 @@ from hybridyn.compiled.programs.body_rows import body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose
-from hybridyn.errors import AssemblyError, CompileError, SingularityError
+from hybridyn.errors import AssemblyError, CompileError, ModelError, SingularityError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -89,12 +89,15 @@ def test_a_home_with_open_loops_chooses_no_pivots() -> None:
     assert (difference(result, a)[guard <= TRUSTED] <= MODEL_AGREES["float64"]).all()
 
 
-def test_a_robot_without_freedoms_has_models() -> None:
+def test_a_robot_without_freedoms_has_models_and_is_not_exported(tmp_path: Path) -> None:
     fixed = Joint("weld", "fixed", "base", "block", at(1.0), Z)
     robot = robot_of("a block", ["block"], [fixed], [], [])
     assert robot.nv == 0
     library = Interpreted(robot, ("idm", "ddm", "kinematics", "lift"))
     verify(library, robot, choose(robot, None))
+    with pytest.raises(ModelError, match="'a block' has no joint that moves: there is nothing to export"):
+        export(robot, tmp_path, name="block")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

@@ -195,7 +195,7 @@ def _ahead(program: Program) -> str:
     lines = [f"INLINE void {program.name}_ahead(const B *const *in, B *const *out, Long s, int t) {{"]
     for name, entries, write in (("in", program.inputs, 0), ("out", program.outputs, 1)):
         for n, (_, size) in enumerate(entries):
-            if size <= FETCHED:
+            if kernels and 0 < size <= FETCHED:
                 rows = f"{name}[{n}] + s * {size}, W * {size} * (Long)sizeof(B)"
                 lines.append(f"    ahead({rows}, {write}, t, {kernels});")
     return "\n".join([*lines, "}"])
