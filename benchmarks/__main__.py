@@ -40,12 +40,15 @@ def main() -> int:
     tasks = [task for task in tasks if task.section in wanted]
     if options.case:
         tasks = [task for task in tasks if task.name in options.case]
-    cache = None if options.short or options.fresh else Cache(CACHE, fingerprint())
+    cache = None if options.short else Cache(CACHE, fingerprint())
+    if cache is not None and options.fresh:
+        cache.forget(tasks)
     one_thread()
     started = time.perf_counter()
     collected, failed = collect(tasks, cache)
     if options.case:
-        print("only some cases: kept for the next run of their section, no files written")
+        kept = "" if cache is None else "kept for the next run of their section, "
+        print(f"only some cases: {kept}no files written")
     else:
         store(folder / "results", collected)
         print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")

@@ -205,6 +205,11 @@ class Cache:
         part.write_text(json.dumps(stored))
         part.replace(self.path(task))
 
+    def forget(self, tasks: list[Task]) -> None:
+        """Remove finished jobs."""
+        for task in tasks:
+            self.path(task).unlink(missing_ok=True)
+
 
 def measured(task: Task, cache: Cache | None) -> tuple[list[Any], dict[str, str], bool]:
     """Return a job's rows and machine, and whether they were remembered.

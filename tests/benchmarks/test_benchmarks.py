@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from benchmarks import __main__ as run_benchmarks
 from benchmarks import accuracy, callgrind, controlled, derivatives, peak, peers, timing
 from benchmarks.__main__ import COMMITTED, store, summary
 from benchmarks.callgrind import by_library
@@ -281,6 +282,30 @@ def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:
     assert cache.get(Task("ddm", "five_bar", accuracy.measure, ("idm", "five_bar"))) is None
     cache.path(task).write_text("{")
     assert cache.get(task) is None
+
+
+@pytest.mark.parametrize(
+    ("options", "remembered"), [(["--full"], "old"), (["--full", "--fresh"], "new"), (["--short"], None)]
+)
+def test_a_case_alone_is_kept_as_said(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    remembered: str | None,
+) -> None:
+    cache, old, new = Cache(tmp_path, "code"), Check("old", "x", 0.0, NAN), Check("new", "x", 0.0, NAN)
+    task = Task("ddm", "five_bar", lambda: [new], (), apart=False)
+    if "--full" in options:
+        cache.put(task, [old], {})
+    replaced = {"CACHE": tmp_path, "SCRATCH": tmp_path, "fingerprint": lambda: "code", "one_thread": int}
+    for name, value in {**replaced, "short": lambda: [task], "full": lambda: [task]}.items():
+        monkeypatch.setattr(run_benchmarks, name, value)
+    monkeypatch.setattr(sys, "argv", ["benchmarks", *options, "--case", "five_bar"])
+    assert run_benchmarks.main() == 0
+    kept = cache.get(task)
+    assert (kept and kept[0][0].case) == remembered
+    assert ("kept for the next run" in capsys.readouterr().out) == (remembered is not None)
 
 
 @pytest.mark.slow

@@ -54,10 +54,11 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
     bodies: dict[str, str] = {}
     names: dict[str, list[str]] = {}
     adding: dict[str, list[str]] = {}  # in batches, where legs add their sums in place
+    added: dict[str, dict[int, set[int]]] = {}  # these sums, by kernel; none on one lane
     programs = [trimmed(program) for program in programs]
     for program in programs:
         check(program)
-        sums = _sums(program, scalar)
+        sums = added[program.name] = summed(program) if scalar.lanes > 1 else {}
         names[program.name], adding[program.name] = [], []
         for k, kernel in enumerate(program.kernels):
             graph = kernel_graph(kernel)
@@ -66,7 +67,7 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
             adding[program.name].append(_named(kernel_text(graph, sums[k]), bodies) if k in sums else name)
     lengths = {name: text.count("\n") for name, text in bodies.items()}
     codes = {p.name: lanes_of_codes(p, [lengths[k] for k in names[p.name]], scalar.lanes) for p in programs}
-    driver = _driver_unit(programs, codes, names, adding, bodies, scalar, more)
+    driver = _driver_unit(programs, codes, names, adding, added, bodies, scalar, more)
     units = [*_kernel_units(bodies, scalar), driver]
     for program in programs:
         for lanes in codes[program.name][1:]:
@@ -87,11 +88,6 @@ def _named(text: str, bodies: dict[str, str]) -> str:
     name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
     bodies[name] = text
     return name
-
-
-def _sums(program: Program, scalar: Scalar) -> dict[int, set[int]]:
-    """Return the sums that kernels add in place (`drivers.summed`), where single calls have other kernels."""
-    return summed(program) if scalar.lanes > 1 else {}
 
 
 def _about(program: Program, scalar: Scalar, kernels: list[str], codes: list[int]) -> dict[str, Any]:
@@ -130,13 +126,14 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 
 def _driver_unit(
     programs: list[Program], codes: dict[str, list[int]], names: dict[str, list[str]],
-    adding: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar, more: str,
+    adding: dict[str, list[str]], added: dict[str, dict[int, set[int]]], bodies: dict[str, str],
+    scalar: Scalar, more: str,
 ) -> str:  # fmt: skip
     """Return the file with the drivers and tables; single calls choose among `codes`."""
     tables = Tables()
     drivers = []
     for program in programs:
-        called, sums = adding[program.name], _sums(program, scalar)
+        called, sums = adding[program.name], added[program.name]
         if more:
             drivers.append(across_samples(program, called, tables, sums=sums))
         drivers.append(_ahead(program))

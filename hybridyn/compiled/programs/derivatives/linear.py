@@ -6,7 +6,7 @@ results, the columns take fewer operations step by step than through a matrix of
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,18 +51,20 @@ class Linear:
             if any(k in active for _, k in terms):
                 active.add(out)
         rows = sorted(x for x, k in self.outputs.items() if k in active)
-        needed = {self.outputs[x] for x in rows}
+        needed = self.needed(self.outputs[x] for x in rows)
+        return sorted(x for x in changed if self.inputs.get(x) in needed), rows
+
+    def needed(self, wanted: Iterable[int]) -> set[int]:
+        """Return the tangents from which some tangents are computed, those themselves among them."""
+        needed = set(wanted)
         for out, terms in reversed(self.steps):
             if out in needed:
                 needed.update(k for _, k in terms)
-        return sorted(x for x in changed if self.inputs.get(x) in needed), rows
+        return needed
 
     def operations(self, changed: Collection[Entry]) -> int:
         """Count the operations of the steps for one column in which some source entries change."""
-        active, needed, count = set(map(self.inputs.get, changed)), set(self.outputs.values()), 0
-        for out, terms in reversed(self.steps):
-            if out in needed:
-                needed.update(k for _, k in terms)
+        active, needed, count = set(map(self.inputs.get, changed)), self.needed(self.outputs.values()), 0
         for out, terms in self.steps:
             factors = [factor for factor, k in terms if k in active]
             if factors and out in needed:
