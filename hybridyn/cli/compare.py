@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.files import complete_data
+from .common.files import complete_data, existing_file
 from .common.options import RobotChoice, RobotCommand, takes_robot
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[st
     "compare", cls=RobotCommand, short_help="Compare how other engines simulate a robot and its loops."
 )
 @takes_robot
-@click.argument("trajectory", required=False, shell_complete=complete_data)
+@click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
 @click.option(
     "--with",
     "engines",

@@ -109,24 +109,26 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
 
 
 def branch(robot: HybridRobot) -> list[str]:
-    """Return one line that names the branch on which postures are assembled; none where home is zero."""
+    """Return one line that names the assembly branch; none if all joints of the loops are zero at home."""
     far = far_from_zero(robot)
-    return [f"branch: that of home, {far}"] if far else []
+    return [f"assembly branch: that of the home posture, {far}"] if far else []
 
 
 def far_from_zero(robot: HybridRobot) -> str:
-    """Say how far from zero the home posture of a robot with loops lies, "" for not at all."""
-    if not robot.description.closures:
+    """Name the joint of a loop that is farthest from zero at home; return "" if all are zero."""
+    loops = {closure.name for closure in robot.description.closures}
+    looped = {name for module in robot.modules if loops & {*module.closures} for name in module.joints}
+    if not looped:
         return ""
     zero = np.zeros(robot.nq)
     for kind, at in zip(robot.kinds, robot.q_slices, strict=True):
         zero[at] = ZERO.get(kind, 0.0)
     distances = _distances(robot, robot.home, zero)
-    joint = max(distances, key=lambda name: distances[name], default="")
+    joint = max((name for name in distances if name in looped), key=lambda name: distances[name], default="")
     if not joint or distances[joint] == 0.0:
         return ""
     unit = "m" if robot.kinds[robot.joints.index(joint)] == "prismatic" else "rad"
-    return f"where '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"
+    return f"in which '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"
 
 
 def _distances(robot: HybridRobot, q: Array, reference: Array) -> dict[str, float]:

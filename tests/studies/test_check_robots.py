@@ -22,9 +22,8 @@ SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "q
 MUTATIONS = 300  # 9,000 were run once
 #: Findings of the shipped robots: the UR5 has placeholders, and a hinge closes the five-bar's planar loop.
 KNOWN = {
-    "stewart_ur5": {"inertia-too-large", "unused-link", "branch"},
+    "stewart_ur5": {"inertia-too-large", "unused-link"},
     "five_bar": {"redundant-closures"},
-    "scara_delta": {"branch"},
 }
 
 

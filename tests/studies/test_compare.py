@@ -200,6 +200,8 @@ def test_command(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "it is written as .md or .html" in capsys.readouterr().err
     assert main([*words[:3], "bullet"]) == 2
     assert "there is no engine 'bullet'" in capsys.readouterr().err
+    assert main(["compare", "five_bar", "five_bar/trajectory.csv"]) == 2
+    assert "there is no folder 'five_bar'" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -208,6 +210,8 @@ def test_states_of_a_trajectory(two_bars: Path, tmp_path: Path, capsys: pytest.C
     table.write_text("time,drive/position\n" + "".join(f"{t / 10},{0.1 + t / 50}\n" for t in range(8)))
     words = ["compare", str(two_bars), str(table), "--with", "pinocchio", "--samples", "2", "--no-drift"]
     assert main(words) == 1
+    assert "2 closed states" in capsys.readouterr().out
+    assert main(["compare", "five_bar", "five_bar/traj.csv", *words[3:]]) == 1
     assert "2 closed states" in capsys.readouterr().out
 
 

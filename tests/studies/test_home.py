@@ -113,11 +113,11 @@ def test_commands_say_where_they_start(
         at = positions(robot := hybridyn.load(file), robot.home)
         angle = max(abs(at["a"][0]), abs(at["b"][0]))
         joint = "ab"[abs(at["b"][0]) == angle]
-        far = f"where '{joint}' is farthest from zero ({angle:.3g} rad)"
-        assert f"branch: that of home, {far}" in " ".join(call(capsys, "info", file).out.split())
-        assert f"branch: that of home, {far}" in call(capsys, "idm", file, table).err
+        far = f"in which '{joint}' is farthest from zero ({angle:.3g} rad)"
+        assert f"assembly branch: that of the home posture, {far}" in " ".join(call(capsys, "info", file).out.split())
+        assert f"assembly branch: that of the home posture, {far}" in call(capsys, "idm", file, table).err
         checked = " ".join(call(capsys, "check", file).out.split())
-        assert f"postures are assembled on the branch of home, {far}" in checked
+        assert f"postures are assembled on the branch of the home posture, {far}" in checked
 
 
 def test_all_postures_become_a_table_that_other_commands_read(

@@ -48,7 +48,7 @@ def check_branch(subject: Subject) -> Iterator[Finding]:
         yield Finding(
             "branch",
             "",
-            f"postures are assembled on the branch of home, {far}",
+            f"postures are assembled on the branch of the home posture, {far}",
             "loops may close in several postures with the motors at the same positions",
             "nothing to do if this is intended; 'hybridyn home --all' lists the other postures",
             subject.places.file,
