@@ -1,4 +1,4 @@
-"""The pages on checking, workspaces and sizing: commands print what is shown, tables are complete."""
+"""The pages on checking, workspaces, sizing and maps of joints: commands print what is shown, tables are complete."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tests.pages.test_readme import same_line
 from tests.samples import slow
 from tests.snippets import blocks, stand_where_a_user_does
 
-PAGES = ("check.md", "workspace-and-sizing.md")
+PAGES = ("check.md", "workspace-and-sizing.md", "joint-map.md")
 
 
-@pytest.mark.parametrize("page", [slow(page) if page.startswith("workspace") else page for page in PAGES])
+@pytest.mark.parametrize("page", [page if page == "check.md" else slow(page) for page in PAGES])
 def test_commands_print_what_is_shown(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -114,8 +114,9 @@ def test_commands_say_where_they_start(
         angle = max(abs(at["a"][0]), abs(at["b"][0]))
         joint = "ab"[abs(at["b"][0]) == angle]
         far = f"in which '{joint}' is farthest from zero ({angle:.3g} rad)"
-        assert f"assembly branch: that of the home posture, {far}" in " ".join(call(capsys, "info", file).out.split())
-        assert f"assembly branch: that of the home posture, {far}" in call(capsys, "idm", file, table).err
+        line = f"assembly branch: that of the home posture, {far}"
+        assert line in " ".join(call(capsys, "info", file).out.split())
+        assert line in call(capsys, "idm", file, table).err
         checked = " ".join(call(capsys, "check", file).out.split())
         assert f"postures are assembled on the branch of the home posture, {far}" in checked
 
