@@ -26,8 +26,7 @@ TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: 
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
-    "quantities.md", "pinocchio.md",
-    "search.md",
+    "quantities.md", "search.md",
 }  # fmt: skip
 #: Extras that the Python of a page needs.
 EXTRAS = {"search.md": "search"}
@@ -37,11 +36,15 @@ RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(p
 @pytest.mark.parametrize(
     "page", [slow(page) if page.name in LONG else page for page in RUN], ids=lambda page: page.name
 )
-def test_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_of_a_page_prints_what_is_shown(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     if page.name in EXTRAS:
         needs(EXTRAS[page.name])
     stand_where_a_user_does(tmp_path, monkeypatch)
     run_python(page)
+    shown = "".join(block.text for block in blocks(page, "output"))
+    assert capsys.readouterr().out == shown or not shown
 
 
 def examples() -> list[Block]:
