@@ -6,7 +6,7 @@ typedef struct {
     S q[NQ], p[NP], step[MODULES], wrist[MODULES], open[MODULES];
 } Moved;
 typedef struct {
-    S q[NQ], p[NP], v[NV], a[NV], step[MODULES], open[MODULES];
+    S q[NQ], p[NP], v[NV], a[NV], step[MODULES], open[MODULES], turning[MODULES];
 } Closed;
 typedef struct {
     S off[MODULES], turned[MODULES];
@@ -19,16 +19,20 @@ static S largest_of(const S *x, int n) {
     return out;
 }
 
-/* Newton's method from (q, p) to the given positions; the first step goes to `first`. 0 where it closes. */
-static int closed(const S *q, const S *p, const S *const *given, Moved *first, Closed *out) {
+/* Newton's method from (q, p) to the given positions; the first step goes to `first`, the sum of the lengths of those
+   after it to `later`. 0 where it closes. */
+static int closed(const S *q, const S *p, const S *const *given, Moved *first, Closed *out, S *later) {
     static Moved at;
-    const S *in[5] = {q, p, given[0], given[1], given[2]};
+    const S *in[3] = {q, p, given[0]};
     S before = LONGEST;
+    *later = 0;
     for (int k = 0; k < ITERATIONS; k++) {
         S step;
         if (k && before <= NEAR) {
-            if (settle_single_at(in, (S *)out)) return 1;
+            const S *near[7] = {at.q, at.p, q, p, given[0], given[1], given[2]};
+            if (settle_single_at(near, (S *)out)) return 1;
             step = largest_of(out->step, MODULES);
+            *later += step;
             if (step <= LAST_STEP) return !(largest_of(out->open, MODULES) <= OPEN);
             memcpy(at.q, out->q, sizeof(at.q));
             memcpy(at.p, out->p, sizeof(at.p));
@@ -37,7 +41,8 @@ static int closed(const S *q, const S *p, const S *const *given, Moved *first, C
             const S wrist = largest_of(at.wrist, MODULES);
             step = largest_of(at.step, MODULES);
             if (wrist > step) step = wrist;
-            if (!k) memcpy(first, &at, sizeof(at));
+            if (k) *later += step;
+            else memcpy(first, &at, sizeof(at));
         }
         if (!(step <= before)) return 1;
         before = step;
@@ -65,11 +70,23 @@ static int reaches(const S *q, const S *p, const S *const *given) {
     return 1;
 }
 
+/* Whether a step keeps its branch by bounds of what "branch" computes: the joints have turned by twice the later steps
+   at most, as rotations about several axes do not add up. */
+static int surely_same(const Moved *first, const Closed *out, S later) {
+    for (int m = 0; m < MODULES; m++) {
+        if (!(2 * later <= SAME_BRANCH * first->step[m] + SMALL_STEP)) return 0;
+        if (!(out->turning[m] <= MOST_BOUND)) return 0;
+    }
+    return 1;
+}
+
 /* Close the loops at the given positions on the branch of (q, p); 0 where that is certain. */
 static int advanced(const S *q, const S *p, const S *const *given, Closed *out) {
     static Moved first;
     static Branch about;
-    if (closed(q, p, given, &first, out)) return 1;
+    S later;
+    if (closed(q, p, given, &first, out, &later)) return 1;
+    if (surely_same(&first, out, later)) return 0;
     const S *in[7] = {q, p, first.q, first.p, out->q, out->p, given[0]};
     if (branch_single_at(in, (S *)&about)) return 1;
     for (int m = 0; m < MODULES; m++) {

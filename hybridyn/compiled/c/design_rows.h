@@ -13,12 +13,12 @@ typedef struct {
     V step[MODULES], wrist[MODULES], open[MODULES];
 } NewtonOut;
 typedef struct {
-    Posture at;
+    Posture at, start;
     V g[NG], g_dot[NR], g_ddot[NR], slots[SLOTS];
 } SettleIn;
 typedef struct {
     Posture at;
-    V v[NV], a[NV], step[MODULES], open[MODULES];
+    V v[NV], a[NV], step[MODULES], open[MODULES], turning[MODULES];
 } SettleOut;
 typedef struct {
     Posture start, predicted, found;
@@ -35,7 +35,7 @@ typedef struct {
     BranchIn branch;
     BranchOut about;
     Posture at;
-    V v[NV], a[NV], first[MODULES], before[MODULES], certain, programs[PROGRAMS_WORK];
+    V v[NV], a[NV], first[MODULES], turning[MODULES], before[MODULES], later, certain, programs[PROGRAMS_WORK];
 } Work;
 EXPORT Long designs_work = sizeof(Work);
 
@@ -104,13 +104,24 @@ static M on_branch(Work *w) {
     return good;
 }
 
+/* Where a step keeps its branch by bounds, as `surely_same` of `closing.h` finds it. */
+static M surely_same(Work *w) {
+    M good = EVERY;
+    for (int m = 0; m < MODULES; m++) {
+        const M near = LE(C(2) * w->later, C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        good = AND(good, AND(near, LE(w->turning[m], C(MOST_BOUND))));
+    }
+    return good;
+}
+
 /* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
 static M advanced(Work *w, M certain, int lone) {
-    w->newton.at = w->branch.start = w->at;
+    w->newton.at = w->settle.start = w->branch.start = w->at;
     M good = AND(certain, RUN(newton, w->newton, w->moved));
     w->at = w->branch.predicted = w->moved.at;
     memcpy(w->first, w->moved.step, sizeof(w->first));
     V before = size_of(&w->moved);
+    w->later = C(0);
     for (int k = 0; k < ITERATIONS; k++) {
         const M left = NOT(LE(before, C(NEAR)));
         if (!ANY(AND(left, good))) break;
@@ -120,6 +131,7 @@ static M advanced(Work *w, M certain, int lone) {
         good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
         take(left, (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
         before = SELECT(left, size, before);
+        w->later += SELECT(left, size, C(0));
     }
     good = AND(good, LE(before, C(NEAR)));
     M left = EVERY;
@@ -129,13 +141,18 @@ static M advanced(Work *w, M certain, int lone) {
         take(left, (V *)&w->at, (V *)&w->settled.at, NUMBERS(Posture));
         take(left, w->v, w->settled.v, NV);
         take(left, w->a, w->settled.a, NV);
-        const M open = NOT(LE(largest_lanes(w->settled.step), C(LAST_STEP)));
+        take(left, w->turning, w->settled.turning, MODULES);
+        const V step = largest_lanes(w->settled.step);
+        w->later += SELECT(left, step, C(0));
+        const M open = NOT(LE(step, C(LAST_STEP)));
         good = AND(good, OR(NOT(left), AND(trusted, OR(open, LE(largest_lanes(w->settled.open), C(OPEN))))));
         left = AND(left, open);
         if (!ANY(AND(left, good))) break;
     }
     good = AND(good, NOT(left));
-    return lone || !ANY(good) ? good : AND(good, on_branch(w));
+    if (lone) return good;
+    const M sure = surely_same(w);
+    return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
 
 /* Close the rows of designs `from` to `to`, each from its guess.

@@ -7,12 +7,13 @@ time the smallest pivot relative to its usual size is a measure of how far the c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Mask
-from .expressions import Expression, along, dot, is_zero, minus, times, zeros
+from .expressions import Expression, along, dot, eye, is_zero, minus, plus, times, zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
@@ -134,30 +135,92 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     free = [c for c in range(n) if c not in pivots.cols]
     W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
     rank = len(pivots.rows)
-    ratios, doubts, inverses = zeros(rank), zeros(rank), []
+    inverses, _ = _eliminate(W)
+    ratios, doubts = zeros(rank), zeros(rank)
     for i in range(rank):
-        pivot = W[i, i]
-        ratios[i] = ca.fabs(pivot) / pivots.sizes[i]
-        inverses.append(1.0 / pivot)
+        ratios[i] = ca.fabs(W[i, i]) / pivots.sizes[i]
         doubts[i] = times(TRUSTED_PIVOT * pivots.sizes[i], inverses[i])
-        for j in range(i + 1, rank):
-            if is_zero(W[j, i]):
-                continue
-            factor = times(W[j, i], inverses[i])
-            for c in range(i + 1, W.shape[1]):
-                if not is_zero(W[i, c]):
-                    W[j, c] = minus(W[j, c], times(factor, W[i, c]))
-            W[j, i] = 0.0
     X = zeros(n, k + len(free))
-    solved = zeros(rank, k + len(free))
-    for i in reversed(range(rank)):
-        rest = W[i, rank:] - dot(W[i, i + 1 : rank], solved[i + 1 :]) if i + 1 < rank else W[i, rank:]
-        solved[i] = [times(inverses[i], x) for x in rest]
+    solved = _substitute(W, inverses)
     for i, c in enumerate(pivots.cols):
         X[c] = solved[i]
     for i, c in enumerate(free):
         X[c, k + i] = 1.0
     return X, Trust(ratios, doubts)
+
+
+def _eliminate(W: Expression) -> tuple[list[Any], Expression]:
+    """Make W upper triangular in place; return the inverses of its pivots, and the factors of its rows.
+
+    Args:
+        W: Square matrix in the order of its pivots, then right-hand sides, shape (n, n + k).
+    """
+    rank = len(W)
+    inverses, factors = [], zeros(rank, rank)
+    for i in range(rank):
+        inverses.append(1.0 / W[i, i])
+        for j in range(i + 1, rank):
+            if is_zero(W[j, i]):
+                continue
+            factors[j, i] = factor = times(W[j, i], inverses[i])
+            for c in range(i + 1, W.shape[1]):
+                if not is_zero(W[i, c]):
+                    W[j, c] = minus(W[j, c], times(factor, W[i, c]))
+            W[j, i] = 0.0
+    return inverses, factors
+
+
+def _substitute(W: Expression, inverses: list[Any]) -> Expression:
+    """Solve what `_eliminate` leaves, shape (n, k)."""
+    rank = len(W)
+    solved = zeros(rank, W.shape[1] - rank)
+    for i in reversed(range(rank)):
+        rest = W[i, rank:] - dot(W[i, i + 1 : rank], solved[i + 1 :]) if i + 1 < rank else W[i, rank:]
+        solved[i] = [times(inverses[i], x) for x in rest]
+    return solved
+
+
+def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expression:
+    """Bound the unknowns of K x = y for every y with abs(y) <= size.
+
+    The last unknowns, whose rows are full, have the absolute values of their inverse; the others those of the
+    triangular factors, which cost a few operations and add little where the rows are sparse.
+
+    Args:
+        K: Matrix, shape (m, n), with a pivot for every unknown.
+        size: Bounds of the right-hand side, shape (m,).
+
+    Returns:
+        Bounds of abs(x), shape (n,).
+    """
+    rows, rank = list(pivots.rows), len(pivots.rows)
+    W, reach = K[rows][:, list(pivots.cols)], size[rows].copy()
+    inverses, factors = _eliminate(W)
+    full = np.array([[not is_zero(x) for x in row] for row in W + factors])
+    first = min((i for i in range(rank) if full[i:, i:].all()), default=rank)
+    for i in range(first):
+        for j in range(i + 1, rank):
+            reach[j] = plus(reach[j], times(_absolute(factors[j, i]), reach[i]))
+    dense = np.concatenate([W[first:, first:] + factors[first:, first:], eye(rank - first)], axis=1)
+    for i in range(rank - first):  # the columns of the inverse, by the factors that are known
+        for j in range(i + 1, rank - first):
+            for c in range(rank - first, rank - first + i + 1):
+                dense[j, c] = minus(dense[j, c], times(dense[j, i], dense[i, c]))
+    inverse = _substitute(dense, inverses[first:])
+    out = zeros(rank)
+    for i in range(first, rank):
+        out[i] = along(np.array([_absolute(x) for x in inverse[i - first]], dtype=object), reach[first:])
+    for i in reversed(range(first)):
+        known = [times(_absolute(W[i, c]), out[c]) for c in range(i + 1, rank)]
+        out[i] = times(_absolute(inverses[i]), sum(known, reach[i]))
+    bounds = zeros(rank)
+    bounds[list(pivots.cols)] = out
+    return bounds
+
+
+def _absolute(x: Any) -> Any:
+    """Return the absolute value of a number or an expression."""
+    return x if is_zero(x) else ca.fabs(x)
 
 
 def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:

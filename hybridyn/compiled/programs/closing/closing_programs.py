@@ -27,7 +27,7 @@ def closing_programs(
     """Write the programs "newton", "settle" and "branch", see `kernels`.
 
     Inputs and outputs are those of the kernels for the whole robot, "p" the poses of the platforms, module by
-    module; "step", "wrist", "open", "off" and "turned" have an entry for each module.
+    module; "step", "wrist", "open", "turning", "off" and "turned" have an entry for each module.
 
     Args:
         parts: Its modules but a free base.
@@ -48,15 +48,15 @@ def closing_programs(
         "slots": 0 if chosen is None else chosen.size,
     }  # fmt: skip
     posture = [("q_0", "q"), ("p_0", "p")]
-    twice = [("q_1", "q"), ("p_1", "p"), ("q_2", "q"), ("p_2", "p")]
+    start, found = [("q_1", "q"), ("p_1", "p")], [("q_2", "q"), ("p_2", "p")]
     rates = [("g_dot", "rates"), ("g_ddot", "rates")]
     forms: dict[str, Form] = {
         "newton": ([*posture, ("g", "g")], [("q", "q"), ("p", "p"), *_each("step", "wrist", "open")]),
         "settle": (
-            [*posture, ("g", "g"), *rates],
-            [("q", "q"), ("p", "p"), ("v", "v"), ("a", "v"), *_each("step", "open")],
+            [*posture, *start, ("g", "g"), *rates],
+            [("q", "q"), ("p", "p"), ("v", "v"), ("a", "v"), *_each("step", "open", "turning")],
         ),
-        "branch": ([*posture, *twice, ("g", "g")], _each("off", "turned")),
+        "branch": ([*posture, *start, *found, ("g", "g")], _each("off", "turned")),
     }
     if chosen is not None:
         forms = {name: ([*ins, ("parameters", "slots")], outs) for name, (ins, outs) in forms.items()}

@@ -11,7 +11,16 @@ from ...code.library_source import Source, library_source
 from ...code.scalars import Scalar, text_of
 from ...program import Program
 from .closing_programs import closing_programs
-from .part import CLOSED_TO_ROUNDING, ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC, Part, motors_given
+from .part import (
+    CLOSED_TO_ROUNDING,
+    ITERATIONS,
+    LAST_ROW_STEP,
+    MOST_BOUND,
+    PATIENCE,
+    QUADRATIC,
+    Part,
+    motors_given,
+)
 from .place_program import place_program
 
 #: Shortest part of the way between two rows that is tried.
@@ -47,4 +56,5 @@ def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
         "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
         "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING,
         "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
+        "MOST_BOUND": MOST_BOUND,
     }  # fmt: skip

@@ -30,7 +30,7 @@ from ...equations.expressions import Expression, dot, is_zero, pack, symbols, un
 from ...equations.folding import Folding
 from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
 from ...equations.states import generic_positions, seen_postures
-from ...equations.static_elimination import Pivots, Trust, choose_pivots, solve
+from ...equations.static_elimination import Pivots, Trust, choose_pivots, largest_solutions, solve
 from .differences import joint_difference
 from .given import ANGLE, Given
 from .rows import Places, Rows, rows_at
@@ -48,7 +48,8 @@ class Written:
 
     Attributes:
         newton: From (q, p, g, numbers) to (q_next, p_next, step, wrist, open, guard).
-        settle: From (q, p, g, g_dot, g_ddot, numbers) to (q_next, p_next, v, a, step, open, guard).
+        settle: From (q, p, q_1, p_1, g, g_dot, g_ddot, numbers) to (q_next, p_next, v, a, step, open,
+            turning, guard): how far the Jacobian has turned from the start, (q_1, p_1), at most.
         branch: From (q_0, p_0, q_1, p_1, q_2, p_2, g, numbers) to (off, turned, guard).
         table: The numbers in which the modules differ, shape (modules, numbers); expressions where they
             are arguments.
@@ -184,8 +185,10 @@ class ModuleKernels:
             self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
             ca.SX(largest(rows.residual * self.u.scale)),
+            self._turning(rows.K, self._rows(self.u.positions(1), folding).K),
         ]
-        inputs = [*self.u.symbols("q_0", "p_0", "g", "g_dot", "g_ddot"), folding.symbol()]
+        names = ("q_0", "p_0", "q_1", "p_1", "g", "g_dot", "g_ddot")
+        inputs = [*self.u.symbols(*names), folding.symbol()]
         return ca.Function("settle", inputs, [*outputs, ca.SX(guard)])
 
     def _wanted(self, rows: Rows, targets: Expression) -> Expression:
@@ -244,15 +247,32 @@ class ModuleKernels:
         tree = self.e.tree
         both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
         off = by_joint(tree, joint_difference, *both, positions=2)
-        p, n = self.pivots, self.u.own
-        own = self.u.free[:n]
+        own = self.u.free[: self.u.own]
         J, J_there = (K[: self.u.loops, own] for K in (rows.K, there.K))
-        solved, trust = solve(J, J_there - J, Pivots(p.rows[:n], p.cols[:n], p.sizes[:n]))
+        solved, trust = solve(J, J_there - J, self._own_pivots)
         unit = self.e.unit[own]
         turned = solved[:, : len(own)] * unit / unit[:, None]
         outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(trusted(trust))]
         names = ("q_0", "p_0", "q_1", "p_1", "q_2", "p_2", "g")
         return ca.Function("branch", [*self.u.symbols(*names), folding.symbol()], outputs)
+
+    @property
+    def _own_pivots(self) -> Pivots:
+        """Pivots of the tree after the cuts."""
+        p, n = self.pivots, self.u.own
+        return Pivots(p.rows[:n], p.cols[:n], p.sizes[:n])
+
+    def _turning(self, K: Expression, K_start: Expression) -> ca.SX:
+        """Bound what "branch" computes, with J here in the place of J at the start: |J^-1 (J - J_start)|.
+
+        Each row of J^-1 (J - J_start) is at most as long as the sum of its absolute entries.
+        """
+        own = self.u.free[: self.u.own]
+        unit = self.e.unit[own]
+        J, change = K[: self.u.loops, own], (K - K_start)[: self.u.loops, own] * unit
+        size = np.array([sum((ca.fabs(x) for x in row if not is_zero(x)), 0.0) for row in change])
+        bounds = largest_solutions(J, size, self._own_pivots) / unit
+        return self._largest_block(np.diag(bounds))
 
     def _largest_block(self, X: Expression) -> ca.SX:
         """Return the largest Frobenius norm of the blocks of X, which bounds their 2-norm."""

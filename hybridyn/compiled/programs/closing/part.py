@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ....assembly.follow import MOST_TURNING
 from ....linkage.reduction import Block
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
@@ -22,6 +23,9 @@ CONTRADICTING_FILE = 1e-12
 QUADRATIC = 1e-6
 #: Largest last step: the rates before it are those after it to rounding.
 LAST_ROW_STEP = 2e-13
+#: Largest bound t of |J'^-1 (J' - J)|: then |J^-1 (J' - J)| <= t / (1 - t) is within `MOST_TURNING`, and a
+#: tenth is left to rounding.
+MOST_BOUND = 0.9 * MOST_TURNING / (1.0 + MOST_TURNING)
 #: Most Newton steps from row to row, and from a guess.
 ITERATIONS, PATIENCE = 12, 60
 #: Most free freedoms of a module: its kernels grow with their cube.
