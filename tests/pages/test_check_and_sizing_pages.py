@@ -1,4 +1,4 @@
-"""The pages on checking, workspaces, sizing and maps of joints: commands print what is shown, tables are complete."""
+"""The pages on checks, workspaces, sizing and maps of joints: commands print what is shown."""
 
 from __future__ import annotations
 
