@@ -32,8 +32,10 @@ def findings(robot: HybridRobot) -> list[str]:
     """Return what looks wrong in a robot, one sentence per finding, the reader's notes first."""
     out = [*robot.notes, *of_files(robot.description)]
     known: dict[int, str] = {}
-    for module, open_by in zip(robot.modules, home_residuals(robot), strict=True):
+    for number, (module, open_by) in enumerate(zip(robot.modules, home_residuals(robot), strict=True)):
         m = module.mechanism
+        if number not in robot.children and without_mass(module):
+            out.append(f"module '{module.name}': none of its bodies has mass, and no other module is on it")
         if id(m) in known:
             out += [f"module '{module.name}': as module '{known[id(m)]}'"] if known[id(m)] else []
             continue
@@ -48,12 +50,12 @@ def of_files(description: Description) -> list[str]:
     out = [f"{sign.message}; {sign.mend}" for sign in lost_loops(description)]
     light = [joint.child for joint in weightless(description)]
     if any(joint.kind != "fixed" for joint in description.joints) and not has_mass(description):
-        out.append("nothing has mass: no link has an <inertial>, so efforts of gravity and inertia are zero")
+        out.append("no link has mass (<inertial>), so efforts of gravity and inertia are zero")
     elif light:
         one = len(light) == 1
         out.append(
-            f"{'link' if one else 'links'} {listed(light)} {'moves and weighs' if one else 'move and weigh'} "
-            "nothing: efforts leave out their weight; give them an <inertial>, or weld them to what has one"
+            f"{'link' if one else 'links'} {listed(light)} {'moves and has' if one else 'move and have'} no "
+            "mass: efforts leave out this weight; add <inertial>, or a fixed joint to a link that has one"
         )
     return out
 
@@ -99,6 +101,12 @@ def motor_share(module: Module, Psi: Array) -> Array | None:
     return np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)[:, -1]
 
 
+def without_mass(module: Module) -> bool:
+    """Return whether no motion of a module moves a mass of its own."""
+    m = module.mechanism
+    return bool(m.mobility and own_inertia(m, m.basis(m.generic_K[:1]).Psi[0]).max() <= 0.0)
+
+
 def architecturally_singular(module: Module) -> str:
     """Describe an architectural singularity, or return an empty text if there is none.
 
@@ -113,13 +121,13 @@ def architecturally_singular(module: Module) -> str:
         return ""
     return (
         "architecturally singular: its motors lose a direction in every posture (their share in it is at "
-        f"most {share.max():.1e}), so that no effort holds it there; change the geometry (similar hexagons?) "
-        "or the choice of motors"
+        f"most {share.max():.1e}), so no effort holds it there; change the geometry (base and platform may "
+        "be similar hexagons), or choose other motors"
     )
 
 
 def _of_structure(module: Module) -> list[str]:
-    """Check properties of every posture: freedoms without inertia, motors that cannot move."""
+    """Check properties of every posture: motions without inertia, motors that cannot move."""
     m = module.mechanism
     out = []
     posture = m.postures[:1]
@@ -131,12 +139,10 @@ def _of_structure(module: Module) -> list[str]:
         if not m.mobility or np.abs(Psi[column]).max() < SINGULAR_POSTURE * np.abs(Psi).max()
     ]
     if still:
-        out.append(f"motor '{still[0]}' cannot move: the closures hold it")
+        out.append(f"motor '{still[0]}' cannot move: the closures lock it")
     elif singular := architecturally_singular(module):
         out.append(singular)
-    if m.mobility and own_inertia(m, m.basis(m.closures.matrix(motion)).Psi[0]).max() <= 0.0:
-        return [*out, "none of its bodies has mass"]
-    light = free_motions(module).massless
+    light = () if without_mass(module) else free_motions(module).massless
     return [
         *out,
         *(f"the motion of {name} has no inertia; its direct model needs one there" for name in light),

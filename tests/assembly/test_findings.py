@@ -90,14 +90,31 @@ def test_the_part_without_mass_is_named(tmp_path: Path) -> None:
       <limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
     path.write_text((tmp_path / "four_bar.urdf").read_text().replace("</robot>", wheel))
     link, text = findings(hybridyn.load(path, motors=["crank"]))
-    assert link.startswith("link 'wheel' moves and weighs nothing")
+    assert link.startswith("link 'wheel' moves and has no mass")
     assert "none of its bodies has mass" in text
     assert text.startswith("module 'wheel'")
 
 
+def test_a_joint_without_mass_that_carries_mass_is_no_finding(tmp_path: Path) -> None:
+    """A wrist: the first of two joints has its mass on the next one."""
+    path = tmp_path / "wrist.urdf"
+    joint = (
+        '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><axis xyz="{3}"/></joint>'
+    )
+    path.write_text(
+        '<robot name="wrist"><link name="base"/><link name="cross"/><link name="hand">'
+        + INERTIAL.format(x=0.1, mass=1)
+        + "</link>"
+        + joint.format("pitch", "base", "cross", "0 1 0")
+        + joint.format("roll", "cross", "hand", "1 0 0")
+        + "</robot>"
+    )
+    assert findings(hybridyn.load(path)) == []
+
+
 def test_bodies_without_mass(tmp_path: Path) -> None:
     nothing, text = findings(four_bar(tmp_path, SQUARE, mass=0.0))
-    assert "weigh nothing" in nothing
+    assert "move and have no mass" in nothing
     assert "none of its bodies has mass" in text
 
 

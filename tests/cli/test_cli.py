@@ -427,7 +427,7 @@ def test_info_shows_modules_and_what_looks_wrong(run, arm, tmp_path: Path) -> No
         ARM.replace('mass value="3"', 'mass value="0"').replace('"1" iyy="1" izz="1"', '"0" iyy="0" izz="0"')
     )
     out = run("info", path)[1]
-    assert "to look at:\n  - link 'tool' moves and weighs nothing" in out
+    assert "to look at:\n  - link 'tool' moves and has no mass" in out
     assert "\n  - module 'tool': none of its bodies has mass" in out
 
 

@@ -119,7 +119,7 @@ def test_moving_links_without_mass_are_told(tmp_path: Path, caplog: pytest.LogCa
     with caplog.at_level(logging.WARNING, logger="hybridyn"):
         loaded = load(path)
     (said,) = [record.getMessage() for record in caplog.records]
-    assert "link 'coupler' moves and weighs nothing" in said
+    assert "link 'coupler' moves and has no mass" in said
     assert any("'coupler'" in remark for remark in findings(loaded))
     (found,) = [finding for finding in hybridyn.check(path) if finding.code == "missing-inertial"]
     assert found.element == "link 'coupler'"
@@ -136,5 +136,5 @@ def test_mass_welded_to_a_link_is_its_own(tmp_path: Path) -> None:
 def test_a_robot_without_any_mass_is_an_error(tmp_path: Path) -> None:
     path = save(tmp_path, robot(ALL).replace(INERTIAL, ""))
     (said,) = of_files(load(path).description)
-    assert "nothing has mass" in said
+    assert "no link has mass" in said
     assert [f.severity for f in hybridyn.check(path) if f.code == "massless-robot"] == ["error"]

@@ -6,8 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...assembly.findings import SINGULAR_POSTURE, architecturally_singular, home_residuals, motor_share
-from ...assembly.free_motions import free_motions, own_inertia
+from ...assembly.findings import (
+    SINGULAR_POSTURE,
+    architecturally_singular,
+    home_residuals,
+    motor_share,
+    without_mass,
+)
+from ...assembly.free_motions import free_motions
 from ...description.lost_loops import lost_loops
 from ...description.names import LISTED_NAMES, counted, listed
 from ...linkage.reduction import ROUNDED_ROWS
@@ -57,7 +63,7 @@ def check_branch(subject: Subject) -> Iterator[Finding]:
 
 def check_lost_loops(subject: Subject) -> Iterator[Finding]:
     """Find signs of loops that the files do not state."""
-    why = "without its loops it is another robot, with too many motors and wrong efforts"
+    why = "without its loops the robot has too many freedoms, and efforts are wrong"
     for sign in lost_loops(subject.description):
         texts = (sign.message, why, sign.mend)
         if sign.link:
@@ -111,10 +117,10 @@ class _ModuleCheck:
         if not module.mobility:
             yield self._about(
                 "locked",
-                f"its {report.rank} independent closure rows leave its {m.reduction.n} freedoms no motion",
+                f"its {report.rank} independent closure rows lock all its {m.reduction.n} freedoms",
                 "the module cannot move, and no motion of it has a solution",
-                "a weld ('6d', 'fixed') in place of a hinge or a ball? Check types and axes of "
-                f"{listed(module.closures)}",
+                f"check types and axes of {listed(module.closures)}: perhaps a weld ('6d', 'fixed') stands "
+                "in place of a hinge or a ball",
             )
         if (spare := report.rows - report.rank) > 0:
             rounded = report.dropped > ROUNDED_ROWS
@@ -141,7 +147,7 @@ class _ModuleCheck:
                 "architectural",
                 singular.partition("; ")[0],
                 "motor efforts cannot hold the platform along that motion, and motor positions do not fix it",
-                "change the geometry (similar hexagons?) or the choice of motors",
+                "change the geometry (base and platform may be similar hexagons), or choose other motors",
             )
             return
         opposed = len(module.motors) - module.mobility + len(free.uncontrolled) + len(free.idle)
@@ -172,7 +178,7 @@ class _ModuleCheck:
             yield self._about(
                 "idle-motion",
                 f"the motion of {_named(free.idle)} moves no platform and no centre of mass",
-                "a rod between two balls spins freely; hybridyn uses its smallest rate and raises no error",
+                "a rod between two balls spins freely; hybridyn uses its least-norm rate and raises no error",
                 "nothing to do; a universal joint in place of one ball removes the motion",
             )
 
@@ -192,11 +198,10 @@ class _ModuleCheck:
                 )
 
     def _masses(self) -> Iterator[Finding]:
-        m, module = self.module.mechanism, self.module
+        module = self.module
         if not module.mobility:
             return
-        Psi = m.basis(m.generic_K[:1]).Psi[0]
-        if own_inertia(m, Psi).max() <= 0.0:
+        if without_mass(module):
             if self.robot.modules.index(module) not in self.robot.children:
                 yield self._about(
                     "no-mass",

@@ -109,7 +109,7 @@ def _size(subject: Subject, link: Link) -> Iterator[Finding]:
             link.name,
             f"its radius of gyration is {gyration:.2g} m, its shape's half diagonal {diagonal / 2:.2g} m",
             "the torques that accelerate it are computed too small",
-            "a placeholder, or g m^2 read as kg m^2? Write the inertia in kg m^2 about the centre of mass",
+            "perhaps a placeholder or a wrong unit: write the inertia in kg m^2, about the centre of mass",
         )
     volume = float(np.prod(upper - lower))
     if volume > 0 and link.mass > DENSEST * volume:
@@ -118,7 +118,7 @@ def _size(subject: Subject, link: Link) -> Iterator[Finding]:
             link.name,
             f"{link.mass:.4g} kg in a box of {volume:.3g} m^3: {link.mass / volume:.3g} kg/m^3",
             "its weight and inertia are too large, or its shape too small",
-            "masses in grams, or a mesh whose scale turns metres into millimetres? Write kg and m",
+            "write masses in kg and lengths in m; check the scale of the mesh",
         )
 
 
@@ -129,7 +129,7 @@ def _too_large(subject: Subject, link: Link, gyration: float, size: float, what:
         link.name,
         f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m"
         + (" away" if "point" in what else ""),
-        "an inertia that does not exist dominates the efforts of fast motions",
+        "no mass inside the shape has such an inertia, and it dominates the efforts of fast motions",
         unit_guess(gyration / size) + "write the inertia in kg m^2, about the centre of mass",
     )
 
@@ -146,7 +146,7 @@ def unit_guess(ratio: float) -> str:
         return "it looks like kg mm^2 (1e-6 kg m^2), or g mm^2 with the mass in grams: "
     if ratio > 8:
         return "it looks like kg cm^2 (1e-4 kg m^2): "
-    return "taken about a point far from the centre of mass? "
+    return "perhaps it is taken about a point far from the centre of mass: "
 
 
 def _missing(subject: Subject) -> Iterator[Finding]:
@@ -158,7 +158,7 @@ def _missing(subject: Subject) -> Iterator[Finding]:
             moving[0].child,
             "moves and has no mass, and no other link has mass",
             "efforts of gravity and inertia are zero, and direct dynamics has no solution",
-            "add <inertial> to the links: was the file exported without masses?",
+            "add <inertial> to the links; perhaps the file was exported without masses",
         )
         return
     for joint in weightless(subject.description, subject.shapes):
@@ -180,6 +180,6 @@ def _ratio(subject: Subject) -> Iterator[Finding]:
         "mass-ratio",
         small.name,
         f"has {small.mass:.3g} kg, while link '{large.name}' has {large.mass:.3g} kg",
-        "solutions lose digits, and one of the two is probably in another unit",
+        "solutions lose digits, and one of the two masses is probably in another unit",
         "write masses in kg; omit the mass of a link that is only a frame",
     )
