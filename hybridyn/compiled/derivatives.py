@@ -54,7 +54,7 @@ def idm_jacobian(
         "q", "v", "a": derivatives of tau over the freedoms of q, over v and over a, shapes
         ([T,] motors, nv), or over positions, rates and accelerations of the motors, shapes
         ([T,] motors, motors); where asked for, "parameters": derivatives over the ten inertial parameters of
-        each body of `robot.bodies`, shape ([T,] motors, 10 bodies).
+        each of `robot.bodies.bodies`, shape ([T,] motors, 10 bodies).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.
@@ -90,7 +90,7 @@ def ddm_jacobian(
         derivatives over the efforts, shape ([T,] nv, motors). With motors as coordinates: derivatives of the
         motors' accelerations over positions and rates of the motors and over the efforts, each of shape
         ([T,] motors, motors). Where asked for, "parameters": derivatives over the ten inertial parameters of
-        each body of `robot.bodies`, shape ([T,] nv, 10 bodies).
+        each of `robot.bodies.bodies`, shape ([T,] nv, 10 bodies).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.

@@ -40,7 +40,7 @@ def check_coordinates(robot: HybridRobot, coordinates: str, *, parameters: bool)
         return
     mend = "Use coordinates='joints'"
     if parameters:
-        raise ModelError(f"there are no derivatives over parameters beside those over motors. {mend}")
+        raise ModelError(f"derivatives over parameters are not available with coordinates='motors'. {mend}")
     if robot.base != "fixed":
         raise ModelError(f"derivatives over motors need a fixed base; this one is '{robot.base}'. {mend}")
     for module in robot.modules:
