@@ -11,9 +11,15 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code.graph import graph_of
 from hybridyn.compiled.code.quotients import costing, operations_of
+from hybridyn.compiled.equations.chains import point_acceleration, point_velocity
+from hybridyn.compiled.equations.core import write_core
+from hybridyn.compiled.equations.expressions import dot, numbers, pack, plain
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.statistics import flattened
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -22,6 +28,8 @@ from tests.shipped import shipped
 
 CLEARLY = 1e-2  # a joint moved by so much opens its loop so far that the general path raises
 BARELY = 1e-8  # relative; a hundredth of what the general path lets pass, a thousand times the guard's limit
+
+HELD = 1e-12  # rounding, of motions of order one
 
 
 def refused(robot: HybridRobot, name: str, states: list[Any]) -> bool:
@@ -58,6 +66,41 @@ def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
                     seen += 1
                     assert not float(function(*nearly)[1]) <= 1.0, (model, which, k)
     assert seen >= robot.nv
+
+
+def test_wrists_that_place_a_platform_hold_at_any_joint_motion() -> None:
+    """The guard does not compare their closures: place, rate and acceleration agree where loops are open."""
+    robot, generator, seen = build_robot(shipped("tanev")), np.random.default_rng(0), 0
+    for plan in request(robot, choose(robot, None)).plans:
+        q, v, a = (plain(x) for x in generator.normal(size=(3, plan.mechanism.spanning.nv)))
+        core = write_core(plan, q, v, plain(generator.normal(size=6)), a, plain(generator.normal(size=6)))
+        for k, c in enumerate(plan.parts.closures):
+            motion = []
+            for body, point in ((c.body_a, numbers(c.p_a)), (c.body_b, numbers(c.p_b))):
+                chain, p = core.chain, point
+                R0, V, A = chain.R0[body], chain.V[body], chain.c[body]
+                parts = (p, point_velocity(V, p), point_acceleration(V, A, p))
+                moved = [dot(R0, x) for x in parts]
+                motion.append(np.array(ca.DM(ca.evalf(pack(moved[0] + chain.p0[body], *moved[1:])))))
+            apart = np.abs(motion[0] - motion[1]).max()
+            held = k >= plan.parts.checked
+            seen += held
+            assert apart < HELD if held else apart > CLEARLY
+    assert seen == len(robot.modules)
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("five_bar", 1.86),
+        *(pytest.param(*x, marks=pytest.mark.slow) for x in (("delta", 1.51), ("tanev", 1.47))),
+    ],
+)
+def test_the_guard_takes_few_operations(name: str, most: float) -> None:
+    robot = build_robot(shipped(name))
+    (program,) = programs(robot, models=("idm",)).values()
+    with_guard, alone = flattened(program)
+    assert with_guard < most * alone
 
 
 def test_results_that_are_not_finite_are_not_trusted() -> None:

@@ -97,7 +97,7 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
     chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
     positions = split_positions(list(parts.links), q)
     written = write_rows(
-        chain, parts.closures, parts.couplings, positions, zeros(6 + nv), None, Scale(1.0, 1.0), [1.0]
+        chain, parts.closures, parts.couplings, positions, zeros(6 + nv), None, Scale(1.0, 1.0), [1.0], 0
     )
     function = ca.Function("K", [column], [pack(written.K[:, 6:])])
     shape = written.K[:, 6:].shape
@@ -176,7 +176,9 @@ def write_core(
     positions = split_positions(list(parts.links), tree_q)
     rates = np.concatenate([V_base, twists])
     weights = [plan.scale.weight(size) for size in sizes]
-    rows = write_rows(chain, parts.closures, parts.couplings, positions, rates, tree_a, plan.scale, weights)
+    rows = write_rows(
+        chain, parts.closures, parts.couplings, positions, rates, tree_a, plan.scale, weights, parts.checked
+    )
     if plan.mechanism.reduction.rounded:  # the choice of dependent rows differs from posture to posture
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]

@@ -80,8 +80,8 @@ def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
     """
     total: Any = ca.SX(0.0)
     for values, unit in residuals:
-        total = plus(total, times(squares(values), 1.0 / unit**2))
-    return times(total, weight)
+        total = plus(total, times(squares(values), times(weight, 1.0 / unit**2)))
+    return total
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:

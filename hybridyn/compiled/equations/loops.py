@@ -69,6 +69,7 @@ def write_rows(
     accelerations: Expression | None,
     scale: Scale,
     weights: list[Any],
+    checked: int,
 ) -> Rows:
     """Write the rows of closures and couplings.
 
@@ -79,17 +80,21 @@ def write_rows(
         accelerations: Accelerations of the joints, for the inverse model.
         scale: Scales of closure residuals.
         weights: Weights of squared residuals of rates and, if given, of accelerations (`Scale.weight`).
+        checked: How many of the closures the guard compares, the first ones.
     """
     K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
     guard = ca.SX(0.0)
-    for c in closures:
+    for k, c in enumerate(closures):
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
-        rows, drift, open_by = _closure(c, a, b)
+        rows, drift, open_by, slip = _closure(c, a, b, accelerations is not None)
         K, gamma = [*K, rows], [*gamma, drift]
+        if k >= checked:
+            continue
         along, units = len(c.translations), (scale.length, 1.0)
         guard = guard + weighed(list(zip(open_by, units, strict=True)), scale.weight_of_positions)
-        for weight, values in zip(weights, (dot(rows, rates), drift), strict=False):
+        slip = dot(rows, rates) if accelerations is None else slip  # the same, from the bodies' twists
+        for weight, values in zip(weights, (slip, drift), strict=False):
             guard = guard + weighed(list(zip((values[:along], values[along:]), units, strict=True)), weight)
     for coupling in couplings:
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
@@ -104,17 +109,22 @@ def write_rows(
 
 
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side
-) -> tuple[Expression, Expression, tuple[Expression, Expression]]:
-    """Compute rows and drift of one closure, and the residuals of its translations and rotations."""
+    c: TreeClosure, a: _Side, b: _Side, given: bool
+) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:
+    """Compute rows and drift of one closure, the residuals of its translations and rotations, and of rates.
+
+    `given` tells that accelerations are given: the drift is then a residual, too.
+    """
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
-    opened = np.array([along(n, r) for n in axes], dtype=object)
-    if len(axes) == 3:
-        opened, r = r, zeros(3)  # the loop is closed, and all three rows together may use any axes
-        axes = [numbers(np.eye(3)[i]) for i in range(3)]
-    apart = b.a - a.a - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
+    if len(axes) == 3:  # all three rows together may use any axes, and the loop is closed
+        axes, opened, r = [numbers(np.eye(3)[i]) for i in range(3)], r, zeros(3)
+    else:
+        opened = np.array([along(n, r) for n in axes], dtype=object)
+    apart = b.a - a.a
+    if not given or len(axes) < 3:  # else `b.v - a.v` is a residual, and zero
+        apart = apart - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
     normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
     gamma = [along(n, apart) for n in axes]
     z = b.A[:, 2]
@@ -130,6 +140,7 @@ def _closure(
         n = cross(z, a.A[:, 2])
         turning = [(n, cross(cross(b.w, z), a.A[:, 2]) + cross(z, cross(a.w, a.A[:, 2])))]
         pairs = [(2, 2)]
+    slip = [along(n, b.v - a.v - cross(a.w, r)) for n in axes] + [along(n, w) for n, _ in turning]
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
         gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
@@ -139,4 +150,5 @@ def _closure(
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
         np.array(gamma, dtype=object),
         (opened, angles),
+        np.array(slip, dtype=object),
     )

@@ -68,6 +68,8 @@ class Parts:
         bodies: For each body of the core (base first) its index in the mechanism's tree.
         platforms: Links of the core that are platforms.
         closures, couplings: Those of the core; bodies and joints numbered in the core, axes aligned.
+        checked: How many of the closures, the first ones, can be open. The others stand for the wrists that
+            place the platforms, and hold at any positions of the joints.
         closure_rows: Their rows in the mechanism's closures.
         tree_q, tree_v: Coordinates and freedoms of the core in the tree after the cuts.
         q, v: The same in the spanning tree, -1 for those of platforms.
@@ -83,6 +85,7 @@ class Parts:
     platforms: frozenset[int]
     closures: tuple[TreeClosure, ...]
     couplings: tuple[TreeCoupling, ...]
+    checked: int
     closure_rows: tuple[int, ...]
     tree_q: Index
     tree_v: Index
@@ -136,6 +139,7 @@ def parts_of(
         couplings=tuple(
             replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
         ),
+        checked=len(used) if arguments else sum(i < len(spec.closures) for i in used),
         closure_rows=_rows(mechanism, used),
         **_columns(mechanism, kept),
         groups=_groups(legs, marks),
