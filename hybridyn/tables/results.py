@@ -17,6 +17,7 @@ from typing import TextIO
 from ..description.records import Array
 from ..description.writing import appearing, naming
 from ..errors import TrajectoryError
+from .number_text import csv_text
 
 Write = Callable[[Array], None]
 
@@ -92,6 +93,6 @@ def _csv_writer(text: TextIO, columns: Sequence[str], remarks: Sequence[str]) ->
 
     def write(rows: Array) -> None:
         """Write rows as text."""
-        text.write("".join(",".join(map(repr, row)) + "\n" for row in rows.tolist()))
+        text.write(csv_text(rows))
 
     return write
