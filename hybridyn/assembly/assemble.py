@@ -6,13 +6,13 @@ Newton problem on its tree after the cuts. The positions of cut wrists follow fr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..errors import AssemblyError
+from ..errors import AssemblyError, HybridynError
 from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
 from ..linkage.rigid_motion import RigidMotion
@@ -28,7 +28,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
 from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import follow
-from .module_request import ModuleRequest, module_request
+from .module_request import ModuleRequest, joined, module_request, on_own_bases
 from .requests import Requests, gather_requests
 from .task import Task
 from .wrist_positions import spanning_positions
@@ -116,13 +116,22 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     T = requests.samples
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
     place_base(robot, requests, q, v, a)
+    numbers = range(1 if robot.base == "floating" else 0, len(robot.modules))
+    if on_own_bases(requests, robot):
+        kinds: dict[object, list[tuple[Module, ModuleRequest]]] = {}
+        for k in numbers:
+            request = module_request(requests, robot, k, {})
+            alone = k if request.targets else -1
+            kind = (robot.modules[k].mechanism, tuple(request.given), alone)
+            kinds.setdefault(kind, []).append((robot.modules[k], request))
+        for equal in kinds.values():
+            _assemble_equal(robot, equal, q, v, a)
+        return q, v, a
     bodies = {0: RigidMotion.at_rest(T)}
-    for k, module in enumerate(robot.modules):
-        if robot.base == "floating" and k == 0:
-            continue
+    for k in numbers:
+        module = robot.modules[k]
         base_body = robot.bodies.place[module.base][0]
-        request = module_request(requests, robot, k, base_body, bodies)
-        _assemble_module(robot, module, request, q, v, a)
+        _assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)
         motion = module.mechanism.spanning.sweep(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
@@ -152,37 +161,53 @@ def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Ar
     a[:, :3], a[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (spatial, pose.w_dot))
 
 
-def _assemble_module(
+def _assemble_equal(
+    robot: HybridRobot, parts: Sequence[tuple[Module, ModuleRequest]], q: Array, v: Array, a: Array
+) -> None:
+    """Assemble equal modules together or, if one of them needs more than plain steps, one after the other."""
+    try:
+        _assemble_modules(robot, parts, q, v, a)
+    except HybridynError:
+        if len(parts) == 1:
+            raise
+        for part in parts:
+            _assemble_modules(robot, [part], q, v, a)
+
+
+def _assemble_modules(
     robot: HybridRobot,
-    module: Module,
-    request: ModuleRequest,
+    parts: Sequence[tuple[Module, ModuleRequest]],
     q: Array,
     v: Array,
     a: Array,
     *,
     anchored: bool = False,
 ) -> None:
-    """Assemble one module at all samples; write the result into q, v, a of the robot.
+    """Assemble one module or equal ones at all samples; write the result into q, v, a of the robot.
 
     With `anchored`, the first sample is the posture in q, for whatever turns of its gears it implies.
     """
+    module, request = parts[0][0], joined(request for _, request in parts)
     m = module.mechanism
+    q_index, v_index = (np.array([getattr(part, at) for part, _ in parts]) for at in ("q_index", "v_index"))
     task = module_task(robot, module, request)
-    start = m.cut.positions(q[:1, module.q_index])[0]
+    guess = q[0, q_index]
+    start = m.cut.positions(guess)
     if anchored and task.problem.winding is not None:
-        winding = task.problem.winding.anchored(start, task.known)
+        winding = task.problem.winding.anchored(start[0], task.known)
         task = replace(task, problem=replace(task.problem, winding=winding))
     x = settled(m, follow(task, start))
     placed = m.tree.sweep(x)
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
     target = m.tree.sweep(x, x_dot, x_ddot, placed)
-    q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
+    qk = spanning_positions(module, x, target, guess, trajectories=len(parts))
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
     m.cut.to_spanning(x_dot, vk)
     m.cut.to_spanning(x_ddot, ak)
-    m.wrists.recover_rates(q[:, module.q_index], vk, target)
-    m.wrists.recover_accelerations(q[:, module.q_index], vk, ak, target)
-    v[:, module.v_index], a[:, module.v_index] = vk, ak
+    m.wrists.recover_rates(qk, vk, target)
+    m.wrists.recover_accelerations(qk, vk, ak, target)
+    for robots, own, index in ((q, qk, q_index), (v, vk, v_index), (a, ak, v_index)):
+        robots[:, index] = own.reshape(len(parts), len(q), -1).swapaxes(0, 1)
 
 
 def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
@@ -269,7 +294,7 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     q = np.tile(np.asarray(guess, dtype=float), (2, 1))
     path = {name: np.array([joint_position(robot, q[0], name), value]) for name, value in joints.items()}
     requests = gather_requests(robot, path, {})
-    request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
-    _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)), anchored=True)
+    request = module_request(requests, robot, number, {})
+    _assemble_modules(robot, [(module, request)], q, *np.zeros((2, 2, robot.nv)), anchored=True)
     posture: Array = q[1]
     return posture

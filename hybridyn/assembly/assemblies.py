@@ -129,8 +129,7 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Found:
     module = robot.modules[number]
     joints = {motor: float(joint_position(robot, robot.home, motor)) for motor in module.motors}
     requests = gather_requests(robot, joints, {})
-    base = robot.bodies.place[module.base][0]
-    task = module_task(robot, module, module_request(requests, robot, number, base, {}))
+    task = module_task(robot, module, module_request(requests, robot, number, {}))
     return postures(robot, module, task, starts, seed=0)
 
 
@@ -199,8 +198,7 @@ class _Search:
         robot, module = self.robot, self.robot.modules[number]
         m = module.mechanism
         below = {body: _row(motion, row) for body, motion in self._bodies.items()}
-        base = robot.bodies.place[module.base][0]
-        task = module_task(robot, module, module_request(self.requests, robot, number, base, below))
+        task = module_task(robot, module, module_request(self.requests, robot, number, below))
         asked = task.problem.residual(m.home[None], np.zeros(1, dtype=int))
         key = id(m), np.round(np.concatenate([task.known, asked], axis=1), 9).tobytes()
         if key not in self._known:

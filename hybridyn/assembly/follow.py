@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import AssemblyError
 from ..linkage.newton import Closed, close
+from ..linkage.targets import pairwise
 from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
 from .task import Task
@@ -36,7 +37,8 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
     """Compute a posture for every sample, on the branch of the previous one; the first on that of the guess.
 
     Args:
-        guess: Initial posture, shape (nq,).
+        guess: Initial posture, shape (nq,). With shape (K, nq), the task's samples are K trajectories of
+            equal length, one after the other, which are followed together.
         keep_branch: Whether leaving the branch is an error. If False, whatever posture Newton finds is
             accepted (a wrist in gimbal lock has no branch to stay on).
 
@@ -44,18 +46,26 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
         Positions, shape (T, nq).
 
     Raises:
-        AssemblyError: There is no first posture, a sample is unreachable, or a step leaves the branch.
+        AssemblyError: There is no first posture, a sample is unreachable, or a step leaves the branch; or one
+            of several trajectories has to be followed alone.
     """
-    T = len(task.known)
-    q = np.empty((T, task.problem.tree.nq))
-    q[0] = first_posture(task, guess)
+    guess = np.atleast_2d(guess)
+    T = len(task.known) // len(guess)
+    q = np.empty((len(task.known), task.problem.tree.nq))
+    starts = T * np.arange(len(guess))
+    q[starts] = _first_postures(task, guess, starts)
     last, chunk = 0, T
     while last < T - 1:
         stop = min(T, last + 1 + chunk)
-        q[last:stop], good = _coarse_to_fine(task, q[last], np.arange(last, stop))
-        steady = _steps_as_predicted(task, q, np.arange(last, stop - 1)) & good[1:]
-        bad = np.flatnonzero(~steady if keep_branch else ~good[1:])
-        for pair in bad + last:
+        samples = starts[:, None] + np.arange(last, stop)
+        q[samples], good = _coarse_to_fine(task, q[starts + last], samples)
+        pairs, steady = samples[:, :-1].ravel(), good[:, 1:].ravel()
+        if keep_branch:
+            steady &= _steps_as_predicted(task, q, pairs)
+        bad = pairs[~steady]
+        if len(bad):
+            _only_alone(guess)
+        for pair in bad:
             walked = _walk(task, q[pair], int(pair)) if keep_branch else _at_once(task, q[pair], int(pair))
             off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
             off /= task.problem.col_scale
@@ -69,7 +79,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
 
 
 def first_posture(task: Task, guess: Array) -> Array:
-    """Compute the closed posture reached from a guess.
+    """Compute the closed posture reached from a guess, shape (nq,), at the first sample.
 
     This is the end of a continuous path from the guess on its own assembly branch. If there is no such path,
     it is the posture that Newton finds from the guess, or from seeded restarts about it.
@@ -77,59 +87,76 @@ def first_posture(task: Task, guess: Array) -> Array:
     Raises:
         AssemblyError: No start closes; the error has the smallest residual.
     """
+    posture: Array = _first_postures(task, guess[None], np.zeros(1, dtype=int))[0]
+    return posture
+
+
+def _first_postures(task: Task, guess: Array, starts: Index) -> Array:
+    """Compute `first_posture` for the trajectories that start at some samples, shapes (K, nq), (K,)."""
     winding = task.problem.winding
+    if winding is not None:
+        _only_alone(guess)
     if winding is not None and winding.ambiguous:
         try:
-            return _first_posture(
-                replace(task, problem=replace(task.problem, winding=winding.near(guess))), guess
-            )
+            near = replace(task.problem, winding=winding.near(guess[0]))
+            return _on_any_sheet(replace(task, problem=near), guess, starts)
         except AssemblyError:  # the sheets of the guess may be too far for Newton: accept any
             pass
-    return _first_posture(task, guess)
+    return _on_any_sheet(task, guess, starts)
 
 
-def _first_posture(task: Task, guess: Array) -> Array:
-    """Compute `first_posture` on any sheet of the gears whose turns are unknown."""
+def _only_alone(guess: Array) -> None:
+    """Raise if there is more than one trajectory, guesses of shape (K, nq)."""
+    if len(guess) > 1:
+        raise AssemblyError("one of several trajectories has to be followed alone")
+
+
+def _on_any_sheet(task: Task, guess: Array, starts: Index) -> Array:
+    """Compute `_first_postures` on any sheet of the gears whose turns are unknown."""
     tree = task.problem.tree
-    result = task.solve(guess[None], np.zeros(1, dtype=int))
-    if task.closed(result)[0]:
-        return _on_branch_of(task, guess, result.q[0])
+    result = task.solve(guess, starts)
+    if task.closed(result).all():
+        return _on_branch_of(task, guess, result.q, starts)
+    _only_alone(guess)
     rng = np.random.default_rng(2010)
     best, iterations = result, result.iterations
-    for spread, starts in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
-        noise = rng.uniform(-spread, spread, (starts, tree.nv)) * task.problem.col_scale
-        result = task.solve(tree.integrate(np.tile(guess, (starts, 1)), noise), np.zeros(starts, dtype=int))
+    for spread, count in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
+        noise = rng.uniform(-spread, spread, (count, tree.nv)) * task.problem.col_scale
+        result = task.solve(tree.integrate(np.tile(guess, (count, 1)), noise), np.zeros(count, dtype=int))
         iterations += result.iterations
         good = np.flatnonzero(task.closed(result))
         if len(good):
             away = tree.difference(np.tile(guess, (len(good), 1)), result.q[good]) / task.problem.col_scale
             nearest: Array = result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
-            return nearest
+            return nearest[None]
         if result.residual.min() < best.residual.min():
             best = result
     raise unreachable(task, best, 0, iterations)
 
 
-def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
-    """Return the end of a path on the guess's branch, or `found` if the branch ends before."""
+def _on_branch_of(task: Task, guess: Array, found: Array, starts: Index) -> Array:
+    """Return the end of a path on the guess's branch, or `found` if the branch ends before, (K, nq) each."""
     problem = task.problem
     everything = np.ones(problem.tree.nv, dtype=bool)
-    winding = winding_of(problem.closures, guess[None], (), {})
-    winding = None if winding is None else winding.near(guess)
+    winding = winding_of(problem.closures, guess, (), {})
+    winding = None if winding is None else winding.near(guess[0])
     loops = replace(problem, free=everything, targets=(), rank=None, blocks=(), winding=winding)
-    start = close(loops, guess[None])
+    start = close(loops, guess)
+    if winding is not None or (start.residual > task.tolerance).any():
+        _only_alone(guess)
     if start.residual[0] > task.tolerance:
         return found
     motion = problem.tree.sweep(start.q)
-    targets = [t.from_here(motion) for t in problem.targets]
-    known = np.vstack([start.q, task.known[:1]])
+    targets = [t.from_here(motion, starts) for t in problem.targets]
+    known = pairwise(start.q, task.known[starts])
     winding = None if problem.winding is None else problem.winding.from_posture(start.q[0], known)
     way = replace(task, problem=replace(problem, targets=targets, winding=winding), known=known)
-    path = np.vstack([start.q, found])
-    if _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
+    path = pairwise(start.q, found)
+    if _steps_as_predicted(way, path, 2 * np.arange(len(guess))).all():
         return found
+    _only_alone(guess)
     try:
-        return _walk(way, start.q[0], 0)
+        return _walk(way, start.q[0], 0)[None]
     except AssemblyError:
         return found
 
@@ -157,11 +184,19 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
-    """Solve all samples after a known first one: some, then all, from starts interpolated between them."""
+    """Solve all samples after a known first one: some, then all, from starts interpolated between them.
+
+    Args:
+        start: Positions at the first sample of each of K trajectories, shape (K, nq).
+        samples: Indices of their samples, shape (K, n).
+
+    Returns:
+        Positions, shape (K, n, nq), and a mask of the closed ones, shape (K, n).
+    """
     tree = task.problem.tree
-    n = len(samples)
-    q = np.tile(start, (n, 1))
-    good = np.ones(n, dtype=bool)
+    K, n = samples.shape
+    q = np.repeat(start[:, None], n, axis=1)
+    good = np.ones((K, n), dtype=bool)
     have = np.array([0])
     for stride in STRIDES:
         known = set(have.tolist())
@@ -170,8 +205,9 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
             continue
         before = have[np.searchsorted(have, todo, side="right") - 1]
         start, step = _interpolated(task, q, have, todo, before)
-        result = task.solve(tree.integrate(start, step), samples[todo])
-        q[todo], good[todo] = result.q, task.closed(result)
+        result = task.solve(tree.integrate(start, step), samples[:, todo].ravel())
+        q[:, todo] = result.q.reshape(K, -1, tree.nq)
+        good[:, todo] = task.closed(result).reshape(K, -1)
         have = np.sort(np.concatenate([have, todo]))
     return q, good
 
@@ -180,12 +216,16 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index)
     """Interpolate starts between solved samples: cubic from four neighbours, lower order if there are fewer.
 
     Returns:
-        Positions at the previous solved sample, and the step from it, shapes (n, nq), (n, nv).
+        Positions at the previous solved sample, and the step from it, shapes (K n, nq), (K n, nv).
     """
-    tree = task.problem.tree
+    tree, K = task.problem.tree, len(q)
+
+    def at_samples(numbers: Index) -> Array:
+        return q[:, numbers].reshape(-1, tree.nq)
+
     at = np.searchsorted(have, todo, side="right") - 1
     last = len(have) - 1
-    step = np.zeros((len(todo), tree.nv))
+    step = np.zeros((K * len(todo), tree.nv))
     if last >= 1:
         first = np.clip(at - 1, 0, max(last - 3, 0))
         nodes = [have[np.minimum(first + i, last)] for i in range(min(4, last + 1))]
@@ -194,8 +234,8 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index)
             for j, other in enumerate(nodes):
                 if i != j:
                     weight *= (todo - other) / (node - other)
-            step += weight[:, None] * tree.difference(q[before], q[node])
-    return q[before], step
+            step += np.tile(weight, K)[:, None] * tree.difference(at_samples(before), at_samples(node))
+    return at_samples(before), step
 
 
 def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -106,22 +106,46 @@ class ModuleRequest:
         self.names.append(link)
 
 
+def joined(requests: Iterable[ModuleRequest]) -> ModuleRequest:
+    """Return one request for equal modules without targets: the samples of each, one after the other."""
+    first, *others = requests
+    if not others:
+        return first
+    every = [first, *others]
+    known, known_v, known_a = (
+        np.concatenate([getattr(r, name) for r in every]) for name in ("known", "known_v", "known_a")
+    )
+    angles = {joint: np.concatenate([r.angles[joint] for r in every]) for joint in first.angles}
+    return ModuleRequest(first.mechanism, known, known_v, known_a, first.given, angles=angles)
+
+
+def on_own_bases(requests: Requests, robot: HybridRobot) -> bool:
+    """Check whether every pose is relative to the base of its module: no request needs another module."""
+    place = robot.bodies.place
+    for pose in requests.poses:
+        owner = robot.body_owner[place[pose.link][0]][0]
+        if place[pose.other][0] != place[robot.modules[owner].base][0]:
+            return False
+    return True
+
+
 def module_request(
-    requests: Requests, robot: HybridRobot, number: int, base_body: int, bodies: Mapping[int, RigidMotion]
+    requests: Requests, robot: HybridRobot, number: int, bodies: Mapping[int, RigidMotion]
 ) -> ModuleRequest:
     """Build the request for one module.
 
     Args:
         requests: The requests for the whole robot.
         number: Index of the module.
-        base_body: Index of its base body.
-        bodies: Motions of the bodies assembled so far, in the root body.
+        bodies: Motions of the bodies assembled so far, in the root body; those that carry the module or
+            another pose's reference are needed only for a pose relative to another body than its base.
 
     Raises:
         AssemblyError: A joint or a pose cannot be prescribed.
     """
     module = robot.modules[number]
     m = module.mechanism
+    base_body = robot.bodies.place[module.base][0]
     known = np.tile(m.home, (requests.samples, 1))
     request = ModuleRequest(m, known, *np.zeros((2, requests.samples, m.tree.nv)))
     tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
@@ -182,14 +206,16 @@ def _in_base(
 ) -> RigidMotion:
     """Compute a link's prescribed motion in its module's base body."""
     other_body, R, p = robot.bodies.place[pose.other]
+    placed = RigidMotion.at_rest(len(motion.p), R, p)
+    if other_body == base_body:
+        return placed.then(motion)
     if other_body not in bodies:
         raise AssemblyError(
             f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it "
             f"relative to '{module.base}' or a link nearer to the root",
             module=module.name,
         )
-    other = bodies[other_body].then(RigidMotion.at_rest(len(motion.p), R, p))
-    return other.then(motion).seen_from(bodies[base_body])
+    return bodies[other_body].then(placed).then(motion).seen_from(bodies[base_body])
 
 
 def _check_range(name: str, position: Array, limit: float, unit: str) -> None:

@@ -57,7 +57,7 @@ def closed_postures(
             continue
         m = module.mechanism
         base_body = robot.bodies.place[module.base][0]
-        task = module_task(robot, module, module_request(requests, robot, k, base_body, bodies))
+        task = module_task(robot, module, module_request(requests, robot, k, bodies))
         x, closed = _solved(task, m.cut.positions(q[:1, module.q_index])[0])
         out |= ~closed
         if out.all():

@@ -16,16 +16,22 @@ from .follow import follow
 from .task import Task
 
 
-def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
+def spanning_positions(
+    module: Module, x: Array, target: Motion, guess: Array, *, trajectories: int = 0
+) -> Array:
     """Compute positions of the spanning tree, including the wrists that connect ends with their targets.
 
     Args:
         x: Positions of the tree after the cuts, shape (T, its nq).
         target: Motion of that tree.
         guess: Posture near the first sample, shape (nq,), or one near each sample, shape (T, nq).
+        trajectories: Number K of trajectories of equal length, one after the other in `x`; if it is not zero,
+            `guess` holds a posture near the first sample of each, shape (K, nq).
     """
     m = module.mechanism
-    q = np.broadcast_to(guess, (len(x), m.spanning.nq)).copy()
+    samples = len(x) // trajectories if trajectories else 1
+    q = np.empty((len(x), m.spanning.nq))
+    q[:] = np.repeat(guess, samples, axis=0) if trajectories else guess
     m.cut.positions_to_spanning(x, q)
     for number, wrist in enumerate(m.spec.wrists):
         tree = Tree(list(m.wrists.joints(number)))
@@ -45,8 +51,8 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         at = m.wrists.positions(number)
         task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
-        if guess.ndim == 1:
-            q[:, at] = follow(task, guess[at], keep_branch=False)
+        if trajectories or guess.ndim == 1:
+            q[:, at] = follow(task, guess[..., at], keep_branch=False)
         else:
             q[:, at] = task.solve(guess[:, at], np.arange(len(x))).q
     return q

@@ -46,8 +46,8 @@ class Target(Protocol):
         """Interpolate the target from a sample to the next: one new sample per fraction, at rest."""
         ...
 
-    def from_here(self, motion: Motion) -> Target:
-        """Return a target with two samples: the body's current pose, then this target's sample 0."""
+    def from_here(self, motion: Motion, samples: Index) -> Target:
+        """Return a target with two samples for each given one: the body's current pose, then that one."""
         ...
 
 
@@ -92,10 +92,10 @@ class PoseTarget:
         turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
         return replace(self, R=R0 @ turn, p=p0 + fractions[:, None] * (p1 - p0))
 
-    def from_here(self, motion: Motion) -> PoseTarget:
-        """Return the way from where the body is now to sample 0."""
-        R, p = motion.R[:1, self.body], motion.p[:1, self.body]
-        return replace(self, R=np.concatenate([R, self.R[:1]]), p=np.concatenate([p, self.p[:1]]))
+    def from_here(self, motion: Motion, samples: Index) -> PoseTarget:
+        """Return the way from where the body is now to the given samples."""
+        R, p = motion.R[:, self.body], motion.p[:, self.body]
+        return replace(self, R=pairwise(R, self.R[samples]), p=pairwise(p, self.p[samples]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,10 +173,15 @@ class CoordinateTarget:
         step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
         return replace(self, value=self.value[sample] + fractions[:, None] * step)
 
-    def from_here(self, motion: Motion) -> CoordinateTarget:
-        """Return the way from where the body is now to sample 0."""
-        now = self.residual(motion, np.zeros(len(motion.p), dtype=int))[:1] + self.value[:1]
-        return replace(self, value=np.concatenate([now, self.value[:1]]))
+    def from_here(self, motion: Motion, samples: Index) -> CoordinateTarget:
+        """Return the way from where the body is now to the given samples."""
+        now = self.residual(motion, samples) + self.value[samples]
+        return replace(self, value=pairwise(now, self.value[samples]))
+
+
+def pairwise(here: Array, there: Array) -> Array:
+    """Return the rows of two arrays, shape (n, ...), in turn, shape (2 n, ...)."""
+    return np.stack([here, there], axis=1).reshape(-1, *here.shape[1:])
 
 
 def roll_pitch_yaw(R: Array) -> Array:

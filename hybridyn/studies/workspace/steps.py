@@ -10,7 +10,6 @@ from ...assembly.module_request import module_request
 from ...assembly.requests import gather_requests
 from ...assembly.wrist_positions import spanning_positions
 from ...linkage.newton import close
-from ...linkage.rigid_motion import RigidMotion
 from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot
 from .sweep import Sweep, pose_of
@@ -86,9 +85,7 @@ class Closing:
         robot, module = self.robot, self.robot.modules[self.sweep.module]
         m = module.mechanism
         requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
-        base = robot.bodies.place[module.base][0]
-        still = {base: RigidMotion.at_rest(len(values))}
-        request = module_request(requests, robot, self.sweep.module, base, still)
+        request = module_request(requests, robot, self.sweep.module, {})
         task = module_task(robot, module, request)
         start = m.cut.positions(q)
         samples = np.arange(len(q))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....assembly.assemble import module_task
-from ....assembly.module_request import ModuleRequest, module_request
+from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
 from ....assembly.requests import PoseRequest, Requests
 from ....linkage.rigid_motion import RigidMotion
 from ....spatial import Array, cross
@@ -55,7 +55,7 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
         HybridynError: As in `assembly.module_request`.
     """
     placed, out = Placed(requests.samples), []
-    far = any(_base_of(robot, p.link) != robot.bodies.place[p.other][0] for p in requests.poses)
+    far = not on_own_bases(requests, robot)
     for k, module in modules_of(robot):
         base = robot.bodies.place[module.base][0]
         poses = [p for p in requests.poses if robot.body_owner[robot.bodies.place[p.link][0]][0] == k]
@@ -65,7 +65,7 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
                 return None
         own = [pose for pose in poses if _is_own(robot, pose, base)]
         others = tuple(pose for pose in poses if pose not in own)
-        request = module_request(replace(requests, poses=others), robot, k, base, placed)
+        request = module_request(replace(requests, poses=others), robot, k, placed)
         for pose in own:
             body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
             request.give_floating(module.mechanism.cut.tree_body(body) - 1, _of_platform(robot, pose))
@@ -74,12 +74,6 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
             _place(robot, placed, pose)
         placed.reached |= {robot.body_of_joint[joint] for joint in module.joints}
     return out
-
-
-def _base_of(robot: HybridRobot, link: str) -> int:
-    """Return the body that the module of a link stands on."""
-    owner = robot.body_owner[robot.bodies.place[link][0]][0]
-    return robot.bodies.place[robot.modules[owner].base][0]
 
 
 def _is_own(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
