@@ -184,7 +184,7 @@ def test_a_file_without_joints_is_read(tmp_path: Path) -> None:
         text(tmp_path, mjcf(world='<body name="a"><geom size="1"/></body><body name="m" mocap="true"/>'))
     )
     assert [joint.kind for joint in found.joints] == ["fixed", "fixed"]
-    assert any("mocap bodies do not move here: 'm'" in note for note in found.notes)
+    assert any("mocap bodies are read as fixed: 'm'" in note for note in found.notes)
 
 
 def test_couplings_hold_where_mujoco_says(tmp_path: Path) -> None:

@@ -54,8 +54,8 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
             servos.append(compiled.name("actuator", actuator) or joint)
     if servos:
         robot.notes.append(
-            f"actuators {listed(servos)} hold a servo, a muscle or dynamics of their own, which are not "
-            "read: the motors give the efforts that the models compute"
+            f"actuators {listed(servos)} have a servo, a muscle or dynamics of their own, which are not "
+            "read: motor efforts are inputs of the models"
         )
     if names or problem:
         robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file, line, problem))

@@ -24,8 +24,8 @@ def add_home(robot: RobotFile, compiled: Compiled, root: Root) -> None:
         q = np.array(model.key_qpos[chosen])
         if model.nkey > 1 and HOME not in names:
             robot.notes.append(
-                f"of {model.nkey} keyframes the first is home ('{names[0]}'); call another one 'home' to "
-                f"take that: {listed(names[1:])}"
+                f"home is the first of {model.nkey} keyframes ('{names[0]}'); to use another one, rename it "
+                f"to 'home': {listed(names[1:])}"
             )
     numbers = {name: index for index, name in enumerate(compiled.joints)}
     for joint in robot.joints:

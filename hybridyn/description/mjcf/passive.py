@@ -66,7 +66,7 @@ def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
     if stiffness:
         robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
     if still := [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)]:
-        robot.notes.append(f"mocap bodies do not move here: {listed(still)}")
+        robot.notes.append(f"mocap bodies are read as fixed: {listed(still)}")
     if tendons := limited(compiled):
         robot.notes.append(f"limits of tendons are not read: {listed(tendons)}")
 

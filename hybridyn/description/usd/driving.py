@@ -77,8 +77,8 @@ def add_motors(robot: RobotFile, driving: Driving) -> None:
     """Add the list of motors to the robot, in the order of the file."""
     if driving.servos:
         robot.notes.append(
-            f"drives of {listed(driving.servos)} have stiffness or damping, which are not read: the motors "
-            "give the efforts that the models compute"
+            f"drives of {listed(driving.servos)} have stiffness or damping, which are not read: motor "
+            "efforts are inputs of the models"
         )
     names = tuple(dict.fromkeys(name for of_joint in driving.motors.values() for name in of_joint))
     if names or driving.problem:

@@ -96,8 +96,8 @@ def _note(joints: list[UsdJoint], closures: list[UsdJoint], notes: list[str]) ->
     kept = [joint.prim.path for joint in joints if joint.excluded and joint not in closures]
     if kept:
         notes.append(
-            f"joints {listed(kept)} are excluded from the articulation, but are driven or coupled, or bodies "
-            "hang on nothing else: they are joints of the tree"
+            f"joints {listed(kept)} are excluded from the articulation, but are driven or coupled, or are "
+            "the only joint of a body: they are joints of the tree"
         )
 
 

@@ -49,7 +49,7 @@ def add_home(
                 robot.home[name] = value
     if off:
         robot.notes.append(
-            f"bodies do not stand where joints {listed(off)} allow; home is the nearest posture of each joint"
+            f"joints {listed(off)} do not allow the poses of their bodies; home is the nearest posture"
         )
 
 

@@ -44,7 +44,7 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint], names: Names, notes:
             out.append(_physx(prim, axis, joints, names))
             if prim.number(f"physxMimicJoint:{axis}:naturalFrequency", 0.0) > 0:
                 notes.append(
-                    f"<{prim.path}> mimics softly in PhysX (naturalFrequency); here it follows exactly"
+                    f"<{prim.path}> is a compliant mimic in PhysX (naturalFrequency); it is read as rigid"
                 )
     return out
 

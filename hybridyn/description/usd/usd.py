@@ -150,11 +150,10 @@ def _add_notes(robot: RobotFile, bodies: Bodies) -> None:
     """Add remarks on what is taken by default or left out."""
     stage = bodies.stage
     if "metersPerUnit" not in stage.authored:
-        robot.notes.append("the file states no metersPerUnit: lengths are centimetres, as USD takes them")
+        robot.notes.append("the file states no metersPerUnit: lengths are in centimetres, the default of USD")
     if bodies.still:
         robot.notes.append(
-            f"bodies {listed(bodies.still)} are kinematic or disabled: they stand still, as parts of "
-            "the world"
+            f"bodies {listed(bodies.still)} are kinematic or disabled: they are read as parts of the world"
         )
     massless = [
         link.name for link in robot.links if not link.mass and not link.between_joints and link.name != ROOT
