@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -64,6 +63,8 @@ def data_folder() -> Path | None:
 @lru_cache(maxsize=1)
 def shipped_robots() -> dict[str, ShippedRobot]:
     """Return the shipped robots by name: first those of the README, then the benchmark mechanisms."""
+    import tomllib  # imported late: a robot given by its file needs no list of names
+
     folder = data_folder()
     if folder is None:
         return {}

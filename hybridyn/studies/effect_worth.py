@@ -17,7 +17,7 @@ import numpy as np
 from ..effects.choice import Effects
 from ..errors import ActuationError, HybridynError
 from ..spatial import Array
-from .sizing import TIE
+from ..structure.departures import TIE
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot

@@ -18,12 +18,9 @@ import numpy as np
 
 from ..description.records import Joint
 from ..spatial import Array
-from ..structure.departures import TOUCHING, position_limits
+from ..structure.departures import TIE, TOUCHING, position_limits
 from ..structure.robot import HybridRobot
 
-#: Peaks that differ by less than this (relative) count as equal and the first is used: rounding must not
-#: decide.
-TIE = 1e-6
 #: Points of the speed-effort cloud kept per motor. Above twice this number, every second point is dropped.
 CLOUD = 2000
 

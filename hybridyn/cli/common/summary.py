@@ -58,7 +58,7 @@ class Summary:
 
     def add(self, done: Done) -> None:
         """Add a block."""
-        from ...studies.sizing import TIE
+        from ...structure.departures import TIE
 
         self.samples += len(done.rows)
         self.left.add(done.left, done.first_row, done.time)

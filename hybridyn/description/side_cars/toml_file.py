@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from typing import Any
 
 from ...errors import ModelError
@@ -36,6 +35,8 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
     Raises:
         ModelError: The file is not UTF-8, not TOML, or too large; the message names the line.
     """
+    import tomllib  # imported late: most files are found checked in the cache folder
+
     if len(data) > LARGEST_TOML:
         raise ModelError(f"is larger than {LARGEST_TOML // 2**20} MiB", file=file)
     try:
