@@ -68,10 +68,10 @@ def _comment(lines: list[str], end: int) -> str:
     return " ".join(line.removeprefix("#:").strip() for line in lines[begin:end])
 
 
-def page() -> str:
-    """Return the page."""
+def page(found: list[Tolerance]) -> str:
+    """Return the page of some tolerances."""
     out, folder = [HEAD], ""
-    for tolerance in sorted(tolerances(), key=lambda t: t.file.rpartition("/")[0]):
+    for tolerance in sorted(found, key=lambda t: t.file.rpartition("/")[0]):
         here = tolerance.file.rpartition("/")[0] or "hybridyn"
         if here != folder:
             folder = here
@@ -82,4 +82,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page())
+    PAGE.write_text(page(list(tolerances())))
