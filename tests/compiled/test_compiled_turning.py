@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.equations.expressions import pack
+from hybridyn.compiled.equations.folding import Folding
 from hybridyn.compiled.equations.static_elimination import Pivots, largest_solutions
 from hybridyn.compiled.programs.closing import assembling, closing_source
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.choosing import module_requests, parts_of
+from hybridyn.compiled.programs.closing.given import Given
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
+from hybridyn.compiled.programs.closing.rows import rows_at
+from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -72,6 +78,22 @@ def test_bounds_of_generated_mechanisms(kind: str) -> None:
     motors = of_joints(robot, *random_states(description, "fixed", 2, 3))
     for writer in kernels_of(robot, motors):
         assert least_margin(writer) >= 1.0 - ROUNDING
+
+
+@pytest.mark.parametrize("kind", ["loop_planar", "gear_three", "five_bar_four_motors"])
+def test_rates_of_rows_are_the_rows_times_the_rates(kind: str) -> None:
+    robot = build_robot(random_mechanism(8, kind=kind))
+    rng = np.random.default_rng(5)
+    for module in robot.modules:
+        u, folding = Unknowns([module], Given((), (), ()), (), ({}, {})), Folding()
+        v = rng.normal(size=u.e.tree.nv)
+        rows = rows_at(u.trees, u.given, folding, u.positions(0), u.targets(), {}, v.astype(object))
+        inputs = [*u.symbols("q_0", "p_0"), folding.symbol()]
+        function = ca.Function("rows", inputs, [pack(rows.K), pack(rows.rates)])
+        q, p = (rng.uniform(-1, 1, x.numel()) for x in inputs[:2])
+        K, rates = (np.array(x).ravel() for x in function(q, p, folding.table(1)[0].astype(float)))
+        right = K.reshape(rows.K.shape) @ v
+        assert np.abs(rates - right).max(initial=0.0) <= ROUNDING * np.abs(K).max(initial=0.0)
 
 
 def test_largest_solutions_bound_every_solution() -> None:

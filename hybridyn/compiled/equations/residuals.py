@@ -14,7 +14,7 @@ from ...linkage.closures import TreeClosure
 from ...linkage.common_measure import common_measure
 from ...linkage.couplings import TreeCoupling
 from .chains import Chain
-from .expressions import Expression, along, cross, dot, zeros
+from .expressions import Expression, along, cross, dot, plus, zeros
 from .rigid import motion_to_parent
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
@@ -48,6 +48,27 @@ class SpanningRows:
                 for k, column in enumerate(self._columns[joint], self._chain.v_slices[joint].start):
                     rows[:, k] = [sign * along(n, column) for n in normals]
         return np.array(residual, dtype=object), rows
+
+    def rates(self, c: TreeClosure, frames: Frames, v: Expression) -> Expression:
+        """Compute the rates of a closure's residual, its Jacobian times v, from the twists of its bodies.
+
+        The product with the matrix has more operations, and so has its derivative.
+        """
+        A, _ = self._frame(c.body_a, frames[0], frames[1])
+        B, pb = self._frame(c.body_b, frames[2], frames[3])
+        twist = self._twist(c.body_b, c.body_a, v) - self._twist(c.body_a, c.body_b, v)
+        at = twist[:3] + cross(twist[3:], pb)
+        rates = [along(A[:, i], at) for i in c.translations]
+        rates += [along(n, twist[3:]) for _, n in _turning(c.rotation, A, B)]
+        return np.array(rates, dtype=object)
+
+    def _twist(self, body: int, other: int, v: Expression) -> Expression:
+        """Compute the twist of a body in the base frame, without joints that carry the other body, too."""
+        out = zeros(6)
+        for joint in sorted(self._path(body) - self._path(other)):
+            columns = np.stack(self._columns[joint], axis=1)
+            out = plus(out, dot(columns, v[self._chain.v_slices[joint]]))
+        return out
 
     def _frame(self, body: int, R: Expression, p: Expression) -> tuple[Expression, Expression]:
         """Compute axes and origin of a frame on a body, in the base frame."""

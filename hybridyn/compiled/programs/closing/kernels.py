@@ -26,7 +26,7 @@ from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments.module_arguments import ModuleArguments
 from ...equations.displacement import by_joint, moved_joint, position_rate
-from ...equations.expressions import Expression, dot, is_zero, pack, symbols, unpack, zeros
+from ...equations.expressions import Expression, dot, is_zero, pack, unpack, zeros
 from ...equations.folding import Folding
 from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
 from ...equations.states import generic_positions, seen_postures
@@ -120,14 +120,14 @@ class ModuleKernels:
         """Write the kernels."""
         folding = Folding()
         z = self.u.positions(0)
-        rows = self._rows(z, folding)
+        rows = self._rows(z, folding, self.u.rates[1])
         functions = self._newton(rows, z, folding), self._settle(rows, z, folding)
         return Written(*functions, self._branch(rows, folding), folding.table(len(self.u.modules)))
 
-    def _rows(self, z: list[Expression], folding: Folding) -> Rows:
-        """Write the rows with arguments at positions of the joints."""
+    def _rows(self, z: list[Expression], folding: Folding, v: Expression | None = None) -> Rows:
+        """Write the rows with arguments at positions of the joints, and at rates v."""
         trees, places = self.u.with_arguments, self.u.places_with_arguments
-        return rows_at(trees, self.u.given, folding, z, self.u.targets(), places)
+        return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v)
 
     def _guard(self, trust: Trust, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
@@ -171,7 +171,7 @@ class ModuleKernels:
         right = np.stack([-rows.residual, wanted - dot(rows.K, rate)], axis=1)
         solved, trust = self._solved(rows, right)
         step, rate = solved[:, 0], rate + solved[:, 1]
-        drift = self._drift(rows.K, z, rate)
+        drift = self._drift(rows.rates, z, rate)
         wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift
         solved, _ = self._solved(rows, (wanted_dot - dot(rows.K, acceleration))[:, None])
         acceleration = acceleration + solved[:, 0]
@@ -204,9 +204,9 @@ class ModuleKernels:
             out[at : at + 3], out[at + 3 : at + 6] = dot(A.T, own[:3]), dot(A.T, own[3:])
         return out
 
-    def _drift(self, K: Expression, z: list[Expression], rate: Expression) -> Expression:
+    def _drift(self, Kw: Expression, z: list[Expression], rate: Expression) -> Expression:
         """Compute K_dot z_dot at target frames that stand still, shape (rows,)."""
-        w_col, w = symbols("w", len(rate))
+        w_col, w = self.u.rates
         given, starts = self.u.given, self.u.starts
         z_dot = by_joint(self.e.tree, position_rate, np.concatenate([zeros(0), *z]), w, positions=1)
         rates = [z_dot[at] for at in self.e.tree.q_slices]
@@ -219,7 +219,7 @@ class ModuleKernels:
             rates[joint] = z[joint]  # K does not read these entries of q and p
         q_dot, p_dot = self.u.outside(rates)
         columns = ca.vertcat(*self.u.symbols("q_0", "p_0", "g"))
-        drift = ca.jtimes(pack(dot(K, w)), columns, ca.vertcat(q_dot, p_dot, pack(g_dot)))
+        drift = ca.jtimes(pack(Kw), columns, ca.vertcat(q_dot, p_dot, pack(g_dot)))
         return unpack(ca.substitute(drift, w_col, pack(rate)))
 
     def _bounded(self, rate: Expression, given: Index, wanted: Expression) -> ca.SX:

@@ -36,12 +36,14 @@ class Rows:
         residual: Shape (rows,).
         upright: Cosines that are positive where no two axes are more than a right angle apart.
         frames: Axes of each target, shape (3, 3).
+        rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
     """
 
     K: Expression
     residual: Expression
     upright: list[ca.SX]
     frames: list[Expression]
+    rates: Expression
 
 
 def rows_at(
@@ -51,6 +53,7 @@ def rows_at(
     z: Sequence[Expression],
     targets: Expression,
     places: Places,
+    v: Expression | None = None,
 ) -> Rows:
     """Write the rows of modules of one shape.
 
@@ -60,27 +63,29 @@ def rows_at(
         z: Positions of each joint.
         targets: Prescribed poses, then coordinates, shape (7 poses + coordinates,).
         places: Frames of the links whose coordinates are prescribed.
+        v: Rates of the freedoms, for `Rows.rates`, or None.
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
     chain = sweep(links, np.concatenate([zeros(0), *z]), zeros(nv), zeros(6))
-    out = Rows(zeros(0, nv), zeros(0), [], [])
+    out = Rows(zeros(0, nv), zeros(0), [], [], zeros(0))
     writer = SpanningRows(chain)
     for same in zip(*(t.closures for t in trees), strict=True):
-        _add(out, chain, writer, same[0], _folded(folding, same))
+        _add(out, chain, writer, same[0], _folded(folding, same), v)
     positions = list(z)
     for coupled in zip(*(t.couplings for t in trees), strict=True):
         offset = folding.array([scalar(c.offset) for c in coupled])[0]
         miss, row = coupling_row(chain, coupled[0], positions, offset)
         out.K = np.concatenate([out.K, row[None]])
         out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])
+    _add_rates(out, v)
     for i, body in enumerate(given.bodies):
         pose = targets[7 * i : 7 * i + 7]
         out.frames.append(quaternion_matrix(pose[3:]))
         target = TreeClosure(
             "", "", 0, np.eye(3), np.zeros(3), body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed"
         )
-        _add(out, chain, writer, target, (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
+        _add(out, chain, writer, target, (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)), v)
     at = 7 * len(given.bodies)
     for some in given.coordinates:
         frames = [x for link in reversed(some.links) for x in places[link][1:]]
@@ -88,8 +93,9 @@ def rows_at(
         wanted = targets[at : at + len(some.names)]
         at += len(some.names)
         _add_coordinates(out, chain, writer, some, wanted, (other_R, other_p, R, p))
+        _add_rates(out, v)
     for same in zip(*(t.welds for t in trees), strict=True):
-        _add(out, chain, writer, same[0], _folded(folding, same))
+        _add(out, chain, writer, same[0], _folded(folding, same), v)
     return out
 
 
@@ -109,7 +115,18 @@ def _folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
     return R_a, p_a, R_b, p_b
 
 
-def _add(out: Rows, chain: Chain, writer: SpanningRows, closure: TreeClosure, frames: Frames) -> None:
+def _add_rates(out: Rows, v: Expression | None) -> None:
+    """Add the rates of rows that have none yet."""
+    if v is not None:
+        out.rates = np.concatenate([out.rates, dot(out.K[len(out.rates) :], v)])
+
+
+def _add(
+    out: Rows, chain: Chain, writer: SpanningRows, closure: TreeClosure, frames: Frames, v: Expression | None
+) -> None:
+    """Add the rows of a closure, and their rates."""
+    if v is not None:
+        out.rates = np.concatenate([out.rates, writer.rates(closure, frames, v)])
     off, over = writer.closure(closure, frames)
     out.K, out.residual = np.concatenate([out.K, over]), np.concatenate([out.residual, off])
     if closure.rotation in ("fixed", "parallel"):

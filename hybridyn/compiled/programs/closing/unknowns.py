@@ -57,6 +57,11 @@ class Unknowns:
         sizes |= {"g": self.given.size, "g_dot": self.given.rates, "g_ddot": self.given.rates}
         return {name: symbols(name, size) for name, size in sizes.items()}
 
+    @cached_property
+    def rates(self) -> tuple[ca.SX, Expression]:
+        """Symbols of rates of all freedoms: a column, and its entries."""
+        return symbols("w", self.e.tree.nv)
+
     def symbols(self, *names: str) -> list[ca.SX]:
         """Return columns of symbols by name: q_i, p_i (i = 0, 1, 2), g, g_dot and g_ddot."""
         return [self._columns[name][0] for name in names]
