@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import os
 import shutil
 import sys
@@ -252,16 +253,12 @@ def test_calls_are_timed_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     assert fast == pytest.approx((1e-4, 1e-4))
 
 
-def add(x: int, y: int) -> int:
-    return x + y
-
-
 def refuse_it() -> None:
     raise WrongModelError("a: error 1, limit 0")
 
 
 def test_processes_of_their_own() -> None:
-    assert in_own_process(add, 1, 2) == 3
+    assert in_own_process(operator.add, 1, 2) == 3
     with pytest.raises(WrongModelError, match="a: error 1"):
         in_own_process(refuse_it)
     with pytest.raises(NotMeasuredError, match=r"died \(exit status 7\)"):
