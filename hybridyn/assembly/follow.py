@@ -87,8 +87,7 @@ def first_posture(task: Task, guess: Array) -> Array:
     Raises:
         AssemblyError: No start closes; the error has the smallest residual.
     """
-    posture: Array = _first_postures(task, guess[None], np.zeros(1, dtype=int))[0]
-    return posture
+    return np.asarray(_first_postures(task, guess[None], np.zeros(1, dtype=int))[0])
 
 
 def _first_postures(task: Task, guess: Array, starts: Index) -> Array:
@@ -199,13 +198,12 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     good = np.ones((K, n), dtype=bool)
     have = np.array([0])
     for stride in STRIDES:
-        known = set(have.tolist())
-        todo = np.array([i for i in range(0, n, stride) if i not in known], dtype=int)
+        todo = np.setdiff1d(np.arange(0, n, stride), have)
         if not len(todo):
             continue
         before = have[np.searchsorted(have, todo, side="right") - 1]
-        start, step = _interpolated(task, q, have, todo, before)
-        result = task.solve(tree.integrate(start, step), samples[:, todo].ravel())
+        guess = tree.integrate(*_interpolated(task, q, have, todo, before))
+        result = task.solve(guess, samples[:, todo].ravel())
         q[:, todo] = result.q.reshape(K, -1, tree.nq)
         good[:, todo] = task.closed(result).reshape(K, -1)
         have = np.sort(np.concatenate([have, todo]))
