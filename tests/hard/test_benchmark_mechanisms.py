@@ -83,7 +83,7 @@ def claim_run(claim: Claim, case: str, result: hybridyn.Result, rtol: float | No
 
 
 FOUR_BARS = [
-    pytest.param(2, np.pi / 2, -1.0, 1.2, 1e-8, id="2"),
+    pytest.param(2, np.pi / 2, -1.0, 1.2, 1e-8, id="2", marks=pytest.mark.slow),
     pytest.param(8, 0.12, -5.5, 0.06, 1e-6, id="8", marks=pytest.mark.slow),
     pytest.param(2, np.pi / 2, -1.0, 10.0, 1e-10, id="2-10s", marks=long_run),
     pytest.param(40, np.pi / 2, -1.0, 10.0, 1e-8, id="40-10s", marks=long_run),
