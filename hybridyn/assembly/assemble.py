@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import AssemblyError, HybridynError
+from ..errors import AssemblyError, HybridynError, TrajectoryError
 from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
 from ..linkage.rigid_motion import RigidMotion
@@ -35,6 +35,8 @@ from .wrist_positions import spanning_positions
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
 SETTLED = 1e-14
+#: Samples of equal modules that are assembled at once: more take memory and save no time.
+MOST_TOGETHER = 2000
 
 
 @one_thread()
@@ -70,9 +72,11 @@ def assemble(
         AssemblyError: A target is out of reach, a step would leave the branch, or the posture is
             underdetermined.
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
-        TrajectoryError: A name is unknown, a shape is wrong, or a number is not finite.
+        TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
     requests = gather_requests(robot, by_name(motors), by_name(platforms))
+    if not requests.samples:
+        raise TrajectoryError("motors and platforms have no samples; give at least one")
     q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
@@ -124,8 +128,10 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
             alone = k if request.targets else -1
             kind = (robot.modules[k].mechanism, tuple(request.given), alone)
             kinds.setdefault(kind, []).append((robot.modules[k], request))
+        together = max(1, MOST_TOGETHER // T)
         for equal in kinds.values():
-            _assemble_equal(robot, equal, q, v, a)
+            for i in range(0, len(equal), together):
+                _assemble_equal(robot, equal[i : i + together], q, v, a)
         return q, v, a
     bodies = {0: RigidMotion.at_rest(T)}
     for k in numbers:

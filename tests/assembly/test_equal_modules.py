@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import AssemblyError, HybridRobot
+from hybridyn import AssemblyError, HybridRobot, TrajectoryError
 from hybridyn.assembly import assemble
 from hybridyn.assembly.task import Task
 from hybridyn.spatial import Array
@@ -70,3 +70,29 @@ def test_a_long_step_of_one_module_leaves_the_others_alone() -> None:
     others = [i for k, m in enumerate(robot.modules) if k != 2 for i in m.q_index]
     np.testing.assert_allclose(moved[:, others], np.repeat(still[:, others], 3, axis=0), atol=SAME)
     assert np.abs(moved[2] - still[0])[robot.modules[2].q_index].max() > 0.01
+
+
+def test_long_trajectories_of_equal_modules_are_assembled_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Memory grows with the samples that are assembled at once: they are bounded."""
+    robot, states, _ = stacked_poses()
+    motors = of_joints(robot, *states, robot.motors)
+    whole = hybridyn.assemble(robot, motors=motors)
+    followed, follow = [], assemble.follow
+
+    def counted(task: Task, guess: Array) -> Array:
+        followed.append(len(guess))
+        return follow(task, guess)
+
+    monkeypatch.setattr(assemble, "follow", counted)
+    monkeypatch.setattr(assemble, "MOST_TOGETHER", 2 * len(states[0]))
+    parts = hybridyn.assemble(robot, motors=motors)
+    assert max(followed) == 2
+    for x, y in zip(parts, whole, strict=True):
+        np.testing.assert_allclose(x, y, atol=SAME * max(1.0, np.abs(y).max()))
+
+
+def test_a_trajectory_without_samples_is_an_error() -> None:
+    robot, states, _ = stacked_poses()
+    motors = of_joints(robot, *(x[:0] for x in states), robot.motors)
+    with pytest.raises(TrajectoryError, match="no samples"):
+        hybridyn.assemble(robot, motors=motors)
