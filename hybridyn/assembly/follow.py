@@ -46,8 +46,8 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
         Positions, shape (T, nq).
 
     Raises:
-        AssemblyError: There is no first posture, a sample is unreachable, or a step leaves the branch; or one
-            of several trajectories has to be followed alone.
+        AssemblyError: There is no first posture, a sample is unreachable, or a step leaves the branch. With
+            several trajectories, also if one of them needs more than plain steps: follow each alone then.
     """
     guess = np.atleast_2d(guess)
     T = len(task.known) // len(guess)

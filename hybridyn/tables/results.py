@@ -14,10 +14,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
+import numpy as np
+import orjson
+
 from ..description.records import Array
 from ..description.writing import appearing, naming
 from ..errors import TrajectoryError
-from .number_text import csv_text
 
 Write = Callable[[Array], None]
 
@@ -96,3 +98,12 @@ def _csv_writer(text: TextIO, columns: Sequence[str], remarks: Sequence[str]) ->
         text.write(csv_text(rows))
 
     return write
+
+
+def csv_text(rows: Array) -> str:
+    """Return rows as lines of numbers with commas: the shortest decimals that read as the same bits."""
+    if rows.size and np.isfinite(rows).all():  # JSON has neither nan nor inf
+        numbers = np.ascontiguousarray(rows, dtype=float)
+        text = orjson.dumps(numbers, option=orjson.OPT_SERIALIZE_NUMPY)  # [[1.0,2.0],[3.0,4.0]]
+        return text[2:-2].replace(b"],[", b"\n").decode() + "\n"
+    return "".join(",".join(map(repr, row)) + "\n" for row in rows.tolist())

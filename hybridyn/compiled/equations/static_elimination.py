@@ -183,8 +183,8 @@ def _substitute(W: Expression, inverses: list[Any]) -> Expression:
 def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expression:
     """Bound the unknowns of K x = y for every y with abs(y) <= size.
 
-    The last unknowns, whose rows are full, have the absolute values of their inverse; the others those of the
-    triangular factors, which cost a few operations and add little where the rows are sparse.
+    The last unknowns, whose rows are full, are bounded by the absolute inverse of that block. The others are
+    bounded by the absolute triangular factors, which takes few operations and loses little for sparse rows.
 
     Args:
         K: Matrix, shape (m, n), with a pivot for every unknown.
