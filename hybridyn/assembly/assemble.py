@@ -12,22 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import AssemblyError, HybridynError, TrajectoryError
+from ..errors import HybridynError, TrajectoryError
 from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..linkage.winding import winding_of
-from ..spatial import LARGEST, Array, cross
+from ..spatial import Array, cross
 from ..structure.joint_position import joint_position
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_numbers
 from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import follow
+from .guess import first_guess
 from .module_request import ModuleRequest, joined, module_request, on_own_bases
 from .requests import Requests, gather_requests
 from .task import Task
@@ -81,31 +81,6 @@ def assemble(
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 
-def first_guess(robot: HybridRobot, guess: Array | None) -> Array:
-    """Return the initial posture, shape (nq,); the home posture by default.
-
-    Raises:
-        AssemblyError: It has a wrong size, a number that is not finite or too large, or a joint's cosine and
-            sine, or quaternion, of length zero.
-    """
-    if guess is None:
-        return robot.home
-    guess = as_numbers(guess, "guess").reshape(-1)
-    if guess.shape != (robot.nq,):
-        raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
-    check_guess(robot, guess)
-    return guess
-
-
-def check_guess(robot: HybridRobot, guess: Array) -> None:
-    """Raise if initial postures, shape (..., nq), are none; the errors are those of `first_guess`."""
-    if not (np.abs(guess) <= LARGEST).all():
-        raise AssemblyError(f"guess has a number that is not finite, or above {LARGEST:.0e}")
-    for columns in robot.unit_coordinates:
-        if not guess[..., columns].any(axis=-1).all():
-            raise AssemblyError("guess has a joint whose cosine and sine, or quaternion, are all zero")
-
-
 def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> tuple[Array, Array, Array]:
     """Compute the postures of `assemble` from checked requests.
 
@@ -120,31 +95,39 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     T = requests.samples
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
     place_base(robot, requests, q, v, a)
-    numbers = range(1 if robot.base == "floating" else 0, len(robot.modules))
-    if on_own_bases(requests, robot):
-        kinds: dict[object, list[tuple[Module, ModuleRequest]]] = {}
-        for k in numbers:
-            request = module_request(requests, robot, k, {})
-            alone = k if request.targets else -1
-            kind = (robot.modules[k].mechanism, tuple(request.given), alone)
-            kinds.setdefault(kind, []).append((robot.modules[k], request))
-        together = max(1, MOST_TOGETHER // T)
-        for equal in kinds.values():
-            for i in range(0, len(equal), together):
-                _assemble_equal(robot, equal[i : i + together], q, v, a)
-        return q, v, a
-    bodies = {0: RigidMotion.at_rest(T)}
+    assemble_by = _kind_by_kind if on_own_bases(requests, robot) else _one_by_one
+    assemble_by(robot, requests, range(1 if robot.base == "floating" else 0, len(robot.modules)), q, v, a)
+    return q, v, a
+
+
+def _kind_by_kind(
+    robot: HybridRobot, requests: Requests, numbers: range, q: Array, v: Array, a: Array
+) -> None:
+    """Assemble modules that need no other one, equal ones together."""
+    kinds: dict[object, list[tuple[Module, ModuleRequest]]] = {}
+    for k in numbers:
+        request = module_request(requests, robot, k, {})
+        alone = k if request.targets else -1
+        kind = (robot.modules[k].mechanism, tuple(request.given), alone)
+        kinds.setdefault(kind, []).append((robot.modules[k], request))
+    together = max(1, MOST_TOGETHER // len(q))
+    for equal in kinds.values():
+        for i in range(0, len(equal), together):
+            _assemble_equal(robot, equal[i : i + together], q, v, a)
+
+
+def _one_by_one(robot: HybridRobot, requests: Requests, numbers: range, q: Array, v: Array, a: Array) -> None:
+    """Assemble modules in order from the base, each from the motions of the bodies before it."""
+    bodies = {0: RigidMotion.at_rest(len(q))}
     for k in numbers:
         module = robot.modules[k]
-        base_body = robot.bodies.place[module.base][0]
         _assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)
         motion = module.mechanism.spanning.sweep(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
+        base = bodies[robot.bodies.place[module.base][0]]
         for i, joint in enumerate(module.joints):
-            body = robot.body_of_joint[joint]
-            bodies[body] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
-    return q, v, a
+            bodies[robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
 
 
 def by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:

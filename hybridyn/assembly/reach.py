@@ -10,7 +10,8 @@ from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
-from .assemble import first_guess, module_task, place_base
+from .assemble import module_task, place_base
+from .guess import first_guess
 from .module_request import module_request
 from .requests import gather_requests
 from .task import Task

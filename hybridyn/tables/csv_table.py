@@ -7,16 +7,18 @@ number. Every cell must be a finite number. Memory holds one block at a time, ho
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import itertools
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TextIO
 
 import numpy as np
+import orjson
 
 from ..description.records import Array
 from ..errors import TrajectoryError
@@ -121,10 +123,19 @@ def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
     if not is_plain(text) or any(line.count(separator) != width - 1 for line in lines):
         return None
     try:
-        values = np.fromiter(map(float, text.split(separator)), float, len(lines) * width)
+        values = np.fromiter(_numbers(text, separator), float, len(lines) * width)
     except ValueError:
         return None
     return values.reshape(len(lines), width) if np.isfinite(values).all() else None
+
+
+def _numbers(text: str, separator: str) -> Iterable[float]:
+    """Return the numbers of cells, read as JSON if they are written so: faster than by `float`."""
+    if separator == "," and "-0," not in f"{text},":  # JSON reads -0 as an integer, without its sign
+        with contextlib.suppress(orjson.JSONDecodeError):
+            numbers: list[float] = orjson.loads(f"[{text}]")
+            return numbers
+    return map(float, text.split(separator))
 
 
 def _parse_slow(

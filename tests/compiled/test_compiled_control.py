@@ -228,7 +228,8 @@ def test_robots_that_differ_in_their_loops_alone_take_turns() -> None:
     both = [hybridyn.compile(robot) for robot in robots]
     motor, still = np.array([0.1]), np.zeros(1)
     last = [compiled.idm_from_motors(motor)[1] for compiled in both]
-    assert len({compiled._kept_control.library.built.path for compiled in both}) == 1
+    controls = [compiled._known_control[1] for compiled in both]
+    assert len({control.library.built.path for control in controls}) == 1
     for compiled, q, offset in zip(both, last, (0.0, 0.2), strict=True):
         out = np.empty(2 + 2 * 2 + 1)
         assert compiled._control_at_once(q, motor + 0.01, still, still, out) == 0

@@ -48,6 +48,20 @@ def test_reads_the_csv_files_that_programs_write(tmp_path: Path, text: str) -> N
     assert values.tolist() == [[1.0, 2.5], [-300.0, 0.5]]
 
 
+@pytest.mark.parametrize(
+    "cell",
+    ["-0", "-0.0", "+1", "1.", ".5", "007", "1e5", "2E-3", " 3", "4 ", "5e-324", "9007199254740993", "1" * 30]
+    + [
+        repr(x) for x in np.random.default_rng(1).integers(0, 2**62, 20, dtype=np.uint64).view(float).tolist()
+    ],
+)
+def test_cells_have_the_bits_that_python_reads(tmp_path: Path, cell: str) -> None:
+    """Cells that JSON knows are read as JSON, the others by `float`."""
+    for row in (f"{cell},0.1", f"0.1,{cell}"):
+        values = read(write(tmp_path / "t.csv", f"a,b\n{row}\n"))[1]
+        assert values.tobytes() == np.array([float(x) for x in row.split(",")]).tobytes()
+
+
 @pytest.mark.parametrize("block_rows", [1, 3, 10, 1000])
 def test_blocks_hold_every_row_once_and_know_their_number(tmp_path: Path, block_rows: int) -> None:
     numbers = np.arange(20.0).reshape(10, 2)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ....assembly.assemble import assemble_requests, by_name, first_guess
+from ....assembly.assemble import assemble_requests, by_name
+from ....assembly.guess import first_guess
 from ....assembly.requests import gather_requests
 from ....linkage.threads import one_thread
 from ....spatial import Array
