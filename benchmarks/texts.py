@@ -111,8 +111,9 @@ with an error of at most 1e-10 on the LX4.
 LIMITS = """\
 ## Limits of these measurements
 
-- The machine is virtual and shared. Times differ by 10 to 20 % from run to run. Ratios differ by less,
-  because calls are interleaved. "Load before" below is the load of the machine before each section.
+- The machine is virtual and shared. Times differ by 10 to 20 % from run to run, and by up to a factor of two
+  from hour to hour: compare times of one section only. Ratios differ by less, because calls are
+  interleaved. "Load before" below is the load of the machine before each section.
 - Errors are the largest over two to four states of a smooth motion near home, relative to the largest entry
   of the result. Other motions have other errors; the section on singular postures shows how large they can
   become.
