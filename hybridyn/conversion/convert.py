@@ -18,7 +18,6 @@ from ..description.side_cars.companions import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
 from .losses import Losses
-from .model_file import HEAD
 from .request import TIGHTNESS, Request, Written
 from .shapes import read_shapes
 from .writers import writer_of
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
 MODEL = ".model.toml"
 #: Ending of the side-car of a URDF.
 SIDE_CAR = ".yaml"
+#: Words in each file that `convert` writes; it replaces only such files.
+MARK = "written by hybridyn convert"
 #: Content of a side-car that says nothing.
 NO_SIDE_CAR = "joint_name: []\njoint_type: []\n"
 
@@ -91,12 +92,11 @@ def convert(
         raise ModelError(f"the tightness is {tightness:g} m; it must be above zero and finite")
     if isinstance(robot, str | os.PathLike):
         file = find_robot(robot)
-        _refuse_input(target, split_model(file)[0])
+        _refuse_replacing(target, split_model(file)[0])
         description = read(file, xacro_args=xacro_args, package_dirs=package_dirs)
     else:
         description = _as_loaded(robot)
-        if description.source is not None:
-            _refuse_input(target, description.source)
+        _refuse_replacing(target, description.source)
     if base is not None:
         description = replace(description, base=base)
     _refuse_names(description)
@@ -131,35 +131,42 @@ def _check_target(target: Path) -> None:
         raise ModelError(f"the folder '{target.parent}' does not exist", file=str(target))
 
 
-def _refuse_input(target: Path, source: str) -> None:
-    """Refuse to replace the robot's own file."""
-    if target.exists() and os.path.exists(source) and os.path.samefile(target, source):
+def _refuse_replacing(target: Path, source: str | None) -> None:
+    """Refuse to replace the robot's own file, and files that convert did not write."""
+    if not target.exists():
+        return
+    if source is not None and os.path.exists(source) and os.path.samefile(target, source):
         raise ModelError("is the robot's own file; write to another one", file=str(target))
+    if not target.read_bytes().endswith(_last_line(target).encode()):
+        raise ModelError(
+            "exists and is not from convert; move it away, or write to another name", file=str(target)
+        )
 
 
 def _write(target: Path, written: Written) -> Conversion:
-    """Write the files; one that convert did not write stays as it is."""
-    texts = {MODEL: "", SIDE_CAR: ""} | dict(written.beside)
-    files = {ending: file_beside(target, ending) for ending in texts}
-    if not texts[MODEL] and find_model_file(str(target)) not in (None, files[MODEL]):
-        texts[MODEL] = HEAD  # or the other file would be read with the target
+    """Write the files; one that convert did not write for this target stays as it is."""
+    texts = {ending: text for ending, text in written.beside.items() if text}
+    files = {ending: file_beside(target, ending) for ending in (MODEL, SIDE_CAR)}
+    if find_model_file(str(target)) not in (None, files[MODEL]):
+        texts.setdefault(MODEL, "")  # or the other file would be read with the target
     other = find_side_car(str(target)) if target.suffix == ".urdf" else None
     if other not in (None, files[SIDE_CAR]):
-        texts[SIDE_CAR] = texts[SIDE_CAR] or HEAD + NO_SIDE_CAR
+        texts.setdefault(SIDE_CAR, NO_SIDE_CAR)
+    head = f"# {MARK} for {target.name!a}\n"
     for ending, file in files.items():
-        if file.exists() and not _is_own(file) and (texts[ending] or file == other):
+        if file.exists() and not _starts_with(file, head) and (ending in texts or file == other):
             raise ModelError(
                 f"is read with {target.name}, but exists and is not from convert; move it away, or write to "
                 "another name",
                 file=str(file),
             )
-    write_text(target, written.text)
+    write_text(target, written.text + _last_line(target))
     for ending, file in files.items():
-        if texts[ending]:
-            write_text(file, texts[ending])
-        elif file.exists() and _is_own(file):
+        if ending in texts:
+            write_text(file, head + texts[ending])
+        elif file.exists() and _starts_with(file, head):
             file.unlink()  # of an earlier conversion
-    beside = (file for ending, file in files.items() if texts[ending])
+    beside = (file for ending, file in files.items() if ending in texts)
     return Conversion((target, *beside), written.losses, written.notes)
 
 
@@ -173,6 +180,11 @@ def file_beside(target: Path, ending: str) -> Path:
     return target.with_name(target.name + ending) if ending == MODEL else target.with_suffix(ending)
 
 
-def _is_own(file: Path) -> bool:
+def _last_line(target: Path) -> str:
+    """Return the last line of a robot file from `convert`."""
+    return f"# {MARK}\n" if target.suffix.lower().startswith(".usd") else f"<!-- {MARK} -->\n"
+
+
+def _starts_with(file: Path, head: str) -> bool:
     with open(file, encoding="utf-8", errors="replace") as text:
-        return text.readline() == HEAD
+        return text.readline() == head

@@ -8,9 +8,6 @@ from typing import Any
 from ..description.records import Coupling, Description
 from ..description.side_cars.home_table import key_of
 
-#: First line of the model files that `convert` writes; it replaces only such files.
-HEAD = "# written by hybridyn convert, with the robot file of the same name\n"
-
 
 def model_file(
     description: Description,
@@ -44,7 +41,7 @@ def model_file(
     for name, numbers in description.effects:
         if name in wanted:
             parts.append(_table(f"effects.{name}", numbers))
-    return HEAD + "\n" + "\n".join(parts) if parts else ""
+    return "\n".join(parts)
 
 
 def _table(name: str, values: Mapping[str, Any]) -> str:

@@ -105,6 +105,39 @@ def test_model_files_of_others_stay(tmp_path: Path) -> None:
     assert beside.read_text() == "[home]\ndrive = 1\n"
 
 
+def test_files_of_other_outputs_stay(tmp_path: Path) -> None:
+    """The side-car of a URDF has the name that the URDF of another ending would have beside it."""
+    links = tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in ("base", "arm"))
+    ball = Joint("ball", "spherical", "base", "arm", np.eye(4), np.array([0.0, 0.0, 1.0]))
+    source = tmp_path / "first.urdf"
+    robot = hybridyn.load(save(tmp_path, FOUR_BAR))
+    convert(replace(robot, description=Description("ball", links, (ball,))), source)
+    car = source.with_suffix(".yaml")
+    before = {file: file.read_bytes() for file in (source, car)}
+    for ending in (".sdf", ".xml", ".usda"):
+        convert(source, source.with_suffix(ending))
+        assert {file: file.read_bytes() for file in before} == before
+    assert read(source).joints[0].kind == "spherical"
+    link = tmp_path / "other.yaml"
+    link.symlink_to(car)  # even as the side-car of another URDF, it is not from that conversion
+    with pytest.raises(ModelError, match=r"other.yaml: .* is not from convert"):
+        convert(source, tmp_path / "other.urdf")
+    assert car.read_bytes() == before[car]
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda", ".usd"])
+def test_outputs_that_convert_did_not_write_stay(ending: str, tmp_path: Path) -> None:
+    file, out = save(tmp_path, FOUR_BAR), tmp_path / f"out{ending}"
+    out.write_text("<robot>the work of a day</robot>\n")
+    with pytest.raises(ModelError, match=rf"out{ending}: exists and is not from convert; move it away"):
+        convert(file, out)
+    assert out.read_text() == "<robot>the work of a day</robot>\n"
+    out.unlink()
+    convert(file, out)
+    convert(file, out)  # its own is replaced
+    assert read(out).name == read(file).name
+
+
 def test_files_for_other_robots_are_not_read(tmp_path: Path) -> None:
     file, out = save(tmp_path / "here", FOUR_BAR), tmp_path / "robot.urdf"
     save(tmp_path, "[home]\ndrive = 0.5\n", "robot.model.toml")

@@ -14,7 +14,7 @@ from ...description.records import Array, Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
 from ...description.urdf.urdf import UNLIMITED
 from ..losses import Losses
-from ..model_file import HEAD, model_file
+from ..model_file import model_file
 from ..numerals import angles_of, numeral, numerals
 from ..request import Request, Written
 from .closures import add_closure
@@ -121,7 +121,7 @@ def _side_car(d: Description) -> str:
     if not names:
         return ""
     types = ["SPHERICAL"] * len(names)
-    return f"{HEAD}joint_name: {json.dumps(names)}\njoint_type: {json.dumps(types)}\n"
+    return f"joint_name: {json.dumps(names)}\njoint_type: {json.dumps(types)}\n"
 
 
 def _add_losses(d: Description, losses: Losses) -> None:
