@@ -130,12 +130,19 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
     import hybridyn
 
     from ..effects import choose
+    from ..errors import TrajectoryError
     from ..streams.postures import Postures, all_postures
     from ..studies.cost.models import Trajectory, study_models
 
     robot = hybridyn.load(source)
     _, blocks = all_postures(robot, trajectory)
     motion, q, v, a = Postures.joined(blocks)
+    if motion.wrenches:
+        raise TrajectoryError(
+            f"has wrenches ({', '.join(map(repr, motion.wrenches))}), which 'cost' does not measure: leave "
+            "their columns out",
+            file=trajectory,
+        )
     return study_models(robot, Trajectory(q, v, a, motion.time), choose(robot, "model"), progress)
 
 

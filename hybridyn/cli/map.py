@@ -198,19 +198,20 @@ def _along(
     """Compute the map along a trajectory, and its times."""
     import numpy as np
 
-    import hybridyn
-
     from ..dynamics.quantities.joint_map import joint_map, motors_beside
     from ..dynamics.quantities.map_table import MapTable, map_table
     from ..dynamics.quantities.posture import holding
+    from ..effects import choose
     from ..streams.postures import all_postures, rows_named
+    from .idm import efforts as as_idm
 
     layout, blocks = all_postures(holding(robot, joints), source, (joints, motors_beside(robot, joints)))
+    on = choose(robot, None) if efforts else None
     tables = []
     for block in blocks:
         with rows_named(layout, block.motion):
             found = joint_map(robot, block.q, joints)
-            tau = hybridyn.idm(robot, block.q, block.v, block.a) if efforts else None
+            tau = as_idm(robot, block, passive="given", effects=on).result if on else None
         tables.append(map_table(found, block.v, block.a, tau))
     table = MapTable(
         tables[0].columns,

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hybridyn.tables.signals import WRENCH
 from tests.command_line import call, read_table, table_text
 from tests.comparing import SOLVED, close_to
 from tests.quantities.ankle import JOINTS, MOTORS, ankle_text, closed_form
 
+FIVE_BAR_MOTORS = ("m1_left_drive", "m1_right_drive")
 RATES = [f"{motor}/per/{joint}" for motor in MOTORS for joint in JOINTS]
 
 
@@ -69,6 +71,24 @@ def test_along_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     again = read_table(call(capsys, *words(tmp_path, back)).out)
     close_to(again["roll/position"], roll, SOLVED)
     close_to(again["pitch/acceleration"], table["pitch/acceleration"], SOLVED)
+
+
+def test_efforts_carry_the_wrenches_of_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A held load of 100 N is in the efforts, as `idm` computes them; here along the shipped five-bar."""
+    table = tmp_path / "held.csv"
+    header = [
+        "time",
+        *(f"{motor}/position" for motor in FIVE_BAR_MOTORS),
+        *(f"m1_tool/wrench/{w}" for w in WRENCH),
+    ]
+    rows = np.array([[t, 0.05 * t, 0.02 * t, 0, 0, -100.0, 0, 0, 0] for t in np.linspace(0.0, 1.0, 9)])
+    table.write_text(table_text(header, rows))
+    elbows = "m1_left_elbow,m1_right_elbow"
+    along = read_table(call(capsys, "map", "five_bar", "--joints", elbows, table, "--efforts").out)
+    wanted = read_table(call(capsys, "idm", "five_bar", table).out)
+    for motor in FIVE_BAR_MOTORS:
+        close_to(along[f"{motor}/effort"], wanted[f"{motor}/effort"], SOLVED)
+        assert np.abs(wanted[f"{motor}/effort"]).min() > 5.0  # N m; the weight alone takes less than 1
 
 
 def test_rotors_of_the_file_at_the_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,9 +24,10 @@ from hybridyn.studies.cost.rates import by_rates
 from hybridyn.studies.cost.runs import Runner, TooLongError, distance, study_runs, typical_step
 from hybridyn.studies.cost.settings import of_integration
 from hybridyn.tables.rates import derivatives
+from hybridyn.tables.signals import WRENCH
 from tests import ROOT
 from tests.clocks import Clock
-from tests.command_line import call
+from tests.command_line import call, table_text
 from tests.shipped import shipped
 
 EXACT = 1e-12
@@ -354,3 +355,14 @@ def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert out.status == 0
     assert [row["use"] for row in csv.DictReader(out.out.splitlines())].count("usual") == 1
     assert "120 rows or more" in out.err
+
+
+def test_a_table_with_wrenches_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Most settings cannot compute a load on a link: without the word, the errors are of another task."""
+    table = tmp_path / "held.csv"
+    header = ["time", "m1_left_drive/position", "m1_right_drive/position"]
+    header += [f"m1_tool/wrench/{component}" for component in WRENCH]
+    table.write_text(table_text(header, np.linspace([0.0] * 9, [1.0, 0.1, 0.2, 0, 0, -100, 0, 0, 0], 9)))
+    said = call(capsys, "cost", "five_bar", table)
+    assert said.status == 1
+    assert "held.csv: has wrenches ('m1_tool'), which 'cost' does not measure" in said.err
