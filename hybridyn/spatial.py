@@ -8,7 +8,8 @@
     origin minus omega x v. Users' tables hold classical accelerations, which are converted on input.
 - `X` moves a twist from a base frame to a body frame: X = [R^T, -R^T hat(p); 0, R^T], Eq. (26); a wrench
   moves back to the base frame through X^T.
-- Every function takes leading batch axes.
+- Every function takes leading batch axes. Products and rotations take objects (symbols) like numbers; what
+    needs comparisons refuses them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from collections.abc import Iterable
 from itertools import accumulate, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 #: Array of floats of any shape.
 Array = NDArray[np.float64]
@@ -34,9 +35,9 @@ def slices(lengths: Iterable[int]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(accumulate(lengths, initial=0))]
 
 
-def samples_inside(shape: tuple[int, ...]) -> Array:
+def samples_inside(shape: tuple[int, ...], dtype: DTypeLike = float) -> Array:
     """Return zeros of shape (T, ...) with the samples contiguous in memory (long inner loops are fast)."""
-    return np.zeros((*shape[1:], shape[0])).transpose(-1, *range(len(shape) - 1))
+    return np.zeros((*shape[1:], shape[0]), dtype).transpose(-1, *range(len(shape) - 1))
 
 
 def select(x: Array, numbers: Index) -> Array:
@@ -47,12 +48,12 @@ def select(x: Array, numbers: Index) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Compute a x b along the last axis, shapes (..., 3), without the overhead of np.cross."""
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    a0, a1, a2 = a[..., :1], a[..., 1:2], a[..., 2:]
+    b0, b1, b2 = b[..., :1], b[..., 1:2], b[..., 2:]
     out: Array = np.multiply(a, b)  # allocates the result's shape and memory order
-    np.subtract(a1 * b2, a2 * b1, out=out[..., 0])
-    np.subtract(a2 * b0, a0 * b2, out=out[..., 1])
-    np.subtract(a0 * b1, a1 * b0, out=out[..., 2])
+    np.subtract(a1 * b2, a2 * b1, out=out[..., :1])
+    np.subtract(a2 * b0, a0 * b2, out=out[..., 1:2])
+    np.subtract(a0 * b1, a1 * b0, out=out[..., 2:])
     return out
 
 
@@ -76,7 +77,7 @@ def rotate_back(R: Array, x: Array) -> Array:
 
 def hat(x: Array) -> Array:
     """Return the skew-symmetric matrix of x, shape (..., 3, 3): its product with y is x cross y."""
-    out = np.zeros((*x.shape, 3))
+    out = np.zeros((*x.shape, 3), np.result_type(x, float))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -x[..., 2], x[..., 1], -x[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], -x[..., 1], x[..., 0]
     return out
@@ -103,7 +104,7 @@ def wrench_to_base(R: Array, p: Array, W: Array) -> Array:
 def motion_matrix(R: Array, p: Array) -> Array:
     """Build the motion transform X, shape (..., 6, 6), Eq. (26)."""
     Rt = np.swapaxes(R, -1, -2)
-    X = np.zeros((*R.shape[:-2], 6, 6))
+    X = np.zeros((*R.shape[:-2], 6, 6), np.result_type(R, p, float))
     X[..., :3, :3] = X[..., 3:, 3:] = Rt
     X[..., :3, 3:] = -np.matmul(Rt, hat(p))
     return X
@@ -141,8 +142,8 @@ def rotation_from_axis_angle(axis: Array, cos: Array, sin: Array) -> Array:
     """Build rotations about unit axes (..., 3) by angles given as cosine and sine (...,)."""
     x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
     d = 1.0 - cos
-    shape = np.broadcast(x, cos).shape
-    R = samples_inside((*shape, 3, 3)) if shape else np.empty((3, 3))
+    shape, kind = np.broadcast(x, cos).shape, np.result_type(axis, cos, sin, float)
+    R = samples_inside((*shape, 3, 3), kind) if shape else np.empty((3, 3), kind)
     R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = cos + d * x * x, d * x * y - sin * z, d * x * z + sin * y
     R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = d * x * y + sin * z, cos + d * y * y, d * y * z - sin * x
     R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = d * x * z - sin * y, d * y * z + sin * x, cos + d * z * z
@@ -153,7 +154,8 @@ def rotation_from_quaternion(quat: Array) -> Array:
     """Build rotations from quaternions x, y, z, w, shape (..., 4), which need not be normalised."""
     s = 2.0 / np.sum(quat * quat, axis=-1)
     x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
-    R = samples_inside((*quat.shape[:-1], 3, 3)) if quat.ndim > 1 else np.empty((3, 3))
+    kind = np.result_type(quat, float)
+    R = samples_inside((*quat.shape[:-1], 3, 3), kind) if quat.ndim > 1 else np.empty((3, 3), kind)
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
     wx, wy, wz = x * w, y * w, z * w
     R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - s * (yy + zz), s * (xy - wz), s * (xz + wy)

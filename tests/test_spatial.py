@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from hybridyn.compiled.equations.expressions import pack, unpack
 from hybridyn.spatial import (
     compose,
     crf,
@@ -123,3 +128,40 @@ def test_rotation_vectors_near_half_a_turn(rng: np.random.Generator, short: floa
     close_to(length, np.full(len(axis), np.pi - short), 10 * ROUNDING)
     close_to(np.abs(np.einsum("ti,ti->t", r, axis)), length, 10 * ROUNDING)
     close_to(rotation_from_vector(r), R, 10 * ROUNDING)
+
+
+@pytest.mark.parametrize("batch", [(), (2,)])
+@pytest.mark.parametrize(
+    ("function", "shapes"),
+    [
+        (cross, [(3,), (3,)]),
+        (hat, [(3,)]),
+        (compose, [(3, 3), (3, 3)]),
+        (rotate, [(3, 3), (3,)]),
+        (rotate_back, [(3, 3), (3,)]),
+        (motion_to_body, [(3, 3), (3,), (6,)]),
+        (wrench_to_base, [(3, 3), (3,), (6,)]),
+        (motion_matrix, [(3, 3), (3,)]),
+        (crm, [(6,), (6,)]),
+        (crf, [(6,), (6,)]),
+        (rotation_from_quaternion, [(4,)]),
+    ],
+)
+def test_symbols_give_the_same_as_numbers(
+    function: Callable[..., Any],
+    shapes: list[tuple[int, ...]],
+    batch: tuple[int, ...],
+    rng: np.random.Generator,
+) -> None:
+    numbers = [rng.normal(size=(*batch, *shape)) for shape in shapes]
+    columns = [ca.SX.sym("x", x.size) for x in numbers]
+    symbols = [unpack(column).reshape(x.shape) for column, x in zip(columns, numbers, strict=True)]
+    written = ca.Function("f", columns, [pack(function(*symbols))])
+    wanted = function(*numbers)
+    close_to(np.array(written(*(x.ravel() for x in numbers))).reshape(wanted.shape), wanted, ROUNDING)
+
+
+@pytest.mark.parametrize("function", [quaternion_from_rotation, rotation_vector])
+def test_comparisons_of_symbols_are_refused(function: Callable[..., Any]) -> None:
+    with pytest.raises(RuntimeError, match="truth value of a CasADi"):
+        function(unpack(ca.SX.sym("R", 9)).reshape(1, 3, 3))
