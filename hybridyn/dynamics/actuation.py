@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..assembly.free_motions import idle_motions
+from ..assembly.free_motions import free_motions, idle_motions
+from ..description.names import listed
 from ..errors import ActuationError, SingularityError
 from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ..linkage.tree import Motion
@@ -173,10 +174,13 @@ def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Inde
 
 
 def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharing: Sharing) -> None:
-    """Raise if a motion that no motor drives needs an effort; idle motions are excepted."""
+    """Raise if a motion that no motor drives needs an effort; idle motions are excepted.
+
+    A least-norm answer leaves out what motors lose at a singular posture, but not what they never drive.
+    """
     lack = np.abs(missing).max(axis=1, initial=0.0)
     bad = np.flatnonzero(lack > np.maximum(UNDRIVEN * need.size, need.rounding))
-    if not len(bad) or (sharing.on_singular != "raise" and len(module.motors) >= module.mobility):
+    if not len(bad) or (sharing.on_singular != "raise" and not free_motions(module).uncontrolled):
         return
     missing, size = missing.copy(), np.maximum(need.size, need.rounding / UNDRIVEN)
     missing[bad] -= _idle_part(module, Psi[bad], missing[bad], need.motion.take(bad))
@@ -184,15 +188,20 @@ def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharin
     t = int(bad[np.argmax(lack[bad] / size[bad])])
     if lack[t] <= UNDRIVEN * size[t]:
         return
-    motion = Psi[t] @ missing[t] / module.mechanism.reduction.col_scale
-    joint = module.freedom_names()[int(np.argmax(np.abs(motion)))]
+    m = module.mechanism
+    at = int(np.argmax(np.abs(Psi[t] @ missing[t] / m.reduction.col_scale)))
+    joint, linear = module.freedom_names()[at], m.tree.S_linear[at].any()
+    force, unit = float(lack[t] / m.reduction.col_scale[at]), "N" if linear else "N m"
+    locked = [name for i, name in enumerate(module.motors) if i not in module.moving_motors]
+    but = f" (the closures lock {listed(locked)})" if locked else ""
     raise ActuationError(
-        f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can "
-        f"produce the {lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term "
-        f"{need.size[t]:.3g} N m). " + (sharing.passive_hint or "Add a motor there"),
+        f"module '{module.name}': {len(module.motors)} motors{but} for {module.mobility} freedoms; no motor "
+        f"can produce the {force:.3g} {unit} that the motion of {joint} needs at sample {t} (largest term "
+        f"{need.size[t] / m.reduction.col_scale[at]:.3g} {unit}). "
+        + (sharing.passive_hint or "Add a motor there"),
         module=module.name,
         direction=joint,
-        size=float(lack[t]),
+        size=force,
         sample=t,
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,7 @@ import pytest
 
 import hybridyn
 from hybridyn import ActuationError, AssemblyError, HybridRobot, SingularityError, TrajectoryError
-from hybridyn.description.records import Closure, Description, Joint, Link
+from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -330,6 +331,25 @@ def test_a_robot_without_motors_that_rests_on_nothing_is_refused() -> None:
         hybridyn.idm(passive, q, v, a)
 
 
+def test_a_missing_force_is_in_newtons_and_a_missing_moment_in_newton_metres() -> None:
+    """A body of 3 kg at rest on a floating base, its limbs 4 m apart; only the numbers of the body decide."""
+    body = Link("body", 3.0, np.zeros(3), np.diag([1.0, 2.0, 5.0]))
+    foot = replace(body, name="foot", mass=0.0, inertia=np.zeros((3, 3)))
+    far = np.eye(4)
+    far[0, 3] = 4.0
+    reach = Joint("reach", "revolute", "body", "foot", far, np.array([1.0, 0, 0]))
+    robot = build_robot(Description("body", (body, foot), (reach,), (), (), (), ""), base="floating")
+    rest = np.zeros(robot.nv)
+    with pytest.raises(ActuationError, match=r"the 29.4 N that the motion of .*\(z\) needs") as e:
+        hybridyn.idm(robot, robot.home, rest, rest)
+    assert e.value.size == pytest.approx(3.0 * 9.81)
+    turning = rest.copy()
+    turning[5] = 30.0
+    moment = r"the 150 N m that the motion of .*\(rz\) needs"
+    with pytest.raises(ActuationError, match=moment):
+        hybridyn.idm(robot, robot.home, rest, turning, effects=["inertia"])
+
+
 # -------------------------------------------------------------------- singular postures
 
 
@@ -384,6 +404,70 @@ def test_least_norm_goes_on_through_a_parallel_singularity() -> None:
     with pytest.raises(SingularityError) as e:
         hybridyn.idm(robot, np.stack([good, q]), *np.zeros((2, 2, 4)))
     assert e.value.sample == 1
+
+
+def tilting_five_bar(*motors: str) -> HybridRobot:
+    """Return the five-bar with the left crank on a hinge across its plane, `tilt`, that the loop locks."""
+    plain = symmetric_five_bar()
+    base, *links = plain.links
+    joints = [replace(joint, parent="bracket") if joint.name == "left" else joint for joint in plain.joints]
+    across = Joint("tilt", "revolute", "base", "bracket", np.eye(4), np.array([1.0, 0.0, 0.0]))
+    description = replace(
+        plain,
+        links=(base, replace(base, name="bracket"), *links),
+        joints=(across, *joints),
+        motors=motors,
+        home={"tilt": (0.0,), **plain.home},
+    )
+    return build_robot(description)
+
+
+def test_a_motor_that_the_loops_lock_drives_nothing() -> None:
+    """Two motors for two freedoms, and the loops lock one: least-norm leaves nothing out that is regular."""
+    robot = tilting_five_bar("left", "tilt")
+    at_rest = (robot.home, np.zeros(robot.nv), np.zeros(robot.nv))
+    words = r"2 motors \(the closures lock 'tilt'\) for 2 freedoms; no motor can produce"
+    for answer in ("raise", "least-norm"):
+        with pytest.raises(ActuationError, match=words):
+            hybridyn.idm(robot, *at_rest, on_singular=answer)
+
+
+@pytest.mark.slow
+def test_a_compiled_model_refuses_motors_that_the_loops_lock() -> None:
+    robot = tilting_five_bar("left", "tilt")
+    with pytest.raises(ActuationError, match=r"the closures lock 'tilt'"):
+        hybridyn.compile(robot).idm(robot.home, np.zeros(robot.nv), np.zeros(robot.nv))
+
+
+def test_two_motors_on_one_motion_are_one_too_few() -> None:
+    """A gear ties two motors of the five-bar together: no count tells it, but the rank of their rows does."""
+    plain = symmetric_five_bar()
+    base = plain.links[0]
+    wheel = Joint("wheel", "revolute", "base", "disc", np.eye(4), np.array([0.0, 1.0, 0.0]))
+    disc = Link("disc", 0.1, np.zeros(3), 1e-3 * np.eye(3))
+    geared = replace(
+        plain,
+        links=(base, *plain.links[1:], disc),
+        joints=(*plain.joints, wheel),
+        couplings=(Coupling("gear", (("wheel", 1.0), ("left", -0.5)), -1.0),),
+        motors=("left", "wheel"),
+        home=plain.home | {"wheel": (0.0,)},
+    )
+    robot = build_robot(geared)
+    assert robot.mobility == 2
+    rest = np.zeros(robot.nv)
+    with pytest.raises(ActuationError, match="2 motors for 2 freedoms; no motor can produce"):
+        hybridyn.idm(robot, robot.home, rest, rest, on_singular="least-norm")
+
+
+@pytest.mark.parametrize("motors", [("left", "right", "tilt"), ("left", "left_elbow", "right", "tilt")])
+def test_a_least_norm_answer_at_a_regular_posture_gives_the_asked_accelerations(motors: Any) -> None:
+    """A locked motor beside enough others, and too many motors: `ddm` returns what was asked."""
+    robot = tilting_five_bar(*motors)
+    given = {"left": (2.0, 0.3, -0.7), "right": (1.1, -0.2, 0.4)}
+    q, v, a = hybridyn.assemble(robot, motors=given)
+    tau = hybridyn.idm(robot, q, v, a, on_singular="least-norm")
+    close_to(hybridyn.ddm(robot, q, v, tau), a, SOLVED)
 
 
 @pytest.mark.parametrize("off", [1e-2, 1e-4, 1e-6])
