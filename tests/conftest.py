@@ -93,7 +93,7 @@ def quick_compiler(program: Path) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def expand_once() -> None:
-    """Expand each shipped xacro file once a session: every expansion starts a process."""
+    """Expand each shipped xacro file once a session."""
     from hybridyn.description import opening
 
     opening.expand = kept(opening.expand)

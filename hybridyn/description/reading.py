@@ -6,11 +6,10 @@ Each format is one entry of `FORMATS`: the name of its root element, and the fun
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import ModelError
 from .closing_frames import apply_closing_frames
 from .frame_names import apply_frame_names
 from .motors import choose_motors
@@ -21,8 +20,7 @@ from .side_cars.companions import find_model_file, find_side_car, find_submechan
 from .unread_forms import unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.urdf import read_urdf
-from .urdf.xacro import expand_each
-from .urdf.xml_node import Node, parse
+from .urdf.xml_node import Node
 from .validate import validate
 
 #: Readers by the name of the root element.
@@ -32,9 +30,6 @@ FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]
     "sdf": lambda root, package_dirs: _read_sdf(root, package_dirs),
     "_usd": lambda root, package_dirs: _read_usd(root, package_dirs),
 }
-
-#: Number of sets of arguments with which one child expands a file.
-EXPANDED_AT_ONCE = 32
 
 
 def read(
@@ -63,32 +58,6 @@ def read(
     """
     opened = open_file(path, xacro_args or {}, package_dirs)
     return _description(split_model(path)[0], opened, motors, xacro_args or {}, package_dirs)
-
-
-def read_each(
-    path: str,
-    many: Sequence[Mapping[str, object]],
-    *,
-    motors: Sequence[str] | None = None,
-    package_dirs: Sequence[str | os.PathLike[str]] = (),
-) -> Iterator[Description | ModelError]:
-    """Read a xacro file with each set of arguments, as `read` does; yield descriptions or errors.
-
-    Args:
-        many: Sets of arguments by name.
-        motors: As in `read`.
-        package_dirs: As in `read`.
-    """
-    for start in range(0, len(many), EXPANDED_AT_ONCE):
-        part = many[start : start + EXPANDED_AT_ONCE]
-        for arguments, found in zip(part, expand_each(path, part, package_dirs), strict=True):
-            try:
-                if isinstance(found, ModelError):
-                    raise found
-                opened = parse(found[0], f"{path} (expanded)"), found[1]
-                yield _description(path, opened, motors, arguments, package_dirs)
-            except ModelError as error:
-                yield error
 
 
 def _description(

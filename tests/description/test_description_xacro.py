@@ -1,15 +1,12 @@
-"""xacro.py and xacro_child: macros, arguments and packages work; harmful files raise an error."""
+"""xacro.py: macros, arguments and packages work; harmful files raise an error."""
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
 
 from hybridyn.description import read
-from hybridyn.description.urdf import xacro as xacro_files
-from hybridyn.description.urdf import xacro_process
 from hybridyn.errors import ModelError
 from tests.robot_texts import FOUR_BAR, LOOP, TREE, save
 
@@ -64,11 +61,11 @@ def test_packages_are_found(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("${(lambda: 1)()}", "Lambda is not allowed"),
-        ("${().__class__}", "name '__class__' is not allowed"),
-        ("${_private}", "name '_private' is not defined"),
+        ("${(lambda: 1)()}", "Lambda Functions not implemented"),
+        ("${().__class__}", "attribute '__class__' is not allowed"),
+        ("${_private}", "'_private' is not defined"),
         ("${'a'.format(1)}", "attribute 'format' is not allowed"),
-        ("$(eval __import__)", "name '__import__' is not allowed"),
+        ("$(eval __import__)", "'__import__' is not defined"),
         ("$(env HOME)", "HOME"),
         ("${undefined + 1}", "undefined"),
         ("${1 +}", "invalid syntax"),
@@ -77,7 +74,7 @@ def test_packages_are_found(tmp_path: Path) -> None:
         ("${xacro.load_yaml('absent.yaml')}", "No such file"),
         ("${'a' * 10**11}", "a text or list is too large"),
         ("${'a'.replace('', 'b' * 10**6).replace('', 'c' * 10**6)}", "too large"),
-        ("${'9'.join(['0' * 10**6] * 10**5)}", "needs too much memory"),
+        ("${'9'.join(['0' * 10**6] * 10**5)}", "a text or list is too large"),
         ("$(find nowhere)", "package 'nowhere' is not found"),
         ("$(arg nothing)", "nothing"),
     ],
@@ -107,23 +104,6 @@ def test_errors_name_the_included_file_and_the_macro(tmp_path: Path) -> None:
     save(tmp_path, '<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entity.xacro")
     with pytest.raises(ModelError, match="DOCTYPE"):
         xacro(tmp_path, '<xacro:include filename="entity.xacro"/>')
-
-
-def test_time_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The file cannot end, and no other limit is near."""
-    monkeypatch.setattr(xacro_files, "SECONDS", 1)
-    with pytest.raises(ModelError, match="more than 1 s of processor time"):
-        xacro(tmp_path, """<link name="${xacro.tokenize('a' * 60 + '!', 'x]|(a+)+$|[y')}"/>""")
-
-
-def test_no_bytecode_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a full disk it would be truncated, and no later expansion would start."""
-    own = Path(xacro_files.__file__)
-    ignored = shutil.ignore_patterns("__pycache__")
-    copy = shutil.copytree(own.with_name("xacro_child"), tmp_path / "xacro_child", ignore=ignored)
-    monkeypatch.setattr(xacro_process, "__file__", str(tmp_path / own.name))
-    assert xacro(tmp_path, '<link name="a"/>') == ["a"]
-    assert not list(copy.glob("__pycache__"))
 
 
 def test_what_is_expanded_is_checked_like_any_urdf(tmp_path: Path) -> None:

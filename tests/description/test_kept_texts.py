@@ -14,24 +14,9 @@ import pytest
 from hybridyn.description import kept_texts
 from hybridyn.description.cache_folder import folder
 from hybridyn.description.side_cars import model_toml
-from hybridyn.description.urdf import xacro, xacro_process
+from hybridyn.description.urdf import xacro
 from hybridyn.errors import CompileError, ModelError
 from tests.robot_texts import FOUR_BAR, save
-
-#: A stand-in for the child: it asks for the files that its first one lists, and answers with their content.
-CHILD = """
-import json, sys
-def ask(what, of):
-    print(json.dumps({"ask": what, "of": of}), flush=True)
-    header = json.loads(sys.stdin.readline())
-    return sys.stdin.read(header["size"]) if "size" in header else header["error"]
-request = json.loads(sys.stdin.readline())
-text = ask("read", request["file"])
-for line in text.splitlines():
-    text += ask(*line.split())
-print(json.dumps({"notes": ["a note"], "locks": ["seccomp"], "size": len(text.encode())}))
-sys.stdout.write(text)
-"""
 
 
 @pytest.fixture
@@ -42,60 +27,60 @@ def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def expand(at: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str, bool]]:
-    """Expand a file, and return its text and whether a child was started."""
-    xacro_process.drop_child()  # of a study that this process evaluated
-    monkeypatch.setattr(xacro_process, "START", CHILD)
-    monkeypatch.setattr(xacro, "START", CHILD)
-    started = []
-    child = xacro.child_of
+    """Expand a file, and return its text and whether xacro expanded it."""
+    made = []
+    expanded = xacro._expanded
 
-    def counted(file: str, *, kept: bool) -> Any:
-        started.append(file)
-        return child(file, kept=kept)
+    def counted(*given: Any) -> Any:
+        made.append(given)
+        return expanded(*given)
 
-    monkeypatch.setattr(xacro, "child_of", counted)
+    monkeypatch.setattr(xacro, "_expanded", counted)
 
-    def expanded(**arguments: object) -> tuple[str, bool]:
-        before = len(started)
-        text, notes = xacro.expand(str(at / "r.xacro"), arguments, ())
-        assert notes == ["a note"]
-        return text.decode(), len(started) > before
+    def expand(**arguments: object) -> tuple[str, bool]:
+        before = len(made)
+        text, _ = xacro.expand(str(at / "r.xacro"), arguments, ())
+        return text.decode(), len(made) > before
 
-    return expanded
+    return expand
+
+
+ROBOT = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="n" default="1"/><xacro:include filename="inner.xacro"/>
+  <xacro:include filename="part*.xacro"/><xacro:include filename="absent.xacro" optional="true"/>
+</robot>"""
 
 
 def test_an_expansion_is_kept_until_a_file_that_it_asked_for_changes(
     at: Path, expand: Callable[..., tuple[str, bool]]
 ) -> None:
-    robot = f"read {at}/inner.txt\nglob {at}/part*\nfind hybridyn_absent\n"
-    save(at, robot, "r.xacro")
-    save(at, "first", "inner.txt")
+    save(at, ROBOT, "r.xacro")
+    save(at, '<robot name="first"><first/></robot>', "inner.xacro")
     first, again = expand(), expand()
-    assert "first" in first[0]
+    assert "<first/>" in first[0]
     assert (first[1], again) == (True, (first[0], False))
-    changes: list[tuple[Callable[[], object], str]] = [
-        (lambda: save(at, "other", "inner.txt"), "other"),
-        (lambda: (at / "inner.txt").unlink(), "No such file"),
-        (lambda: save(at, "", "part1"), "part1"),
-        (lambda: save(at, robot + f"read {at}/part1", "r.xacro"), "part1"),
-        (lambda: (at / "hybridyn_absent" / "urdf").mkdir(parents=True), "hybridyn_absent"),
-    ]
-    for change, there in changes:
-        change()
+    changes = [
+        ("other", "inner.xacro"), ("part1", "part1.xacro"), ("absent", "absent.xacro"),
+        ("own", "own.xacro"),
+    ]  # fmt: skip
+    for tag, name in changes:
+        save(at, f"<robot><{tag}/></robot>", name)
+        if tag == "own":
+            save(at, ROBOT.replace("absent", "own"), "r.xacro")
         text, made = expand()
         assert made
-        assert there in text
+        assert f"<{tag}/>" in text
         assert expand() == (text, False)
-    assert expand(n=3)[1]
-    save(at, "first", "inner.txt")  # what was kept for another state of the files does not return
+    (at / "part1.xacro").unlink()
     assert expand()[1]
+    assert [expand(n=3)[1] for _ in range(2)] == [True, True]  # those of a sweep are not kept
 
 
 @pytest.mark.parametrize("harm", ["writable", "link", "cut", "open"])
 def test_an_entry_that_somebody_else_may_have_written_is_not_used(
     at: Path, expand: Callable[..., tuple[str, bool]], harm: str
 ) -> None:
-    save(at, "", "r.xacro")
+    save(at, "<robot/>", "r.xacro")
     expand()
     (entry,) = (folder() / "texts").iterdir()
     if harm == "writable":

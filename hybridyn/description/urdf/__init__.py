@@ -2,7 +2,7 @@
 
 Read `xml_node` (elements that know their file and line), `urdf` (links and joints), `loops` (closures and
 couplings), `transmissions` (motors), `foreign` (loops in unsupported forms, which raise errors), `xacro`
-(expansion), `robot_folders` (the files that it may read), `xacro_child/` (the process that expands).
+(expansion), `expressions` (their evaluation), `robot_folders` (the files that it may read).
 
 May import: `description`'s own files.
 """

@@ -1,7 +1,7 @@
-"""Expand xacro files in a child process without access to files or network (see `xacro_child`).
+"""Expand xacro files: they run no code, write nothing, and read no file outside the robot's folders.
 
-The child computes from its request and the replies to its file requests alone. An expansion is therefore kept
-with hashes of these replies, and used again where the same file requests get the same replies.
+The package xacro expands, in a copy of our own, since it keeps its state in its modules. Two things are
+replaced in it: how it evaluates expressions (`expressions`) and how it reads files (`robot_folders`).
 """
 
 from __future__ import annotations
@@ -9,47 +9,38 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib.util
-import json
+import io
+import itertools
 import os
-import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import threading
+import xml.dom.minidom
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from importlib.machinery import ModuleSpec
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import Any
 
 from ...errors import ModelError, install_advice
 from ..cache_folder import hashed
 from ..kept_texts import keep, kept, state_of
 from ..shipped import data_folder
+from .expressions import FORBIDDEN, Evaluator, RefusedError, bounded_range, bounded_round
 from .robot_folders import RobotFolders
-from .xacro_process import SECONDS, START, child_of, is_kept
-from .xml_node import LARGEST_FILE
-
-if TYPE_CHECKING:
-    import subprocess
-
-#: Memory that an expansion may use [bytes].
-MEMORY = 2 * 2**30
+from .xml_node import LARGEST_FILE, refuse_dangerous
 
 #: Extras of hybridyn that install a package of robot files, by the name of the package.
 EXTRAS = {"example-robot-data": "robots"}
-
 #: Longest message of xacro that is passed on [characters].
 LONGEST_MESSAGE = 400
+#: Most nodes that macros, blocks and includes may insert; a stack of 1,000 modules inserts some 5 million.
+MOST_NODES = 20_000_000
+#: Most files, packages and patterns that one expansion may ask for; robots include a few dozen files.
+MOST_ASKED = 10_000
 
-#: Most file requests that one expansion may send; robots include a few dozen files.
-MOST_QUESTIONS = 10_000
-
-#: Longest line that the child may send [bytes].
-LONGEST_LINE = 2**20
-#: Bytes that are read from the child at once.
-AT_ONCE = 2**16
-
-#: Note on an expansion without restrictions by the kernel.
-UNLOCKED = "xacro: this system's kernel restricts nothing; only hybridyn's own limits hold (README, Security)"
-
-#: Packages that the child imports.
-PACKAGES = ("xacro", "yaml")
+#: Our copy of xacro expands one file at a time.
+_lock = threading.Lock()
 
 
 def expand(
@@ -57,225 +48,248 @@ def expand(
 ) -> tuple[bytes, list[str]]:
     """Expand a xacro file; return the XML, and xacro's warnings as notes.
 
+    An expansion without arguments is kept, and used again while all that it asked of the robot's folders gets
+    the same replies. Those with arguments, of which a sweep makes many, are not kept.
+
     Raises:
         ModelError: xacro reports an error, or the expansion exceeds its limits; the message names the file
             and the macro.
     """
-    again = is_kept()  # once: another thread may change it meanwhile
-    request, folders = _request(file, [arguments], package_dirs, again)
-    own = Path(__file__).parent / "xacro_child"
-    codes = [own, *(Path(of, package) for of, package in zip(request["paths"], PACKAGES, strict=True))]
-    name = hashed(START, sys.version, json.dumps(request, sort_keys=True), *map(state_of, codes))
-    known = None if again else kept(name)
-    if known is not None and _unchanged(folders(), known["replies"]):
-        return known["text"].encode(errors="surrogateescape"), known["notes"]
-    replies: list[list[str]] = []
-    with child_of(file, kept=again) as child:
-        (answer,) = _converse(child, file, request, folders(), replies)
-    text, notes = _result(file, *answer)
-    if not again:  # the many files of a sweep would replace those of the next commands
-        keep(name, {"replies": replies, "text": text.decode(errors="surrogateescape"), "notes": notes})
+    path = os.path.abspath(file)
+    named = [os.fspath(folder) for folder in package_dirs]
+    folders = partial(RobotFolders, path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
+    if arguments:
+        return _expanded(file, arguments, _Asked(folders()))
+    codes = map(state_of, (Path(__file__).parent, Path(_spec().origin or "").parent))
+    name = hashed(sys.version, path, os.getcwd(), *named, *codes)
+    known = kept(name)
+    if known is None or not _unchanged(_Asked(folders()), known["replies"]):
+        asked = _Asked(folders())
+        text, notes = _expanded(file, {}, asked)
+        known = {"replies": asked.replies, "text": text.decode(), "notes": notes}
+        keep(name, known)
+    return known["text"].encode(), known["notes"]
+
+
+def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tuple[bytes, list[str]]:
+    """Expand a xacro file, see `expand`."""
+    given = _Arguments({str(name): str(value) for name, value in arguments.items()})
+    notes: list[str] = []
+    with _lock:
+        xacro = _own_xacro()
+        _connect(xacro, asked, given, notes)
+        try:
+            document = xacro.process_file(os.path.abspath(file), mappings=given, verbosity=0)
+            given.refuse_unused()
+            text: bytes = document.toxml(encoding="utf-8")
+        except Exception as error:
+            raise _failure(xacro, error, file) from None
+    if len(text) > LARGEST_FILE:
+        raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
     return text, notes
 
 
-def expand_each(
-    file: str, many: Sequence[Mapping[str, object]], package_dirs: Sequence[str | os.PathLike[str]]
-) -> Iterator[tuple[bytes, list[str]] | ModelError]:
-    """Expand a xacro file with each set of arguments, in one child; yield results or errors.
+class _Asked:
+    """A robot's folders, and a hash of each of their replies."""
 
-    The child reads each file once. A set that it refuses is expanded again in a child of its own, since
-    limits are those of one set. So is every set if the child ends before the last one, for its time or its
-    memory, or if the texts together are too large.
-    """
-    again = is_kept()
-    request, folders = _request(file, many, package_dirs, again)
-    try:
-        with child_of(file, kept=again) as child:
-            answers = _converse(child, file, request, folders(), [])
-    except ModelError:
-        answers = [({"error": ""}, b"")] * len(many)
-    for arguments, answer in zip(many, answers, strict=True):
+    def __init__(self, folders: RobotFolders) -> None:
+        self.folders, self.replies = folders, list[list[str]]()
+
+    def __call__(self, what: str, of: str) -> Any:
+        """Read a file, find a package or search a pattern ("read", "find", "glob").
+
+        Raises:
+            OSError: The system cannot open or read the file.
+            ModelError: The folders refuse it, or too much was asked.
+        """
+        if len(self.replies) >= MOST_ASKED:
+            raise ModelError(f"reads more than {MOST_ASKED:,} files")
+        reply: Any = None
         try:
-            refused = "error" in answer[0]
-            yield expand(file, arguments, package_dirs) if refused else _result(file, *answer)
-        except ModelError as error:
-            yield error
+            reply = getattr(self.folders, what)(of)
+        except (OSError, ModelError) as error:
+            reply = str(error)
+            raise
+        finally:
+            self.replies.append([what, of, hashlib.sha256(repr(reply).encode()).hexdigest()])
+        return reply
 
 
-def _request(
-    file: str,
-    many: Sequence[Mapping[str, object]],
-    package_dirs: Sequence[str | os.PathLike[str]],
-    again: bool,
-) -> tuple[dict[str, Any], Callable[[], RobotFolders]]:
-    """Return the request to the child, and a function that returns the folders which it may read."""
-    path = os.path.abspath(file)
-    request = {
-        "file": path,
-        "folder": os.getcwd(),
-        "arguments": [{str(name): str(value) for name, value in one.items()} for one in many],
-        "paths": [_folder_of(module) for module in PACKAGES],
-        "memory": MEMORY,
-        "seconds": SECONDS,
-        "again": again,
-    }
-    named = [os.fspath(folder) for folder in package_dirs]
-    return request, lambda: RobotFolders(path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
+def _unchanged(asked: _Asked, replies: list[list[str]]) -> bool:
+    """Return whether a robot's folders still give the same replies."""
+    for what, of, _ in replies:
+        with contextlib.suppress(OSError, ModelError):
+            asked(what, of)
+    return asked.replies == replies
 
 
-def _result(file: str, header: Mapping[str, Any], text: bytes) -> tuple[bytes, list[str]]:
-    """Return the XML and the notes of an answer of the child."""
-    if "error" in header:
-        inner = header["file"]
-        where = file if inner in (None, os.path.abspath(file)) else os.path.relpath(inner)
-        message = f"xacro: {header['error']}{_extra_for(header['error'])}"
-        if len(message) > LONGEST_MESSAGE:
-            message = message[:LONGEST_MESSAGE] + " ..."
-        raise ModelError(message, file=where, line=header["line"])
-    return text, list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
+class _Arguments(dict[str, str]):
+    """Arguments of the file; `asked` records the names that the file asks for."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.given, self.asked = list(given), list[str]()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.append(str(name))
+        return super().__contains__(name)
+
+    def refuse_unused(self) -> None:
+        """Raise RefusedError for arguments that the file does not declare; xacro itself would ignore them."""
+        for name in self.given:
+            if name not in self.asked:
+                declared = ", ".join(f"'{known}'" for known in dict.fromkeys(self.asked)) or "none"
+                raise RefusedError(f"there is no argument '{name}'; the file's arguments: {declared}")
 
 
-def _reply_hash(reply: tuple[dict[str, Any], bytes]) -> str:
-    """Return a hash of a reply to a file request."""
-    header, content = reply
-    return hashlib.sha256(json.dumps(header, sort_keys=True).encode() + b"\n" + content).hexdigest()
+def _spec() -> ModuleSpec:
+    """Return how a copy of the package xacro is imported, under a name of our own."""
+    found = importlib.util.find_spec("xacro")
+    assert found is not None
+    assert found.origin is not None
+    spec = importlib.util.spec_from_file_location(f"{__name__}_own", found.origin)
+    assert spec is not None
+    return spec
 
 
-def _unchanged(folders: RobotFolders, replies: list[list[str]]) -> bool:
-    """Return whether file requests still get the same replies; each is what is asked, of what, and a hash."""
-    return all(_reply_hash(_answer(folders, what, of)) == reply for what, of, reply in replies)
+@cache
+def _own_xacro() -> Any:
+    """Return a copy of the package xacro, without the names that no robot file needs."""
+    spec = _spec()
+    assert spec.loader is not None
+    xacro: Any = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = xacro
+    spec.loader.exec_module(xacro)
+    xacro.substitution_args = importlib.import_module(f"{spec.name}.substitution_args")
+    xacro.substitution_args.os = SimpleNamespace(environ={}, path=os.path)  # no environment
+    xacro.evaluate_text, xacro.absolute = xacro.eval_text, xacro.abs_filename_spec
+    symbols = xacro._global_symbols
+    for table in (symbols, symbols["math"], symbols["python"]):
+        for name in FORBIDDEN:
+            dict.pop(table, name, None)
+        dict.update(table, range=bounded_range, round=bounded_round)
+    return xacro
 
 
-def _extra_for(error: str) -> str:
-    """Return the advice to install a missing package by an extra of hybridyn, or an empty string."""
-    for package, extra in EXTRAS.items():
-        if f"package '{package}' is not found" in error:
-            return f", or {install_advice(extra)}"
-    return ""
+def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> None:
+    """Connect xacro with an expansion's folders, arguments and notes, and with our evaluation."""
+    nodes, read, find = 0, partial(asked, "read"), partial(asked, "find")
+    dollar, symbols = xacro.substitution_args, xacro._global_symbols
+
+    def note(*words: Any, **_: Any) -> str:
+        """Keep a message of xacro as a note."""
+        notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
+        return ""
+
+    def parse(_: None, filename: str) -> Any:
+        """Parse a file."""
+        try:
+            content = read(filename)
+        except OSError as error:
+            xacro.filestack.pop()
+            raise xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from None
+        refuse_dangerous(content, filename)
+        return xml.dom.minidom.parseString(content)
+
+    def locate(name: str) -> str:
+        """Return the path of an included file."""
+        package, _, rest = name.removeprefix("package://").partition("/")
+        is_uri = name.startswith("package://")
+        return str(os.path.join(find(package), rest) if is_uri else xacro.absolute(name))
+
+    def insert(node: Any, by: Any, content_only: bool = False) -> None:
+        """Replace a node by others, which are counted."""
+        nonlocal nodes
+        nodes += 1 + _replace(node, by, content_only)
+        if nodes > MOST_NODES:
+            raise RefusedError(f"macros, blocks and includes insert more than {MOST_NODES:,} nodes")
+
+    def argument(name: str) -> Any:
+        """Return the value of an argument, as a number where it is one."""
+        return dollar.convert_value(given[name], "auto")
+
+    def evaluate_dollar(expression: str, _: object) -> str:
+        """Evaluate the expression of `$(eval ...)`."""
+        return str(of_dollar(expression, {**known, **{name: argument(name) for name in given}}))
+
+    dict.update(
+        symbols["xacro"], message=note, warning=note, error=note, print_location=lambda *_, **__: "",
+        arg=lambda name: given[name],
+    )  # fmt: skip
+    own = {"find": find, "arg": argument, "env": dollar._eval_env, "optenv": dollar._eval_optenv}
+    known = {**symbols["python"], **symbols["math"], **own, "true": True, "false": False}
+    spaces = (xacro.NameSpace, xacro.YamlDictWrapper)
+    evaluate, of_dollar = (Evaluator(_functions(table), spaces) for table in (symbols, known))
+    xacro.safe_eval = lambda expression, names, _=None: evaluate(expression, names)
+    xacro.eval_text = lambda text, names: xacro.evaluate_text(text, names) if "$" in text else text
+    xacro.parse, xacro.abs_filename_spec, xacro.replace_node = parse, locate, insert
+    xacro.open = lambda path: io.TextIOWrapper(io.BytesIO(read(path)), encoding="utf-8")
+    xacro.glob, xacro.root_dir = SimpleNamespace(glob=partial(asked, "glob")), os.getcwd()
+    xacro.warning, xacro.print_location = note, lambda: None
+    dollar._eval, dollar._eval_find = evaluate_dollar, find
 
 
-def _converse(
-    child: subprocess.Popen[bytes],
-    file: str,
-    request: Mapping[str, Any],
-    folders: RobotFolders,
-    replies: list[list[str]],
-) -> list[tuple[dict[str, Any], bytes]]:
-    """Answer the child's file requests until it has sent all results; return their headers and XML.
+def _functions(names: Mapping[str, Any]) -> dict[str, Callable[..., Any]]:
+    """Return the functions of a table of names."""
+    return {name: value for name, value in names.items() if callable(value)}
 
-    `replies` receives each request and a hash of its reply.
+
+def _replace(node: Any, by: Any, content_only: bool) -> int:
+    """Replace a node by other nodes, or by their children, in time linear in their number; return it.
+
+    xacro's own function inserts them one by one and searches the parent's list each time, which is quadratic:
+    with it, a stack of 100 modules takes 25 s.
     """
-    assert child.stdin is not None
-    assert child.stdout is not None
-    results: list[tuple[dict[str, Any], bytes]] = []
-    total = 0  # length of all texts, which this process holds together
-    with contextlib.suppress(BrokenPipeError):  # the child has ended; `_reason` explains why
-        _send(child.stdin, request)
-        answers = _Reader(child.stdout)
-        for _ in range(MOST_QUESTIONS):
-            line = answers.line(LONGEST_LINE)
-            if not line:
-                break
-            header = _header(line, file)
-            if "ask" not in header:
-                size = header.pop("size", 0)
-                text = answers.block(min(int(size), LARGEST_FILE + 1))
-                total += len(text)
-                if total > LARGEST_FILE:
-                    raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
-                results.append((header, text))
-                if len(results) == len(request["arguments"]):
-                    return results
-                continue
-            asked = str(header["ask"]), str(header["of"])
-            reply = _answer(folders, *asked)
-            replies.append([*asked, _reply_hash(reply)])
-            _send(child.stdin, *reply)
-        else:
-            raise ModelError(f"xacro: reads more than {MOST_QUESTIONS:,} files", file=file)
-    raise ModelError(_reason(child.wait()), file=file)
+    sources = [] if by is None else by if isinstance(by, list) else [by]
+    new = [child for source in sources for child in source.childNodes] if content_only else sources
+    parent = node.parentNode
+    siblings = parent.childNodes
+    index = next(i for i, sibling in enumerate(siblings) if sibling is node)
+    chain = [node.previousSibling, *new, node.nextSibling]
+    siblings[index : index + 1] = new
+    for left, right in itertools.pairwise(chain):
+        if left is not None:
+            left.nextSibling = right
+        if right is not None:
+            right.previousSibling = left
+    for child in new:
+        child.parentNode = parent
+    node.parentNode = node.previousSibling = node.nextSibling = None
+    return len(new)
 
 
-def _header(line: bytes, file: str) -> dict[str, Any]:
-    """Parse a line that the child sent."""
-    try:
-        header = json.loads(line)
-    except ValueError:
-        header = None
-    if not isinstance(header, dict):
-        raise ModelError("xacro: the child process sent an invalid reply", file=file)
-    return header
+def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
+    """Return an error as one line of text with its macros, and the file and line where it occurred."""
+    own, inner, suffix = "", error, ""
+    if isinstance(error, xacro.XacroException) and error.exc is not None:
+        own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
+        if own.startswith("<class") or isinstance(inner, OSError):
+            own = ""
+    message = "xacro: " + " ".join(" ".join([own, _described(inner), suffix]).split())
+    macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack)]
+    if macros:
+        message += f" (in macro {' < '.join(macros[:4])})"
+    for package, extra in EXTRAS.items():
+        if f"package '{package}' is not found" in message:
+            message += f", or {install_advice(extra)}"
+    if len(message) > LONGEST_MESSAGE:
+        message = message[:LONGEST_MESSAGE] + " ..."
+    stack = [name for name in xacro.filestack if name]
+    where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
+    return ModelError(message, file=where, line=getattr(error, "lineno", None))
 
 
-def _send(pipe: IO[bytes], header: Mapping[str, Any], content: bytes = b"") -> None:
-    """Write a header and content into a pipe without a buffer."""
-    left = memoryview(json.dumps(header).encode() + b"\n" + content)
-    while left:
-        left = left[pipe.write(left) :]
-
-
-class _Reader:
-    """Reads lines and blocks from a pipe without a buffer."""
-
-    def __init__(self, pipe: IO[bytes]) -> None:
-        self._pipe, self._rest = pipe, bytearray()
-
-    def line(self, most: int) -> bytes:
-        """Return the next line, cut after `most` bytes; empty at the end."""
-        while b"\n" not in self._rest and len(self._rest) < most and self._more():
-            pass
-        return self._taken(min(self._rest.find(b"\n") + 1 or most, most))
-
-    def block(self, size: int) -> bytes:
-        """Return the next bytes, fewer at the end."""
-        while len(self._rest) < size and self._more():
-            pass
-        return self._taken(size)
-
-    def _more(self) -> bool:
-        """Read what is there; return False at the end."""
-        read = self._pipe.read(AT_ONCE)
-        self._rest += read
-        return bool(read)
-
-    def _taken(self, size: int) -> bytes:
-        """Return the first bytes that were read."""
-        out = bytes(self._rest[:size])
-        del self._rest[:size]
-        return out
-
-
-def _answer(folders: RobotFolders, what: str, of: str) -> tuple[dict[str, Any], bytes]:
-    """Return the reply to a file request: its header and the content."""
-    try:
-        if what == "read":
-            content = folders.read(of)
-        elif what == "glob":
-            content = json.dumps(folders.glob(of)).encode()
-        else:
-            content = folders.find(of).encode()
-    except ModelError as error:
-        return {"error": str(error)}, b""
-    except OSError as error:
-        return {"error": error.strerror or str(error), "errno": error.errno or 0}, b""
-    except ValueError as error:  # a null character in a path
-        return {"error": str(error)}, b""
-    return {"size": len(content)}, content
-
-
-def _reason(status: int) -> str:
-    """Return the reason why a child ended without an answer."""
-    if status in (-signal.SIGKILL, -getattr(signal, "SIGXCPU", 24)):
-        return f"xacro: took more than {SECONDS} s of processor time and was ended"
-    return f"xacro: ended without a result (status {status})"
-
-
-def _folder_of(module: str) -> str:
-    """Return the folder from which a module is imported, without importing it."""
-    spec = importlib.util.find_spec(module)
-    if spec is None or spec.origin is None:
-        raise ModelError(f"the Python package '{module}' is not installed; it is needed for xacro files")
-    return str(Path(spec.origin).parent.parent)
+def _described(error: BaseException) -> str:
+    """Return the message of a Python error in words for the author of a robot file."""
+    if isinstance(error, MemoryError):
+        return "needs too much memory"
+    if isinstance(error, RecursionError):
+        return "macros or includes call themselves without end"
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.strerror}: {error.filename}"
+    if isinstance(error, ModelError | SyntaxError):
+        return error.message if isinstance(error, ModelError) else error.msg
+    return str(error) or type(error).__name__
 
 
 def _shipped_dirs() -> list[str]:

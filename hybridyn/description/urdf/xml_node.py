@@ -43,7 +43,7 @@ def parse(text: bytes, file: str) -> Node:
     Raises:
         ModelError: The text is not well-formed XML, or contains a forbidden declaration (see above).
     """
-    _refuse_dangerous(text, file)
+    refuse_dangerous(text, file)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -67,7 +67,7 @@ def parse(text: bytes, file: str) -> Node:
     return Node(root, file)
 
 
-def _refuse_dangerous(text: bytes, file: str) -> None:
+def refuse_dangerous(text: bytes, file: str) -> None:
     """Raise for empty or too large texts, other encodings, DOCTYPE and ENTITY, before parsing."""
     if not text.strip():
         raise ModelError("the file is empty", file=file)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.reading import read, read_each
+from ...description.reading import read
 from ...description.records import Description
 from ...description.urdf.xml_node import parse
 from ...errors import ModelError
@@ -101,30 +101,22 @@ class XacroArguments:
     def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
         """Compute `numbers` with NaN for designs that are not possible, and these designs' errors."""
         designs, which = np.unique(p, axis=0, return_inverse=True)
-        slots = self.slots
-        found = read_each(
-            self._origin.file,
-            [self._arguments(design.tolist()) for design in designs],
-            motors=self._origin.motors,
-            package_dirs=self._origin.package_dirs,
-        )
-        rows, wrong = np.full((len(designs), len(slots)), np.nan), {}
-        for k, description in enumerate(found):
+        rows, wrong = np.full((len(designs), len(self.slots)), np.nan), {}
+        for k, design in enumerate(designs):
             try:
-                rows[k] = self._numbers(designs[k], description)
+                rows[k] = self._numbers(design)
             except ModelError as error:
                 wrong[k] = error
         place = which.ravel().tolist()
         return rows[place], {i: wrong[k] for i, k in enumerate(place) if k in wrong}
 
-    def _numbers(self, values: Array, description: Description | ModelError) -> list[float]:
+    def _numbers(self, values: Array) -> list[float]:
         """Return the numbers in the slots of one design.
 
         Raises:
             ModelError: The file is wrong with it, it has another structure, or other numbers change.
         """
-        if isinstance(description, ModelError):
-            raise description
+        description = self.expanded(values.tolist())
         try:
             others = set(differences(self._description, description)) - set(self.slots)
         except ModelError as error:

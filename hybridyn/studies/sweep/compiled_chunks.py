@@ -12,7 +12,6 @@ from uuid import uuid4
 import numpy as np
 
 from ...description.records import Description
-from ...description.urdf.xacro_process import keep_child
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...linkage.threads import one_thread
 from ...spatial import Array, Index
@@ -86,7 +85,6 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
     """
     if plan is None:
         return evaluate(source, chunk)
-    keep_child()  # each design expands its own file
     models = models_of(source, plan)
     started = time.perf_counter()
     with np.errstate(all="ignore"):  # overflow shows in the results
@@ -137,7 +135,6 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
     """
     if designs.count < LEAST_DESIGNS:
         return None, ""
-    keep_child()  # each design expands its own file
     designer = Designer(source)
     own: list[CompiledDesigns] = []
     why = ""
@@ -187,7 +184,6 @@ def _structures(designer: Designer, count: int, values: Array) -> Iterator[tuple
         ModelError: No robot of these designs can make its motions.
     """
     variants = designer.variants
-    variants.prepare(values)
     read: list[tuple[Array, Description]] = []
     for own in values:
         with suppress(HybridynError):  # no robot

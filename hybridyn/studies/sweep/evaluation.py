@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ...description.urdf.xacro_process import keep_child
 from ...effects import choose
 from ...errors import HybridynError
 from ...linkage.threads import one_thread
@@ -98,9 +97,7 @@ def evaluate(source: StudyFile, chunk: Chunk) -> Evaluated:
         ModelError: A Python file of the study fails.
     """
     started = time.perf_counter()
-    keep_child()  # each design expands its own file
     designer = Designer(source)
-    designer.variants.prepare(chunk.values)
     with np.errstate(all="ignore"):  # overflow shows in the results
         rows = tuple(designer(chunk.start + i, values) for i, values in enumerate(chunk.values))
     return Evaluated(rows, time.perf_counter() - started)

@@ -88,7 +88,6 @@ class SlotNumbers:
         found: list[Description] = []
         possible = np.zeros(len(values), dtype=bool)
         known = set(self.slots)
-        self.variants.prepare(values)
         for i, own in enumerate(values):
             try:
                 description = self.variants.description(self.variants.named(own))

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...description.urdf.xacro_process import drop_child
 from ...errors import HybridynError
 from ...spatial import Index
 from .compiled_chunks import evaluate_chunk, plan_for
@@ -120,20 +119,6 @@ def sweep(
             scheduler does not answer, or compiled models differ from the general path.
         OSError: The disk is full; the shards written so far are complete.
     """
-    try:
-        return _sweep(
-            study, output, engine, jobs, scheduler, resume, allow_python, format, compiled, progress
-        )
-    finally:
-        drop_child()
-
-
-def _sweep(
-    study: str | PathLike[str], output: str | PathLike[str], engine: Engine, jobs: int | None,
-    scheduler: str | None, resume: bool, allow_python: bool, format: str | None, compiled: bool,
-    progress: Progress | None,
-) -> Swept:  # fmt: skip
-    """Evaluate every design that has no row, see `sweep`."""
     started = time.perf_counter()
     check_engine(engine, scheduler)
     source = read_study(Path(study), allow_python=allow_python)

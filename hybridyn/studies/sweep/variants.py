@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ...description.names import did_you_mean
-from ...description.reading import read, read_each
+from ...description.reading import read
 from ...description.records import Description
 from ...scenes.toml_source import naming
 from ...spatial import Array
@@ -22,18 +21,19 @@ if TYPE_CHECKING:
     from ...structure.robot import HybridRobot
 
 
+#: Most descriptions that are kept.
+MOST_KNOWN = 64
+
 #: The xacro arguments of a description, by name.
 Key = tuple[tuple[str, str], ...]
 
 
 class Variants:
-    """Builds the robots of designs. What was read last is kept: designs may differ in scales only."""
+    """Builds the robots of designs. What was read is kept: designs may differ in scales only."""
 
     def __init__(self, source: StudyFile) -> None:
         self.source, self.file, self.numbers = source, source.robot, Numbers(source)
-        self._last: tuple[Key, Description] | None = None
-        self._prepared: dict[Key, Description] = {}
-        self._asked: set[Key] = set()
+        self._known: dict[Key, Description] = {}
 
     def __call__(self, values: Mapping[str, float]) -> HybridRobot:
         """Build the robot of a design.
@@ -56,27 +56,6 @@ class Variants:
                 with naming(self.source, ("parameters", name, "scale_inertia")):
                     description = scaled(description, link, values[name])
         return self.numbers.described(description, values)
-
-    def prepare(self, values: Array) -> None:
-        """Read the robot's file for many designs, of which one child of xacro expands many.
-
-        Designs that cannot be read are left to `description`, which says why.
-
-        Args:
-            values: Values of the parameters, shape (designs, parameters).
-        """
-        many = [self._all_arguments(self._differing(self.named(own))) for own in values]
-        each = {tuple(sorted(arguments.items())): arguments for arguments in many}
-        if len(each) < 2 or not self.file.endswith(".xacro") or each.keys() <= self._asked:
-            return
-        self._asked = set(each)
-        stated, folders = self.source.study.robot, self._folders()
-        self._prepared = {}
-        with contextlib.suppress(Exception):
-            found = read_each(self.file, [*each.values()], motors=stated.motors, package_dirs=folders)
-            for key, one in zip(each, found, strict=True):
-                if isinstance(one, Description):
-                    self._prepared[key] = one
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the values of a design's parameters by name.
@@ -119,13 +98,14 @@ class Variants:
         """Read the robot's file with the study's xacro arguments and those in which designs differ."""
         arguments = self._all_arguments(differing)
         key = tuple(sorted(arguments.items()))
-        if key in self._prepared:
-            return self._prepared[key]
-        if self._last is None or self._last[0] != key:
+        if key not in self._known:
+            if len(self._known) == MOST_KNOWN:
+                self._known.clear()
             motors, folders = self.source.study.robot.motors, self._folders()
-            made = read(self.file, motors=motors, xacro_args=arguments or None, package_dirs=folders)
-            self._last = (key, made)
-        return self._last[1]
+            self._known[key] = read(
+                self.file, motors=motors, xacro_args=arguments or None, package_dirs=folders
+            )
+        return self._known[key]
 
     def _differing(self, values: Mapping[str, float]) -> dict[str, str]:
         """Return the xacro arguments of a design in which designs differ."""

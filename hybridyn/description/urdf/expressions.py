@@ -1,0 +1,211 @@
+"""Evaluate the expressions of xacro files by simpleeval, which walks their syntax trees and runs no Python.
+
+An attribute is an element of one of xacro's own dictionaries (`math.pi`, `limits.upper`) or a harmless method
+of a text, list, tuple or dictionary, never a Python attribute. So classes, frames and modules cannot be
+reached. What could grow without limit is bounded before it is computed.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import operator
+import re
+from collections.abc import Callable
+from typing import Any
+
+from simpleeval import DEFAULT_OPERATORS, EvalWithCompoundTypes
+
+#: Longest text or list that an expression may produce.
+LARGEST = 1_000_000
+#: Most bits of an integer; the largest float has 1024.
+MOST_BITS = 65_536
+#: Most digits to which a number is rounded.
+MOST_DIGITS = 400
+#: Longest expression [characters].
+LONGEST = 20_000
+#: Most steps of the expressions of one robot; a stack of 1,000 six-legged modules takes some 2 million.
+MOST_STEPS = 50_000_000
+
+_WIDE_FIELD = re.compile(r"%[^a-zA-Z%]*(\d{5}|\*)")
+
+_TEXT = (
+    "capitalize casefold count endswith find index isalnum isalpha isdecimal isdigit islower isnumeric "
+    "isspace isupper join lower lstrip partition removeprefix removesuffix replace rfind rindex rpartition "
+    "rsplit rstrip split splitlines startswith strip swapcase title upper"
+)
+#: Methods that may be called, by type: none accesses attributes (`format`) or pads to an arbitrary width.
+_METHODS: dict[type, frozenset[str]] = {
+    str: frozenset(_TEXT.split()),
+    list: frozenset({"copy", "count", "index", "pop"}),
+    tuple: frozenset({"count", "index"}),
+    dict: frozenset({"copy", "get", "items", "keys", "values"}),
+    float: frozenset({"is_integer"}),
+}
+
+#: Names of xacro that inspect objects, or compute huge numbers of short arguments; no robot file needs them.
+FORBIDDEN = ("type", "vars", "issubclass", "factorial", "comb", "perm", "prod")
+
+
+class RefusedError(Exception):
+    """The xacro file uses something that is not allowed."""
+
+
+def refuse_large(size: float) -> None:
+    """Raise RefusedError for a text or list with too many elements."""
+    if size > LARGEST:
+        raise RefusedError(f"a text or list is too large: it has more than {LARGEST:,} elements")
+
+
+def refuse_wide(bits: float) -> None:
+    """Raise RefusedError for an integer with too many bits."""
+    if bits > MOST_BITS:
+        raise RefusedError(f"a whole number is too large: it has more than {MOST_BITS:,} bits")
+
+
+def added(a: Any, b: Any) -> Any:
+    """Return a + b."""
+    if isinstance(a, str | list | tuple) and isinstance(b, str | list | tuple):
+        refuse_large(len(a) + len(b))
+    return a + b
+
+
+def multiplied(a: Any, b: Any) -> Any:
+    """Return a * b."""
+    if isinstance(a, int) and isinstance(b, int):
+        refuse_wide(a.bit_length() + b.bit_length())
+    many, times = (b, a) if isinstance(a, int) else (a, b)
+    if isinstance(many, str | list | tuple) and isinstance(times, int):
+        refuse_large(len(many) * times)
+    return a * b
+
+
+def raised(a: Any, b: Any) -> Any:
+    """Return a ** b."""
+    if isinstance(a, int) and isinstance(b, int):
+        refuse_wide(a.bit_length() * max(b, 0))
+    return a**b
+
+
+def shifted(a: Any, b: Any) -> Any:
+    """Return a << b."""
+    if isinstance(a, int) and isinstance(b, int):
+        refuse_wide(a.bit_length() + b)
+    return a << b
+
+
+def remainder(a: Any, b: Any) -> Any:
+    """Return a % b, of a text only with fields of moderate width."""
+    if isinstance(a, str) and _WIDE_FIELD.search(a):
+        raise RefusedError("a field of '%' is too wide")
+    return a % b
+
+
+def joined(text: str, parts: Any) -> str:
+    """Return the parts with the text between them."""
+    parts = list(parts)
+    refuse_large(sum(map(len, parts)) + len(text) * len(parts))
+    return text.join(parts)
+
+
+def replaced(text: str, old: str, new: str, *count: int) -> str:
+    """Return the text with another one in place of `old`."""
+    refuse_large(len(text) + (text.count(old) + 1) * len(new))
+    return text.replace(old, new, *count)
+
+
+def bounded_range(*arguments: Any) -> range:
+    """Return a range of moderate length."""
+    numbers = range(*arguments)
+    if numbers and abs(numbers[-1] - numbers[0]) // abs(numbers.step) >= LARGEST:
+        raise RefusedError(f"a range has more than {LARGEST:,} numbers")
+    return numbers
+
+
+def bounded_round(number: Any, ndigits: Any = None) -> Any:
+    """Round a number to a moderate number of digits."""
+    if isinstance(ndigits, int) and abs(ndigits) > MOST_DIGITS:
+        raise RefusedError(f"a number is rounded to more than {MOST_DIGITS} digits")
+    return round(number, ndigits)
+
+
+_OPERATORS = {
+    **DEFAULT_OPERATORS,
+    ast.Add: added, ast.Mult: multiplied, ast.Pow: raised, ast.LShift: shifted, ast.Mod: remainder,
+    ast.RShift: operator.rshift,
+}  # fmt: skip
+
+
+@functools.lru_cache(maxsize=4096)
+def parsed(expression: str) -> ast.expr:
+    """Return the syntax tree of an expression; cached, because macros repeat their expressions."""
+    if len(expression) > LONGEST:
+        raise RefusedError(f"an expression is longer than {LONGEST:,} characters")
+    return ast.parse(expression, "<expression>", "eval").body
+
+
+class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
+    """Evaluate expressions; an instance is called with an expression and the values of names.
+
+    Args:
+        functions: The functions that may be called by their names.
+        spaces: Types of dictionaries whose elements may be written like attributes.
+    """
+
+    def __init__(self, functions: dict[str, Callable[..., Any]], spaces: tuple[type, ...]) -> None:
+        super().__init__(_OPERATORS, {}, {})
+        self.functions, self.spaces, self.steps = functions, spaces, 0
+        self.nodes[ast.SetComp] = lambda node: set(self._eval_comprehension(node))
+        del self.nodes[ast.JoinedStr]  # of any width
+        self._plain = self.nodes
+
+    def __call__(self, expression: str, names: Any) -> Any:
+        """Return the value of an expression.
+
+        Raises:
+            RefusedError: The expression uses something that is not allowed, or exceeds a bound.
+            Exception: Any error of its operators and functions.
+        """
+        outer = self.names, self.nodes, self._max_count  # a name may stand for another expression
+        self.names, self.nodes = names, dict(self._plain)
+        try:
+            return self.eval(expression, parsed(expression.strip()))
+        finally:
+            self.names, self.nodes, self._max_count = outer
+
+    def _eval(self, node: ast.AST) -> Any:
+        """Return the value of a node; count it."""
+        self.steps += 1
+        if self.steps > MOST_STEPS:
+            raise RefusedError(f"the expressions take more than {MOST_STEPS:,} steps")
+        if type(node) not in self.nodes:
+            raise RefusedError(f"{type(node).__name__} is not allowed in an expression")
+        value = self.nodes[type(node)](node)
+        if isinstance(value, str | list | tuple):
+            refuse_large(len(value))
+        return value
+
+    def _eval_constant(self, node: ast.Constant) -> Any:
+        """Return a number, a text or None."""
+        if node.value is None or isinstance(node.value, str | int | float | complex):
+            return node.value
+        raise RefusedError(f"{node.value!r} is not allowed in an expression")
+
+    def _eval_subscript(self, node: ast.Subscript) -> Any:
+        """Return an element or a part of a text, list, tuple, range or dictionary."""
+        value, index = self._eval(node.value), self._eval(node.slice)
+        if not isinstance(value, str | list | tuple | dict | range):
+            raise TypeError(f"'{type(value).__name__}' has no elements")
+        return value[index]
+
+    def _eval_attribute(self, node: ast.Attribute) -> Any:
+        """Return a harmless method, or an element of one of xacro's dictionaries."""
+        value, name = self._eval(node.value), node.attr
+        if any(isinstance(value, kind) and name in methods for kind, methods in _METHODS.items()):
+            bounded = {"join": joined, "replace": replaced}.get(name)
+            return getattr(value, name) if bounded is None else functools.partial(bounded, value)
+        if name.startswith("__") or not isinstance(value, self.spaces):
+            raise RefusedError(f"attribute '{name}' is not allowed in an expression")
+        if name not in value:
+            raise NameError(f"name '{name}' is not defined")
+        return value[name]
