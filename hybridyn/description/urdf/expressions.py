@@ -129,6 +129,9 @@ def bounded_round(number: Any, ndigits: Any = None) -> Any:
     return round(number, ndigits)
 
 
+#: Methods of texts whose results may be large.
+_BOUNDED: dict[str, Callable[..., str]] = {"join": joined, "replace": replaced}
+
 _OPERATORS = {
     **DEFAULT_OPERATORS,
     ast.Add: added, ast.Mult: multiplied, ast.Pow: raised, ast.LShift: shifted, ast.Mod: remainder,
@@ -151,6 +154,10 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         functions: The functions that may be called by their names.
         spaces: Types of dictionaries whose elements may be written like attributes.
     """
+
+    nodes: dict[type, Callable[..., Any]]
+    names: Any
+    _max_count: int
 
     def __init__(self, functions: dict[str, Callable[..., Any]], spaces: tuple[type, ...]) -> None:
         super().__init__(_OPERATORS, {}, {})
@@ -200,12 +207,14 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
 
     def _eval_attribute(self, node: ast.Attribute) -> Any:
         """Return a harmless method, or an element of one of xacro's dictionaries."""
-        value, name = self._eval(node.value), node.attr
+        value: Any = self._eval(node.value)
+        name = node.attr
         if any(isinstance(value, kind) and name in methods for kind, methods in _METHODS.items()):
-            bounded = {"join": joined, "replace": replaced}.get(name)
+            bounded = _BOUNDED.get(name)
             return getattr(value, name) if bounded is None else functools.partial(bounded, value)
         if name.startswith("__") or not isinstance(value, self.spaces):
             raise RefusedError(f"attribute '{name}' is not allowed in an expression")
-        if name not in value:
+        elements: Any = value
+        if name not in elements:
             raise NameError(f"name '{name}' is not defined")
-        return value[name]
+        return elements[name]

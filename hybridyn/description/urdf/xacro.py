@@ -14,7 +14,6 @@ import itertools
 import os
 import sys
 import threading
-import xml.dom.minidom
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from importlib.machinery import ModuleSpec
@@ -26,7 +25,6 @@ from ...errors import ModelError, install_advice
 from ..cache_folder import hashed
 from ..kept_texts import keep, kept, state_of
 from ..shipped import data_folder
-from .expressions import FORBIDDEN, Evaluator, RefusedError, bounded_range, bounded_round
 from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE, refuse_dangerous
 
@@ -135,11 +133,11 @@ class _Arguments(dict[str, str]):
         return super().__contains__(name)
 
     def refuse_unused(self) -> None:
-        """Raise RefusedError for arguments that the file does not declare; xacro itself would ignore them."""
+        """Raise ModelError for arguments that the file does not declare; xacro itself would ignore them."""
         for name in self.given:
             if name not in self.asked:
                 declared = ", ".join(f"'{known}'" for known in dict.fromkeys(self.asked)) or "none"
-                raise RefusedError(f"there is no argument '{name}'; the file's arguments: {declared}")
+                raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
 
 
 def _spec() -> ModuleSpec:
@@ -155,6 +153,8 @@ def _spec() -> ModuleSpec:
 @cache
 def _own_xacro() -> Any:
     """Return a copy of the package xacro, without the names that no robot file needs."""
+    from .expressions import FORBIDDEN, bounded_range, bounded_round
+
     spec = _spec()
     assert spec.loader is not None
     xacro: Any = importlib.util.module_from_spec(spec)
@@ -173,6 +173,10 @@ def _own_xacro() -> Any:
 
 def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> None:
     """Connect xacro with an expansion's folders, arguments and notes, and with our evaluation."""
+    import xml.dom.minidom
+
+    from .expressions import Evaluator  # an expansion that is kept needs neither
+
     nodes, read, find = 0, partial(asked, "read"), partial(asked, "find")
     dollar, symbols = xacro.substitution_args, xacro._global_symbols
 
@@ -202,7 +206,7 @@ def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> 
         nonlocal nodes
         nodes += 1 + _replace(node, by, content_only)
         if nodes > MOST_NODES:
-            raise RefusedError(f"macros, blocks and includes insert more than {MOST_NODES:,} nodes")
+            raise ModelError(f"macros, blocks and includes insert more than {MOST_NODES:,} nodes")
 
     def argument(name: str) -> Any:
         """Return the value of an argument, as a number where it is one."""
