@@ -91,8 +91,8 @@ class Joint:
             planar joint).
         lower: Lower position limit [m or rad], -inf if absent.
         upper: Upper position limit [m or rad], +inf if absent.
-        velocity: Speed limit [m/s or rad/s], +inf if absent.
-        effort: Effort limit [N or N m], +inf if absent.
+        velocity: Speed limit as the file states it [m/s or rad/s], +inf if absent; see `speed_limit`.
+        effort: Effort limit as the file states it [N or N m], +inf if absent; see `effort_limit`.
         damping: Viscous friction [N s/m or N m s/rad], from URDF `<dynamics>` or model.toml.
         friction: Coulomb friction [N or N m].
         rotor_inertia: Inertia of the rotor about its own axis [kg m^2].
@@ -115,6 +115,16 @@ class Joint:
     rotor_inertia: float = 0.0
     gear_ratio: float = 1.0
     line: int | None = None
+
+    @property
+    def speed_limit(self) -> float:
+        """Speed limit [m/s or rad/s], +inf if there is none. URDF demands a number, and 0 states none."""
+        return self.velocity or np.inf
+
+    @property
+    def effort_limit(self) -> float:
+        """Effort limit [N or N m], +inf if there is none. URDF demands a number, and 0 states none."""
+        return self.effort or np.inf
 
 
 @dataclass(frozen=True, eq=False)

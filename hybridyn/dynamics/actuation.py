@@ -160,8 +160,8 @@ def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Inde
         return 1.0 / np.sqrt(sharing.weights[module.motor_index[among]])
     record = {j.joint.name: j.joint for j in robot.bodies.joints}
     motors = [module.motors[i] for i in among]
-    limits = np.array([record[m].effort for m in motors])
-    if np.isfinite(limits).all() and (limits > 0).all():
+    limits = np.array([record[m].effort_limit for m in motors])
+    if np.isfinite(limits).all():
         return limits
     if len({record[m].kind == "prismatic" for m in motors}) > 1:
         raise ActuationError(

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 class Limits:
     """Effort limits of the motors: the direct model clips efforts, the inverse model raises an error.
 
-    `effort`: limit by motor [N or N m]; None uses the limits of the robot's files, if any.
+    `effort`: limit by motor [N or N m]; None uses the limits of the robot's files, if any; there 0
+    states no limit.
     """
 
     effort: Numbers | None = None
@@ -38,8 +39,7 @@ class Limits:
             ModelError: A motor is unknown, or a limit is not positive.
         """
         if self.effort is None:
-            record = {j.joint.name: j.joint.effort for j in robot.bodies.joints}
-            return np.array([record[motor] for motor in robot.motors])
+            return np.array([robot.records[motor].effort_limit for motor in robot.motors])
         for motor, limit in self.effort.items():
             if motor not in robot.motors:
                 raise ModelError(

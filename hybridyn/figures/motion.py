@@ -94,7 +94,7 @@ def chart_of_rows(
 
 def _motor_panels(robot: HybridRobot, data: dict[str, Array], quantity: str) -> list[Panel]:
     name = QUANTITIES[quantity][0]
-    limits = {m: robot.records[m].effort if quantity == "effort" else np.inf for m in robot.motors}
+    limits = {m: robot.records[m].effort_limit if quantity == "effort" else np.inf for m in robot.motors}
     panels = []
     every = groups(robot, quantity)
     for number, group in enumerate(every[:MOST_GROUPS], start=1):

@@ -68,11 +68,11 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
     placed = [(joints[name], i) for i, name in enumerate(robot.joints) if name in joints]
     single = [(joint, i) for joint, i in placed if joint.kind in ("revolute", "continuous", "prismatic")]
     ranged = [(joint, robot.q_slices[i].start) for joint, i in single if position_limits(joint)]
-    fast = [(joint, robot.v_slices[i].start) for joint, i in single if 0 < joint.velocity < np.inf]
+    fast = [(joint, robot.v_slices[i].start) for joint, i in single if joint.speed_limit < np.inf]
     out = [*_outside("position", q, ranged), *_outside("speed", v, fast)]
     if tau is not None:
         strong = [
-            (joints[name], i) for i, name in enumerate(robot.motors) if 0 < joints[name].effort < np.inf
+            (joints[name], i) for i, name in enumerate(robot.motors) if joints[name].effort_limit < np.inf
         ]
         out += _outside("effort", tau, strong)
     return tuple(out)

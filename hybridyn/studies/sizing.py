@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..description.names import counted
 from ..description.records import Joint
 from ..spatial import Array
 from ..structure.departures import TIE, TOUCHING, position_limits
@@ -127,7 +128,7 @@ class Sizing:
     @property
     def limits(self) -> Array:
         """Effort and speed limits of the motors, shape (2, motors)."""
-        out = [[joint.effort for joint in self.joints], [joint.velocity for joint in self.joints]]
+        out = [[joint.effort_limit for joint in self.joints], [joint.speed_limit for joint in self.joints]]
         return np.array(out).reshape(2, -1)
 
     def add(self, time: Array | None, first_row: int, position: Array, speed: Array, effort: Array) -> None:
@@ -196,8 +197,8 @@ class Sizing:
                     energy_given=float(given[i]) if timed else None,
                     energy_taken=float(-taken[i]) if timed else None,
                     travel=(float(self._lower[i]), float(self._upper[i])) if bounded else None,
-                    effort_limit=joint.effort,
-                    speed_limit=joint.velocity,
+                    effort_limit=joint.effort_limit,
+                    speed_limit=joint.speed_limit,
                     over_effort=int(self._over[0, i]),
                     over_speed=int(self._over[1, i]),
                     lower_limit=joint.lower,
@@ -235,10 +236,10 @@ def violations(loads: Sequence[MotorLoad]) -> list[str]:
             ("speed", load.speed, load.speed_limit, load.over_speed, units[1]),
         ):
             if count:
-                times = f"{abs(peak.value) / limit:.3g} times" if limit > 0 else "over"
                 out.append(
-                    f"motor '{load.motor}': {what} of {abs(peak.value):.6g} {unit} is {times} its limit of "
-                    f"{limit:g} {unit}, exceeded in {count:,} sample{'s' if count > 1 else ''}"
+                    f"motor '{load.motor}': {what} of {abs(peak.value):.6g} {unit} is "
+                    f"{abs(peak.value) / limit:.3g} times its limit of {limit:g} {unit}, exceeded in "
+                    + counted(count, "sample")
                 )
     return out
 

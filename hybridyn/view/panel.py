@@ -88,7 +88,7 @@ def legend_html(robot: HybridRobot, numbers: Sequence[int]) -> str:
 
 def effort_limits(robot: HybridRobot) -> list[float]:
     """Return the limit of each motor's effort, inf if there is none."""
-    return [robot.records[name].effort for name in robot.motors]
+    return [robot.records[name].effort_limit for name in robot.motors]
 
 
 def effort_scale(units: Sequence[str], span: Array | None) -> Array:

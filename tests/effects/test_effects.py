@@ -18,6 +18,10 @@ from hybridyn.dynamics.link_motion import observed_motions
 from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
+from hybridyn.structure.departures import departures
+from hybridyn.studies.sizing import Sizing, motor_rows, violations
+from hybridyn.studies.sweep.measures import OF_MOTORS
+from hybridyn.view.panel import effort_limits
 from tests.comparing import close_to
 from tests.effect_cases import CASES, every, rate_of
 from tests.mechanisms import random_mechanism, random_states
@@ -422,6 +426,32 @@ def test_limits_clip_and_refuse() -> None:
     assert caught.value.sample == int(np.argmax(np.abs(tau).max(axis=1)))
     within = fx.Limits(dict.fromkeys(robot.motors, 1.1 * np.abs(tau).max()))
     np.testing.assert_array_equal(idm(robot, q, v, a, effects=["default", within]), tau)
+
+
+def test_a_limit_of_zero_in_a_file_is_none() -> None:
+    """URDF demands a number of `effort` and of `velocity`; those who have none write 0."""
+    robot, (q, v, a) = prepared("five_bar")
+    joints = tuple(replace(joint, effort=0.0, velocity=0.0) for joint in robot.description.joints)
+    silent = build_robot(replace(robot.description, joints=joints))
+    limited = ["default", "limits"]
+    tau = idm(silent, q, v, a, effects=limited)
+    close_to(ddm(silent, q, v, tau, effects=limited), a, THERE_AND_BACK)
+    sizing = Sizing(silent)
+    sizing.add(None, 0, *motor_rows(silent, q, v), tau)
+    loads = sizing.loads()
+    assert [(load.over_effort, load.over_speed) for load in loads] == [(0, 0)] * 2
+    assert violations(loads) == []
+    assert departures(silent, q, v, tau) == ()
+    assert effort_limits(silent) == [np.inf, np.inf]
+    assert [OF_MOTORS[f"{name}_margin"](loads) for name in ("effort", "speed")] == [np.inf, np.inf]
+
+
+@pytest.mark.slow
+def test_a_limit_of_zero_in_a_file_is_none_in_compiled_models() -> None:
+    robot, (q, v, a) = prepared("five_bar")
+    joints = tuple(replace(joint, effort=0.0) for joint in robot.description.joints)
+    compiled = hybridyn.compile(build_robot(replace(robot.description, joints=joints)), ["default", "limits"])
+    close_to(compiled.ddm(q, v, compiled.idm(q, v, a)), a, THERE_AND_BACK)
 
 
 def test_a_base_that_rolls_and_heaves() -> None:

@@ -65,7 +65,7 @@ def _add_to_single(
             element.set(word, numeral(value))
     if joint.gear_ratio != 1 and joint.rotor_inertia:
         losses.add("gear ratios: the rotor's inertia is written as that at the joint", joint.name)
-    if not driven and 0 < joint.effort < np.inf:
+    if not driven and joint.effort_limit < np.inf:
         element.set("actuatorfrcrange", numerals((-joint.effort, joint.effort)))
         element.set("actuatorfrclimited", "true")
     spring = effects.get("spring", {})

@@ -43,7 +43,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "limits-crossed": ("error", "a lower limit is above the upper one"),
     "limits-empty": ("note", "lower and upper limit are equal"),
     "limits-missing": ("note", "a motor's position is not limited"),
-    "limits-zero": ("warning", "a motor's effort or speed is limited to zero"),
+    "limits-zero": ("warning", "a motor's effort or speed limit is zero, which counts as none"),
     "home-outside-limits": ("warning", "the home posture is outside the limits"),
     # mimic and couplings
     "mimic-motor": ("warning", "a joint with a motor mimics another joint"),

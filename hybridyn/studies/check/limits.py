@@ -98,7 +98,7 @@ def _motor(subject: Subject, joint: Joint) -> Iterator[Finding]:
                 "limits-zero",
                 joint.name,
                 f"is a motor with {what} limit {value:g} {unit}",
-                "with this limit the motor may never move; redundant motors share efforts by these limits",
+                "0 counts as no limit: nothing tells if a motion asks too much of the motor",
                 f"state its {what} limit, or omit <limit {'effort' if what == 'effort' else 'velocity'}> "
                 "if it is not known",
             )

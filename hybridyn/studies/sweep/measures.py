@@ -48,7 +48,7 @@ def _sum(of: Callable[[MotorLoad], float | None]) -> Callable[[Loads], float]:
 
 def _below(peak: float, limit: float) -> float:
     """Return the part of a limit that is left, inf without a limit."""
-    return 1.0 - abs(peak) / limit if limit > 0 else math.inf
+    return 1.0 - abs(peak) / limit if limit < math.inf else math.inf
 
 
 def _stroke(load: MotorLoad) -> float:
