@@ -31,8 +31,8 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Call, Program
 from hybridyn.compiled.programs.derivatives.adjoints import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
-from hybridyn.oracle import Oracle
 from hybridyn.spatial import Array
+from tests.oracle import Oracle
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
 #: Names of our calls: with new arrays, and with arrays that are filled again, as Pinocchio's data are.

@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks.methods import Model
 from hybridyn import HybridRobot
-from hybridyn.oracle import Extended, Oracle
 from hybridyn.spatial import Array
+from tests.oracle import Extended, Oracle
 
 DIGITS = 40
 #: Velocities up to which 40 digits take about a second per sample.

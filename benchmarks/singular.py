@@ -22,8 +22,8 @@ from benchmarks.methods import Model, NotMeasuredError, Solver, written
 from benchmarks.peers import methods_of
 from benchmarks.results import Near
 from hybridyn import HybridRobot, HybridynError
-from hybridyn.oracle import Extended, Oracle
 from hybridyn.spatial import Array
+from tests.oracle import Extended, Oracle
 
 DIGITS = 60
 #: Below the least singular value at the nearest distance, above the rounding of the frames.

@@ -12,7 +12,7 @@ from typing import get_args
 import numpy as np
 
 from hybridyn.description.records import Description, JointKind
-from hybridyn.oracle import Base
+from tests.oracle import Base
 from tests.sketch import CLOSURES, Sketch
 
 BASES: tuple[Base, ...] = get_args(Base)

@@ -16,10 +16,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hybridyn.description.records import Closure, Description, JointKind, RotationKind
-from hybridyn.oracle import Base, Oracle
-from hybridyn.oracle.arithmetic import Numbers
-from hybridyn.oracle.tree import Posture
 from tests.mechanisms import CLOSED, home_posture
+from tests.oracle import Base, Oracle
+from tests.oracle.arithmetic import Numbers
+from tests.oracle.tree import Posture
 from tests.sketch import CLOSURES, Sketch, unit
 
 ONE: tuple[JointKind, ...] = ("revolute", "continuous", "prismatic")

@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from hybridyn.description import Description
-from hybridyn.oracle import Base, Oracle
 from tests.mechanisms import random_mechanism, random_states, random_wrenches
+from tests.oracle import Base, Oracle
 from tests.shipped import States
 
 ORACLE = 1e-10  # the claim; dense elimination on both sides loses a few hundred roundings

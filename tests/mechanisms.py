@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description.records import Description
-from hybridyn.oracle import Base, Oracle
 from tests import once
+from tests.oracle import Base, Oracle
 from tests.recipes import KINDS, Kind
 from tests.sketch import Sketch, unit
 

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
-from hybridyn.oracle import Oracle
 from tests.extras import needs
 from tests.mujoco_matrices import mass_matrix
+from tests.oracle import Oracle
 
 mujoco = needs("bench")
 

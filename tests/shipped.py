@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from hybridyn.description import Description, read
-from hybridyn.oracle import Base, Oracle
 from tests import ROOT, once
+from tests.oracle import Base, Oracle
 
 ROBOTS = (
     "gough_stewart", "lx4", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "snake",

@@ -18,10 +18,10 @@ from hybridyn.compiled.verifying import BUG, verify
 from hybridyn.effects.choice import choose
 from hybridyn.errors import HybridynError
 from hybridyn.linkage.common_measure import common_measure
-from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.any_mechanism import any_mechanism
+from tests.oracle import Oracle
 from tests.samples import slow
 from tests.waiting import must_end
 from tests.written_out import Interpreted

@@ -19,13 +19,13 @@ import pytest
 import hybridyn
 from hybridyn.description.urdf.xacro import expand
 from hybridyn.errors import HybridynError
-from hybridyn.oracle import Oracle
 from hybridyn.streams.postures import postures
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
 from tests import ROOT
 from tests.mutations import FLAT, TREE, change_number, swap_values
+from tests.oracle import Oracle
 from tests.posing import position
 from tests.samples import fuzz, slow
 from tests.waiting import must_end

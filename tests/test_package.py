@@ -19,7 +19,7 @@ PACKAGE = ROOT / "hybridyn"
 FLOORS = (
     {"errors", "spatial", "colours"},
     {"description"},
-    {"linkage", "tables", "oracle"},
+    {"linkage", "tables"},
     {"structure"},
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
@@ -60,6 +60,15 @@ def test_imports_run_downwards(room: str) -> None:
         if target != room and LEVEL.get(target, 0) >= LEVEL[room]
     ]
     assert upwards == []
+
+
+def test_the_oracle_shares_no_code_with_what_it_checks() -> None:
+    """It reads records of a robot's files, and is no part of the package."""
+    files = [f for f in (ROOT / "tests" / "oracle").glob("*.py") if not f.name.startswith("test_")]
+    assert {"models.py", "rows.py", "tree.py"} <= {file.name for file in files}
+    for path in files:
+        own = re.findall(r"^\s*(?:from|import)\s+(hybridyn\S*|tests\S*)", path.read_text(), re.MULTILINE)
+        assert set(own) <= {"hybridyn.description.records"}, path.name
 
 
 def test_every_room_has_a_floor() -> None:

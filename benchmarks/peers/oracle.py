@@ -1,4 +1,4 @@
-"""The dense null-space `hybridyn.oracle`: maximal coordinates, singular values, double precision."""
+"""The dense null-space `tests.oracle`: maximal coordinates, singular values, double precision."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from benchmarks.methods import Method, Setting, Solver
 from hybridyn import HybridRobot
-from hybridyn.oracle import Oracle
+from tests.oracle import Oracle
 
 #: Velocities: beyond, seconds per sample.
 MOST = 400

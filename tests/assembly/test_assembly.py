@@ -12,13 +12,13 @@ import pytest
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
 from hybridyn.description.records import Description
-from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
 from tests.comparing import close_to
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
+from tests.oracle import Base, Oracle
 from tests.posing import far_apart, of_joints, of_link, position
 from tests.samples import in_turn, some
 from tests.shipped import shipped, states_near_home

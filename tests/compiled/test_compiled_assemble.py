@@ -23,13 +23,13 @@ from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Coordinates, Given
 from hybridyn.compiled.programs.closing.rows import rows_at
 from hybridyn.compiled.programs.closing.unknowns import Unknowns
-from hybridyn.oracle import Base
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.workspace.sweep import coordinate_target
 from tests.assembly.test_assembly import STEP, base_pose, stretched, waves
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.oracle import Base
 from tests.posing import COORDINATES, far_apart, of_joints, of_link, position, swaying
 from tests.samples import slow
 from tests.shipped import shipped

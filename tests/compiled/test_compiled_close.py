@@ -21,11 +21,11 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.inverse import idm
 from hybridyn.manifold.manifold import Manifold
-from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests.linkage.test_winding import OFFSET, gear
 from tests.mechanisms import KINDS, random_mechanism
+from tests.oracle import Base
 from tests.shipped import shipped
 
 #: A number that is an argument of the program, and its value in another design.

@@ -22,11 +22,11 @@ from hybridyn.compiled.programs.derivatives.inverse import inverse_derivatives
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
-from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.leg_model import pinocchio_inertia
 from hybridyn.structure.robot import HybridRobot
 from tests.mechanisms import KINDS, random_mechanism
+from tests.oracle import Base
 from tests.samples import slow
 from tests.shipped import shipped
 

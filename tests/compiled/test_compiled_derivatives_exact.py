@@ -8,10 +8,10 @@ import pytest
 
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.oracle import Extended, Oracle
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
 from tests.compiled.test_compiled_derivatives import tangent
+from tests.oracle import Extended, Oracle
 from tests.shipped import shipped
 
 BITS = 113

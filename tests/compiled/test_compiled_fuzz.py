@@ -23,13 +23,13 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description import read
 from hybridyn.errors import CompileError, HybridynError, install_advice
-from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.hard.scaling import Scale
 from tests.hard.singular_postures import PLACES, posture
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.oracle import Base, Oracle
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 AGREE = 1e-10  # the claim

@@ -13,11 +13,11 @@ from hybridyn.compiled.programs.kinematics import WIDTH
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.link_motion import body_motions
 from hybridyn.errors import ModelError
-from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.mechanisms import KINDS, random_mechanism
+from tests.oracle import Base
 from tests.shipped import ROBOTS, shipped
 
 AGREE = 1e-10  # the claim: two ways of elimination, each good to some hundred roundings

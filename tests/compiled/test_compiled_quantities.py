@@ -13,11 +13,11 @@ import hybridyn
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.quantities import following
 from hybridyn.errors import AssemblyError, CompileError, SingularityError, TrajectoryError
-from hybridyn.oracle import Oracle
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.dynamics.test_idm import flat_five_bar
 from tests.dynamics.test_lost_rank import parallelogram
+from tests.oracle import Oracle
 from tests.quantities.reduced import columns_of, oracle_bias, oracle_map, oracle_mass
 from tests.samples import slow
 from tests.shipped import ROBOTS

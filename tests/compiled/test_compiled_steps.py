@@ -16,11 +16,11 @@ from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
 from hybridyn.errors import AssemblyError
 from hybridyn.manifold.manifold import Manifold
-from hybridyn.oracle import Base
 from hybridyn.simulation import stepping
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.mechanisms import KINDS, random_mechanism
+from tests.oracle import Base
 
 AWAY = 1e-3  # rad, module lengths: Newton is quadratic there
 CLOSED = 1e-12  # residuals and slips after Newton's last step

@@ -11,10 +11,10 @@ import pytest
 
 import hybridyn
 from hybridyn import ddm, idm
-from hybridyn.oracle import Oracle
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
 from tests.judging import efforts
+from tests.oracle import Oracle
 from tests.samples import slow
 from tests.sdf_texts import random_pair, sdf
 from tests.shipped import states_near_home

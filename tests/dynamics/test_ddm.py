@@ -11,11 +11,11 @@ import pytest
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.description import Description
 from hybridyn.dynamics.forward import forward
-from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
 from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
 from tests.mechanisms import KINDS
+from tests.oracle import Base, Oracle
 from tests.peers import describe, example_urdf
 from tests.samples import in_turn, slow, some
 from tests.shipped import ROBOTS, shipped, states_near_home

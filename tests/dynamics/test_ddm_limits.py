@@ -17,12 +17,12 @@ from hybridyn.dynamics.direct import articulate
 from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.loads import gather_loads
 from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
-from hybridyn.oracle import Base, Extended, Oracle
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.comparing import ROUNDING, close_to
 from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
 from tests.mechanisms import random_mechanism
+from tests.oracle import Base, Extended, Oracle
 from tests.shipped import shipped, states_near_home
 
 EPS = float(np.finfo(float).eps)

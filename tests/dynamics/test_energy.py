@@ -10,12 +10,12 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import TrajectoryError
-from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
 from tests.effect_cases import every, rate_of
 from tests.mechanisms import random_mechanism, random_states
+from tests.oracle import Base
 from tests.peers import Peer, describe, example_urdf
 from tests.shipped import shipped, states_near_home
 

@@ -12,11 +12,11 @@ import pytest
 import hybridyn
 from hybridyn import ActuationError, AssemblyError, HybridRobot, SingularityError, TrajectoryError
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
-from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.oracle import Base, Oracle
 from tests.posing import of_joints, position
 from tests.samples import in_turn, slow
 from tests.shipped import ROBOTS, shipped, states_near_home

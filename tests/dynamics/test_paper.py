@@ -11,12 +11,12 @@ from hybridyn.description import Description
 from hybridyn.dynamics.direct import articulate
 from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.loads import gather_loads
-from hybridyn.oracle import Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
 from tests.judging import efforts
+from tests.oracle import Oracle
 from tests.paper import Stack
 from tests.peers import Peer
 from tests.shipped import shipped, states_near_home

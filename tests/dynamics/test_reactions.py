@@ -10,11 +10,11 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot, Reactions
-from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.oracle import Base, Oracle
 from tests.samples import in_turn, some
 from tests.shipped import shipped, states_near_home
 

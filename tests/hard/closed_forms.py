@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Description, read
-from hybridyn.oracle import Oracle
 from tests import ROOT
 from tests.hard.extended_judge import mp
+from tests.oracle import Oracle
 
 URDF = ROOT / "urdf"
 Values = dict[str, Any]

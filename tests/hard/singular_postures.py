@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Description
-from hybridyn.oracle.arithmetic import cross
 from tests.hard.closed_forms import (
     Delta,
     FiveBar,
@@ -32,6 +31,7 @@ from tests.hard.closed_forms import (
 )
 from tests.hard.extended_judge import mp
 from tests.hard.four_bars import flat_four_bar, folded_parallelogram
+from tests.oracle.arithmetic import cross
 from tests.shipped import shipped
 
 Place = tuple[Description, Values]

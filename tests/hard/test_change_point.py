@@ -22,11 +22,11 @@ import pytest
 
 from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
-from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from tests.hard.closed_forms import vector, wrap
 from tests.hard.extended_judge import Judge, mp
 from tests.hard.singular_postures import PLACES, posture
+from tests.oracle import Oracle
 
 if TYPE_CHECKING:
     from tests.hard.claims import Claim

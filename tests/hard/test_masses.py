@@ -19,10 +19,10 @@ from hybridyn import SingularityError, ddm, idm
 from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
-from hybridyn.oracle import Base, Extended, Oracle
 from hybridyn.structure.building import build_robot
 from tests.hard.claims import Claim
 from tests.hard.extended_judge import Judge
+from tests.oracle import Base, Extended, Oracle
 from tests.shipped import shipped, states_near_home
 
 EPS = float(np.finfo(float).eps)

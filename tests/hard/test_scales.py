@@ -20,11 +20,11 @@ from hybridyn import HybridynError, assemble, ddm, idm, simulate
 from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
-from hybridyn.oracle import Base
 from hybridyn.scenes.start import _check_rates
 from tests.hard.claims import Claim
 from tests.hard.scaling import Scale
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
+from tests.oracle import Base
 from tests.posing import of_joints, of_link
 from tests.samples import slow
 from tests.shipped import ROBOTS, shipped, states_near_home

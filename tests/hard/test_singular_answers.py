@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from hybridyn import HybridRobot, SingularityError, assemble, ddm, idm
-from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from tests.hard.extended_judge import Judge
 from tests.hard.singular_postures import posture
 from tests.hard.test_singular_postures import FORWARD, LOST_MOTORS, case
 from tests.judging import ORACLE
+from tests.oracle import Base, Oracle
 from tests.posing import of_link
 
 if TYPE_CHECKING:

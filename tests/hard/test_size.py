@@ -20,11 +20,11 @@ import pinocchio as pin
 import pytest
 
 from hybridyn import ddm
-from hybridyn.oracle import Extended, Oracle
 from tests.hard.claims import Claim
 from tests.hard.extended import LONG, Arithmetic, multiprecision, needs_long_double
 from tests.hard.extended_stack import Stack
 from tests.hard.stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
+from tests.oracle import Extended, Oracle
 from tests.peers import Peer
 from tests.samples import slow
 

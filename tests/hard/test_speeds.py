@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 
 from hybridyn import HybridRobot, ddm, idm
-from hybridyn.oracle import Extended, Oracle
 from hybridyn.structure.building import build_robot
 from tests.hard.claims import Claim
 from tests.hard.extended_judge import Judge
 from tests.hard.test_masses import apart, arm, efforts
+from tests.oracle import Extended, Oracle
 from tests.shipped import shipped, states_near_home
 
 EPS = float(np.finfo(float).eps)

@@ -17,10 +17,10 @@ import pytest
 
 from hybridyn import ddm, idm
 from hybridyn.description import Description
-from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from tests.hard.closed_forms import about, balls, gough_stewart, numbers, placement, vector
 from tests.hard.extended_judge import EPS, Judge, mp, norm
+from tests.oracle import Oracle
 from tests.samples import slow
 from tests.shipped import shipped
 

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 from hybridyn.description.records import Closure, Description, Joint, Link
-from hybridyn.oracle import Base, Oracle
 from tests.comparing import ROUNDING, SOLVED, close_to
 from tests.mechanisms import drawn, random_mechanism, random_states, random_wrenches
+from tests.oracle import Base, Oracle
 from tests.peers import Peer, describe, example_urdf
 
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from hybridyn.description.records import Description, Joint, Link
-from hybridyn.oracle import Base, Extended, Float64, Oracle
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, drawn, random_mechanism, random_states, random_wrenches
+from tests.oracle import Base, Extended, Float64, Oracle
 from tests.samples import in_turn, slow
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")

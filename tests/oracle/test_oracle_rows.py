@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 from hybridyn.description.records import Closure, Description, Joint, Link
-from hybridyn.oracle import Base, Oracle
 from tests.comparing import ROUNDING, close_to
 from tests.mechanisms import KINDS, drawn, home_posture, random_mechanism
+from tests.oracle import Base, Oracle
 from tests.peers import Peer
 from tests.samples import in_turn
 from tests.sketch import CLOSURES

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hybridyn.description.records import Coupling, Description, Joint, Link
-from hybridyn.oracle import Oracle
 from tests.comparing import ROUNDING
+from tests.oracle import Oracle
 from tests.sketch import Sketch
 
 WOUND = 1e2 * ROUNDING  # angles of many turns lose digits

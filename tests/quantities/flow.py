@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import hybridyn
-from hybridyn.oracle import Oracle
 from hybridyn.structure.robot import HybridRobot
+from tests.oracle import Oracle
 
 #: Differences of the fourth order over `STEP`.
 STEP, DIFFERENCE = 1e-3, 1e-8

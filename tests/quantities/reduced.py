@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridyn.oracle import Oracle
+from tests.oracle import Oracle
 
 
 def columns_of(oracle: Oracle, joints: tuple[str, ...]) -> list[int]:

@@ -10,13 +10,13 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import SingularityError, TrajectoryError
-from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.dynamics.test_idm import flat_five_bar
 from tests.dynamics.test_lost_rank import parallelogram
 from tests.mechanisms import random_mechanism, random_states
+from tests.oracle import Base, Oracle
 from tests.peers import describe, example_urdf
 from tests.quantities.flow import DIFFERENCE, neighbours, rate_along
 from tests.quantities.reduced import columns_of

@@ -10,11 +10,11 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import SingularityError, TrajectoryError
-from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.oracle import Base, Oracle
 from tests.peers import Peer, describe, example_urdf
 from tests.quantities.ankle import ankle
 from tests.quantities.flow import DIFFERENCE, neighbours, rate_along

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hybridyn.oracle import Oracle
 from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.oracle import Oracle
 from tests.samples import some
 from tests.sketch import CLOSURES, ROW_COUNT
 

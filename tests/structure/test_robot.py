@@ -11,11 +11,11 @@ import pytest
 import hybridyn
 from hybridyn import HybridRobot, ModelError
 from hybridyn.description.records import Description, Joint, Link
-from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
 from tests.extras import robots_of_others, skip
 from tests.mechanisms import KINDS, home_posture, random_mechanism
+from tests.oracle import Base, Oracle
 from tests.oracle.test_oracle import SHUFFLED
 from tests.samples import in_turn, some
 from tests.shipped import ROBOTS, shipped

@@ -12,10 +12,10 @@ import pytest
 from hybridyn import HybridRobot, closure_residual, idm
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
-from hybridyn.oracle import Oracle
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
-from tests import ROOT
+from tests import ROOT, margins
+from tests.oracle import Oracle
 from tests.samples import slow
 
 CLOSED = 1e-12  # of the robot's length: home is computed in the xacro, so only rounding is left
@@ -85,19 +85,14 @@ def script(file: str) -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def margins() -> ModuleType:
-    return script("margins.py")
-
-
-@pytest.fixture(scope="module")
-def loaded(name: str, margins: ModuleType) -> HybridRobot:
+def loaded(name: str) -> HybridRobot:
     robot = margins.load(name)
     assert isinstance(robot, HybridRobot)
     return robot
 
 
 @pytest.fixture(scope="module")
-def states(loaded: HybridRobot, name: str, margins: ModuleType) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def states(loaded: HybridRobot, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     q, v, a = margins.states(loaded, name, every=THIN)
     return q, v, a
 
@@ -277,7 +272,7 @@ def test_trajectory_stays_within_limits(loaded: HybridRobot, states: tuple[np.nd
             assert np.abs(tau[:, loaded.motors.index(joint.name)]).max() < joint.effort, joint.name
 
 
-def test_singularity_margin_is_the_one_stated(name: str, margins: ModuleType) -> None:
+def test_singularity_margin_is_the_one_stated(name: str) -> None:
     """Few rows can only come out larger than the whole trajectory, for which `margins.py` takes a minute."""
     readme = (ROOT / "models" / name / "README.md").read_text(encoding="utf-8")
     (stated,) = re.findall(r"\*\*(0\.\d\d)\*\*", readme)

@@ -11,12 +11,12 @@ import pytest
 import hybridyn
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.errors import ModelError
-from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.oracle import Oracle
 from tests.shipped import ROBOTS, shipped
 
 Z = np.array([0.0, 0.0, 1.0])

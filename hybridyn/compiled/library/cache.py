@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ..code.library_source import Source
 
 #: Folders of the package that generate no source.
-UNREAD = ("cli", "figures", "oracle", "studies", "view")
+UNREAD = ("cli", "figures", "studies", "view")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ..description.records import Closure, Description, Joint, JointKind
+from hybridyn.description.records import Closure, Description, Joint, JointKind
+
 from .arithmetic import Arithmetic, Factor, Numbers
 from .joints import FREEDOMS, SLIDES, displacement, moved, triad
 from .rows import ROWS, Frame, Row, constraint_rows, coordinate_rows

@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..description.records import JointKind, RotationKind
+from hybridyn.description.records import JointKind, RotationKind
+
 from .arithmetic import Numbers, cross
 
 ROWS: dict[JointKind, tuple[tuple[int, ...], RotationKind]] = {

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..description.records import Joint, JointKind
+from hybridyn.description.records import Joint, JointKind
+
 from .arithmetic import Arithmetic, Numbers, cross
 
 #: Numbers of coordinates of each kind of joint: positions, velocities.

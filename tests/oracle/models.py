@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..description.records import Description
+from hybridyn.description.records import Description
+
 from .arithmetic import Arithmetic, Factor, Float64, Numbers, cross
 from .bodies import Bodies, Wrenches
 from .tree import Base, Posture, Tree

@@ -4,10 +4,10 @@ The margin of a parallel module at a posture is the reciprocal condition number 
 the motion of its platform relative to its base to the rates of its motors. The motion is a twist (linear
 velocity, and angular velocity times a length of the module), written in an orthonormal basis of the twists
 that the loops allow. The margin of a trajectory is the smallest over its rows and the robot's modules. 0 is
-singular, 1 isotropic. Motions and twists come from `hybridyn.oracle`, postures from `hybridyn.assemble`.
+singular, 1 isotropic. Motions and twists come from `tests.oracle`, postures from `hybridyn.assemble`.
 
-    python models/margins.py              every robot
-    python models/margins.py lx4 snake    these only
+    python -m tests.margins              every robot
+    python -m tests.margins lx4 snake    these only
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hybridyn
-from hybridyn.oracle import Oracle
-from hybridyn.oracle.tree import Posture
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
+from tests.oracle import Oracle
+from tests.oracle.tree import Posture
 
 Array = NDArray[np.float64]
 

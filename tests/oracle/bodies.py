@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..description.records import Description
+from hybridyn.description.records import Description
+
 from .arithmetic import Arithmetic, Numbers, cross
 from .tree import Posture
 
