@@ -24,9 +24,9 @@ from pathlib import Path
 
 import hybridyn
 from benchmarks.cases import case_of
+from benchmarks.operations import operations
 from benchmarks.results import Limit
 from benchmarks.timing import timed
-from hybridyn.compiled.code.operations import operations
 from hybridyn.compiled.library.building import NATIVE
 from hybridyn.compiled.library.compilers import best_lanes, find_compiler
 from hybridyn.compiled.programs.whole_robot import programs

@@ -25,13 +25,13 @@ from benchmarks import closing
 from benchmarks.cases import LX4, case_of, write_long_trajectory
 from benchmarks.controlled import KD, KP
 from benchmarks.methods import NotMeasuredError
+from benchmarks.operations import flattened
 from benchmarks.processes import only_cores
 from benchmarks.results import Waited
 from benchmarks.timing import timed
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.inverse import inverse_program
-from hybridyn.compiled.programs.statistics import flattened
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.effects.choice import choose
 from hybridyn.scenes.controllers import ComputedTorque, Pd

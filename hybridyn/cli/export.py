@@ -15,11 +15,15 @@ if TYPE_CHECKING:
 
 @click.command("export", cls=RobotCommand, short_help="Write the dynamic models as dependency-free C.")
 @takes_robot
-@click.option("-o", "--output", metavar="DIR", type=click.Path(file_okay=False), help="Folder for the files.")
-@click.option("--name", metavar="NAME", help="Prefix of files and of names in C; the robot's own by default.")
 @click.option(
-    "--stats", is_flag=True, help="Print the number of operations of each part, and before simplification."
+    "-o",
+    "--output",
+    metavar="DIR",
+    type=click.Path(file_okay=False),
+    required=True,
+    help="Folder for the files.",
 )
+@click.option("--name", metavar="NAME", help="Prefix of files and of names in C; the robot's own by default.")
 @click.option("--float32", is_flag=True, help="Single precision, for processors without double.")
 @click.option(
     "--map",
@@ -37,9 +41,8 @@ if TYPE_CHECKING:
 @takes_effects("default")
 def command(
     load: Callable[[], HybridRobot],
-    output: str | None,
+    output: str,
     name: str | None,
-    stats: bool,
     float32: bool,
     map_joints: list[str] | None,
     parameters: list[str] | None,
@@ -51,22 +54,13 @@ def command(
     function per model; the code allocates no memory and uses only <math.h> of the C library. ROBOT may be
     the name of a shipped robot ('hybridyn robots').
     """
-    if output is None and not stats:
-        raise click.UsageError("name a folder for the files, -o DIR, or ask for --stats")
     from ..compiled.needs import needs_casadi
 
     needs_casadi()
     from ..compiled.export import export
-    from ..compiled.programs.statistics import statistics
 
     robot = load()
     dtype = "float32" if float32 else "float64"
-    if output is not None:
-        paths = export(
-            robot, output, effects, name=name, dtype=dtype, map_joints=map_joints or (),
-            parameters=parameters or (),
-        )  # fmt: skip
-        for path in paths:
-            click.echo(str(path), err=True)
-    if stats:
-        click.echo(statistics(robot, effects))
+    given = {"map_joints": map_joints or (), "parameters": parameters or ()}
+    for path in export(robot, output, effects, name=name, dtype=dtype, **given):
+        click.echo(str(path), err=True)

@@ -69,12 +69,6 @@ def _grid(
     help="Along a trajectory, also the efforts of joints and motors that it needs, as in 'hybridyn idm'.",
 )
 @click.option(
-    "--ros2",
-    metavar="DIR",
-    type=click.Path(file_okay=False),
-    help="Instead of a table, write a ROS 2 package: a transmission of ros2_control around exported C.",
-)
-@click.option(
     "-o", "--output", metavar="FILE", callback=result_file, help="The table, .csv or .parquet; '-': CSV here."
 )
 def command(
@@ -83,7 +77,6 @@ def command(
     joints: list[str],
     grid: int | tuple[tuple[float, float, int], ...] | None,
     efforts: bool,
-    ros2: str | None,
     output: str | None,
 ) -> None:
     """Compute how the motors of ROBOT move with output joints, along TRAJECTORY or over a grid.
@@ -95,8 +88,6 @@ def command(
     their inertia at the joints. Along a trajectory (a table as for 'hybridyn idm'), a row also contains rates
     and accelerations of joints and motors.
 
-    --ros2 writes joints and motors as a transmission of ros2_control (needs the extra 'compiled').
-
     Points of a grid that cannot be reached from home, or that are singular, are left out and counted.
     """
     import numpy as np
@@ -105,13 +96,8 @@ def command(
     from ..dynamics.quantities.joint_map import motors_beside
     from ..tables.results import open_results
 
-    if ros2 is not None:
-        if source or grid or efforts or output:
-            raise click.UsageError("--ros2 writes a package and no table: give it alone, with --joints")
-        _write_package(load(), joints, ros2)
-        return
     if (source is None) == (grid is None):
-        raise click.UsageError("give a TRAJECTORY, or --grid, or --ros2")
+        raise click.UsageError("give a TRAJECTORY, or --grid")
     check_targets([source or "-"], [output])
     if efforts and grid is not None:
         raise click.UsageError("--efforts needs a TRAJECTORY")
@@ -135,16 +121,6 @@ def command(
         *remarks,
     ]
     click.echo("\n".join(lines), err=True)
-
-
-def _write_package(robot: HybridRobot, joints: list[str], folder: str) -> None:
-    from ..compiled.needs import needs_casadi
-
-    needs_casadi()
-    from ..compiled.export import export_transmission
-
-    for path in export_transmission(robot, folder, joints):
-        click.echo(str(path), err=True)
 
 
 def _values(

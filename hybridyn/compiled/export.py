@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from ..description.writing import write_text
-from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Choice, Effects, choose
 from ..errors import CompileError, ModelError
 from ..structure.parameters.entries import Parameters
@@ -24,7 +23,6 @@ from .verifying import check_trusted
 try:
     from .code.control_c import ControlStep
     from .code.plain_c import REAL, WRITTEN, plain_source, prototype
-    from .code.transmission_package import Place, transmission_package
     from .equations.request import request
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
@@ -37,9 +35,6 @@ try:
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
-#: Largest step in which a transmission follows positions, in the robot's units: Newton's method stays on the
-#: branch.
-FOLLOWED = 0.1
 #: Models that are exported of every robot; those that it does not have are left out.
 ALWAYS = ("idm", "ddm", "kinematics", "close")
 
@@ -121,43 +116,6 @@ def _control_step(
         return None
     asked = replace(request(robot, effects, parameters=slots, dtype=dtype), compared=False)
     return ControlStep(parts["close"], inverse_program(asked))
-
-
-def export_transmission(
-    robot: HybridRobot, directory: str | Path, joints: Sequence[str], *, name: str | None = None
-) -> list[Path]:
-    """Write a ROS 2 package: a transmission of ros2_control around the map between joints and motors in C.
-
-    Args:
-        directory: Folder of the package; it is created if it does not exist.
-        joints: The output joints, as for `hybridyn.joint_map`.
-        name: Prefix of the package and of all C identifiers; default the robot's name.
-
-    Raises:
-        SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
-        ModelError: `name` is not a C identifier, or a file exists that hybridyn did not write.
-        CompileError: casadi is not installed, or the map cannot be generated.
-    """
-    name = checked_name(robot, name)
-    with as_compile_error(robot):
-        models = map_programs(request(robot, None), joints)
-        exported = {
-            f"{name}.h": header_text(robot, models, name, "float64", joints),
-            f"{name}.c": plain_source(models, name),
-        }
-        sides = _on_side(robot, joints), _on_side(robot, motors_beside(robot, joints))
-        package = transmission_package(robot.description.name, name, exported, sides, robot.home.tolist())
-    return written(Path(directory), package)
-
-
-def _on_side(robot: HybridRobot, joints: Sequence[str]) -> list[Place]:
-    """Return the joints on one side of a map as a transmission follows them."""
-    out = []
-    for joint in joints:
-        at, column = (x[robot.joint_index[joint]].start for x in (robot.q_slices, robot.v_slices))
-        turns = robot.kinds[robot.joint_index[joint]] == "continuous"
-        out.append(Place(joint, at, turns, FOLLOWED * float(robot.unit[column])))
-    return out
 
 
 def checked_name(robot: HybridRobot, name: str | None) -> str:

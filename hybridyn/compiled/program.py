@@ -38,14 +38,11 @@ class Kernel:
         name: A C identifier, unique in the program.
         function: CasADi SX function; every input and output is a dense column (of any length, also 0).
         part: Its heading in operation counts: "kinematics", "legs", "module", "acceleration", ...
-        shares: Headings of operations that belong to other parts, each with a function of all operations up
-            to and including that part; empty where all belong to `part`, or where nobody counts.
     """
 
     name: str
     function: ca.Function
     part: str
-    shares: tuple[tuple[str, ca.Function], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

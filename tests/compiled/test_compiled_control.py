@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import hybridyn
+from benchmarks.operations import flattened
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.direct_calls import readable
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.inverse import inverse_program
 from hybridyn.compiled.programs.postures import refuse
-from hybridyn.compiled.programs.statistics import flattened
 from hybridyn.description import Coupling, Joint
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot

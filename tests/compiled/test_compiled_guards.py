@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from benchmarks.operations import flattened
 from hybridyn.compiled.code.graph import graph_of
 from hybridyn.compiled.code.quotients import costing, operations_of
 from hybridyn.compiled.equations.chains import point_acceleration, point_velocity
@@ -17,7 +18,6 @@ from hybridyn.compiled.equations.expressions import dot, numbers, pack, plain
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.statistics import flattened
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError

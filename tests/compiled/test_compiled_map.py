@@ -1,4 +1,4 @@
-"""The map between motors and joints in exported C, and as a transmission of ros2_control."""
+"""The map between motors and joints in exported C, and the example of a transmission of ros2_control."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.export import export, export_transmission
+from hybridyn.compiled.export import export
 from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.errors import ModelError, SingularityError
+from tests import ROOT
 from tests.command_line import call
 from tests.comparing import SOLVED, close_to
 from tests.compiled.ros2_control import HANDLES, HEADERS, PROGRAM
@@ -23,7 +24,8 @@ from tests.compiled.test_compiled_export import STRICT, run_test
 from tests.dynamics.test_idm import flat_five_bar
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, ankle_text, leg
 
-PACKAGE = "ankle_transmission"
+PACKAGE = ROOT / "docs/examples/ros2_control"
+NAME = "ankle_transmission"
 GEAR, LEVER, SHIFT = 20.0, 4.0, 0.1
 #: Actuators and joints in another order than the robot's, by other names.
 PORTS = (
@@ -42,20 +44,16 @@ needs_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no 
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Export the ankle's transmission, and build it with a minimal stand-in of ros2_control's headers."""
     folder = tmp_path_factory.mktemp("ros2")
-    export_transmission(ankle(folder), folder / PACKAGE, JOINTS)
+    export(ankle(folder), folder / "ankle_c", map_joints=JOINTS)
     for file, text in {**HEADERS, HANDLE: HANDLES["own"]}.items():
         (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_text(text)
     (folder / "main.cpp").write_text(PROGRAM)
-    include = [
-        f"-I{folder}",
-        f"-I{folder / PACKAGE / 'include'}",
-        f"-I{folder / PACKAGE / 'include' / PACKAGE}",
-    ]
-    source = folder / PACKAGE / "src"
+    include = [f"-I{at}" for at in (folder, folder / "ankle_c", PACKAGE / "include")]
+    ankle_c = folder / "ankle_c" / "ankle.c"
     commands = (
-        [*find_compiler().command, *STRICT, *include, "-c", source / "ankle.c", "-o", folder / "ankle.o"],
-        [*CPP, *include, source / f"{PACKAGE}.cpp", folder / "main.cpp", folder / "ankle.o", "-lm",
+        [*find_compiler().command, *STRICT, *include, "-c", ankle_c, "-o", folder / "ankle.o"],
+        [*CPP, *include, PACKAGE / "src" / f"{NAME}.cpp", folder / "main.cpp", folder / "ankle.o", "-lm",
          "-o", folder / "main"],
     )  # fmt: skip
     for command in commands:
@@ -88,9 +86,9 @@ def shown(word: str, values: Iterable[np.ndarray]) -> str:
 def test_the_map_in_c_follows_from_another_posture(tmp_path: Path) -> None:
     """A few Newton steps from home lead to the numbers of the general path, both ways."""
     robot = ankle(tmp_path)
-    export_transmission(robot, tmp_path / PACKAGE, JOINTS)
-    source, library = tmp_path / PACKAGE / "src" / "ankle.c", tmp_path / "ankle.so"
-    command = [*find_compiler().command, *STRICT, f"-I{tmp_path / PACKAGE / 'include' / PACKAGE}", "-fPIC"]
+    export(robot, tmp_path, map_joints=JOINTS)
+    source, library = tmp_path / "ankle.c", tmp_path / "ankle.so"
+    command = [*find_compiler().command, *STRICT, "-fPIC"]
     done = subprocess.run(
         [*command, "-shared", str(source), "-o", str(library), "-lm"], capture_output=True, text=True
     )
@@ -152,8 +150,8 @@ def test_a_transmission_maps_positions_velocities_and_efforts(built: Path, tmp_p
 def test_it_builds_with_the_handles_of_other_releases(built: Path, tmp_path: Path, release: str) -> None:
     (tmp_path / HANDLE).parent.mkdir()
     (tmp_path / HANDLE).write_text(HANDLES[release])
-    include = [tmp_path, built, built / PACKAGE / "include", built / PACKAGE / "include" / PACKAGE]
-    for source in (built / PACKAGE / "src" / f"{PACKAGE}.cpp", built / "main.cpp"):
+    include = [tmp_path, built, built / "ankle_c", PACKAGE / "include"]
+    for source in (PACKAGE / "src" / f"{NAME}.cpp", built / "main.cpp"):
         command = [*CPP, "-Wno-deprecated-declarations", "-fsyntax-only", *(f"-I{at}" for at in include)]
         done = subprocess.run([*command, str(source)], capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")
@@ -181,34 +179,31 @@ def test_handles_that_are_missing_are_named(built: Path) -> None:
     assert answers[1].startswith("the transmission needs 'motor_left' by its name or role, with a reduction")
 
 
-def test_the_package_is_one_that_ros2_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, folder = tmp_path / "ankle.urdf", tmp_path / "ws"
-    file.write_text(ankle_text().replace('name="ankle"', 'name="a&lt;b"'))
-    words = ["map", file, "--motors", ",".join(MOTORS), "--joints", ",".join(JOINTS), "--ros2", folder]
-    said = call(capsys, *words)
-    assert (said.status, said.out) == (0, "")
-    assert len(said.err.splitlines()) == 8
-    package = ElementTree.parse(folder / "package.xml").getroot()
-    assert package.findtext("name") == "a_b_transmission"
+def test_the_package_is_one_that_ros2_reads(tmp_path: Path) -> None:
+    """Its files name the same package, and its sizes and places are those of the robot."""
+    package = ElementTree.parse(PACKAGE / "package.xml").getroot()
+    assert package.findtext("name") == NAME
     assert "transmission_interface" in [tag.text for tag in package.findall("depend")]
-    library = ElementTree.parse(folder / "a_b_transmission.xml").getroot()
+    library = ElementTree.parse(PACKAGE / f"{NAME}.xml").getroot()
     kind = library[0].attrib
     assert kind["base_class_type"] == "transmission_interface::TransmissionLoader"
-    assert f"PLUGINLIB_EXPORT_CLASS({kind['type']}," in (folder / "src/a_b_transmission.cpp").read_text()
-    assert "@" not in (folder / "include/a_b_transmission/a_b_transmission.hpp").read_text()
-    assert (
-        "plugin_description_file(transmission_interface a_b_transmission.xml)"
-        in (folder / "CMakeLists.txt").read_text()
-    )
-    assert call(capsys, *words, "--efforts").status == 2
+    source = (PACKAGE / "src" / f"{NAME}.cpp").read_text()
+    assert f"PLUGINLIB_EXPORT_CLASS({kind['type']}," in source
+    assert f"file(transmission_interface {NAME}.xml)" in (PACKAGE / "CMakeLists.txt").read_text()
+    robot = hybridyn.load(PACKAGE / "ankle.urdf", motors=MOTORS)
+    close_to(robot.home, ankle(tmp_path).home, SOLVED)
+    sizes = f"JOINT_COUNT = {len(JOINTS)}, MOTOR_COUNT = {len(MOTORS)}, POSTURE_SIZE = {robot.nq};"
+    assert sizes in (PACKAGE / "include" / NAME / f"{NAME}.hpp").read_text()
+    for joint in (*JOINTS, *MOTORS):
+        assert f'{{"{joint}", {robot.q_slices[robot.joint_index[joint]].start}, false, 0.1}}' in source
 
 
 def test_joints_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     robot = ankle(tmp_path)
     with pytest.raises(SingularityError, match="1 chosen joints for 2 freedoms leave the motion of"):
-        export_transmission(robot, tmp_path / "made", ["pitch"])
+        export(robot, tmp_path / "made", map_joints=["pitch"])
     with pytest.raises(ModelError, match="'a b' is not a C identifier"):
-        export_transmission(robot, tmp_path / "made", JOINTS, name="a b")
+        export(robot, tmp_path / "made", name="a b", map_joints=JOINTS)
     assert not (tmp_path / "made").exists()
 
 

@@ -13,17 +13,14 @@ import numpy as np
 import pytest
 
 from hybridyn.compiled.code import alone
-from hybridyn.compiled.code.alone import describe_single, lanes_of_codes
+from hybridyn.compiled.code.alone import lanes_of_codes
 from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.library import choosing
-from hybridyn.compiled.library.cache import Built, cached
+from hybridyn.compiled.library.cache import cached
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.program import Program
-from hybridyn.compiled.programs import statistics
-from hybridyn.structure.building import build_robot
 from tests.compiled_toys import inputs, toy
-from tests.shipped import shipped
 
 SAMPLES = 5
 
@@ -106,21 +103,3 @@ def test_quick_builds_have_the_code_of_batches_alone(tmp_path: Path, monkeypatch
     library = Library(built)
     single, _ = library.single("idm", *(x[0] for x in given))
     assert all((x == y[0]).all() for x, y in zip(single, library.batch("idm", *given)[0], strict=True))
-
-
-def test_statistics_name_the_code_of_single_calls(monkeypatch: pytest.MonkeyPatch) -> None:
-    head = "single calls on this machine: "
-    assert describe_single([8], None) == head + "8 lanes for equal legs"
-    assert describe_single([8, 1], None).startswith(head + "the fastest of 8 lanes for equal legs, plain")
-    measured = describe_single([8, 4, 1], [5e-7, 4e-7, 1e-6])
-    assert measured.startswith(
-        head + "4 lanes for equal legs (when built: 0.5 us with 8 lanes for equal legs"
-    )
-    times = {"idm": [2e-6, 1e-6], "ddm": [1e-6, 3e-6]}
-    about: dict[str, Any] = {
-        "programs": {"lift": {}} | {name: {"times": both} for name, both in times.items()}
-    }
-    monkeypatch.setattr(statistics, "known", lambda key: Built(Path("library.so"), about))
-    assert statistics._measured(build_robot(shipped("five_bar")), None) == times
-    monkeypatch.setattr(statistics, "known", lambda key: None)
-    assert statistics._measured(build_robot(shipped("five_bar")), None) == {}

@@ -111,19 +111,3 @@ def choice(program: Program, codes: list[int]) -> str:
             "#endif",
         ]
     )
-
-
-def describe_single(codes: list[int], times: list[float] | None) -> str:
-    """Return a line that names the code of single calls on this machine.
-
-    Args:
-        codes: Lanes of each code, as from `lanes_of_codes`.
-        times: Measured time of a call with each code [s]; None where no library is built yet.
-    """
-    names = ["plain numbers" if lanes == 1 else f"{lanes} lanes for equal legs" for lanes in codes]
-    if len(codes) == 1:
-        return f"single calls on this machine: {names[0]}"
-    if times is None:
-        return f"single calls on this machine: the fastest of {', '.join(names)}, measured by the first build"
-    each = ", ".join(f"{1e6 * time:.3g} us with {name}" for name, time in zip(names, times, strict=True))
-    return f"single calls on this machine: {names[times.index(min(times))]} (when built: {each})"

@@ -127,11 +127,6 @@ class Core:
     v: Expression
     units: Array
 
-    def motion(self) -> ca.SX:
-        """Return the motion of all bodies and the rows of the closures as one column."""
-        chain, rows = self.chain, self.rows
-        return pack(*chain.R0, *chain.p0, *chain.V, *chain.c, rows.K, rows.gamma)
-
 
 def write_core(
     plan: Plan,

@@ -95,7 +95,6 @@ def write_direct(
     *,
     motions: bool = False,
     inertias: bool = False,
-    counted: bool = False,
 ) -> DirectModule:
     """Write a module's direct model and cut it into its stages.
 
@@ -104,7 +103,6 @@ def write_direct(
         options: Options of the direct model.
         motions: Whether the third stage has the output "u_dot", the accelerations along its motions.
         inertias: Whether the second stage has the outputs of `_inertias`.
-        counted: As in `Request`.
     """
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
@@ -132,10 +130,8 @@ def write_direct(
     legs = _legs_on_paths(plan)
     wrists, guard = _add_wrists(core, plan, (q, v), base, s, inputs[3])
     outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
-    inertia = (M, b, solved.Psi, solved.Psi_b, solved.E, solved.G, solved.f, solved.u_0)
-    marks = [core.motion(), pack(*inertia)] if counted else None
     return DirectModule(
-        cut(name, inputs, outputs, marks), at_q, at_v, tuple(sorted(core.platforms)),
+        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
         parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
     )  # fmt: skip
 

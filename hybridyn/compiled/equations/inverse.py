@@ -86,7 +86,6 @@ def write_inverse(
     *,
     balance: bool = False,
     motions: bool = False,
-    counted: bool = False,
 ) -> InverseModule:
     """Write a module's inverse model and cut it into its stages.
 
@@ -97,7 +96,6 @@ def write_inverse(
         balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,
             instead of the motor efforts "tau". Motor efforts are then among the laws.
         motions: Whether the first stage has the output "u_dot", the accelerations along its motions.
-        counted: As in `Request`.
     """
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
@@ -128,7 +126,6 @@ def write_inverse(
         name,
         [motion | base.V_column | base.A_column, needed.received],
         [_motion_outwards(core, options) | along, efforts],
-        [core.motion()] if counted else None,
     )
     return InverseModule(stages, at_q, at_v, tuple(sorted(core.platforms)), parts.tree_v[laws])
 

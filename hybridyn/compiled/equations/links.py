@@ -17,9 +17,6 @@ from .rigid import moved
 
 TURNING = ("revolute", "continuous")
 
-#: Rotation whose entries are neither zero nor one.
-ASKEW = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
-
 
 @dataclass(frozen=True, eq=False)
 class Link:
@@ -70,15 +67,6 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
         else None
         for body, link in enumerate(links, 1)
     ]
-    return _turned(links, turns)
-
-
-def askew(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
-    """Turn bodies' frames so that no joint axis is a coordinate axis, to count what alignment saves.
-
-    Arguments and results are those of `aligned`.
-    """
-    turns = [ASKEW if body not in fixed and link.nv == 1 else None for body, link in enumerate(links, 1)]
     return _turned(links, turns)
 
 

@@ -6,7 +6,7 @@ the platform's motion. Everything else (platforms, serial joints, other loops) b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from .arguments.module_arguments import ModuleArguments
 from .expressions import plain, settled, zeros
-from .links import Link, aligned, askew, links_of, regrouped
+from .links import Link, aligned, links_of, regrouped
 from .rigid import moved, ten_numbers
 
 #: Least reciprocal condition number (median over generic postures) of a leg's closure Jacobian: above it the
@@ -102,7 +102,6 @@ def parts_of(
     *,
     leg_inertia: bool = True,
     regroup: bool = True,
-    align: bool = True,
     arguments: ModuleArguments | None = None,
 ) -> Parts:
     """Split a module into its core and its groups of legs.
@@ -111,13 +110,11 @@ def parts_of(
         marks: Motors and laws on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         regroup: Whether base inertial parameters are used.
-        align: Whether body axes are aligned with the joint axes; otherwise they are turned away from them, to
-            count what alignment saves.
         arguments: Numbers of the module that are arguments, or None.
     """
     spec = mechanism.spec if arguments is None else arguments.spec
     free = arguments is None or arguments.free
-    links, turns, base = _links(spec, leg_inertia, aligned if align else askew, arguments)
+    links, turns, base = _links(spec, leg_inertia, arguments)
     if regroup and free:
         links, base = regrouped(links)
     closures = [_turned(c, turns) for c in spec.cut_closures]
@@ -151,13 +148,12 @@ def parts_of(
 def _links(
     spec: ModuleSpec,
     leg_inertia: bool,
-    turned: Callable[[list[Link], frozenset[int]], tuple[list[Link], list[Array]]],
     arguments: ModuleArguments | None,
 ) -> tuple[list[Link], list[Array], Array]:
     """Return the tree's links, its bodies' turns, and ten zeros, for what regrouping moves to the base."""
     massive = leg_inertia and arguments is None
     inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
-    links, turns = turned(links_of(spec.tree, inertias), frozenset(spec.outputs))
+    links, turns = aligned(links_of(spec.tree, inertias), frozenset(spec.outputs))
     if arguments is not None and (leg_inertia or not arguments.free):
         links = [
             link if body is None else replace(link, inertia=settled(moved(ten, plain(turn.T), zeros(3))))

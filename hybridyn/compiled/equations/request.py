@@ -33,20 +33,16 @@ class Request:
 
     Attributes:
         regroup: Whether base inertial parameters are used.
-        align: Whether body axes are aligned with the joint axes.
         arguments: Numbers that are inputs of the model ("parameters"), or None.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
-        counted: Whether the code states which operations belong to which part (`Kernel.shares`).
         compared: Whether guards compare both ends of each loop (`guards.Scale`).
     """
 
     robot: HybridRobot
     on: Effects
     regroup: bool = True
-    align: bool = True
     arguments: Arguments | None = None
     dtype: str = "float64"
-    counted: bool = False
     compared: bool = True
 
     @cached_property
@@ -85,7 +81,6 @@ class Request:
             self.marks(module),
             leg_inertia=self.on.leg_inertia is not None,
             regroup=self.regroup,
-            align=self.align,
             arguments=arguments,
         )
 
@@ -186,10 +181,8 @@ def request(
     effects: Choice,
     *,
     regroup: bool = True,
-    align: bool = True,
     parameters: bool | Sequence[Slot] = False,
     dtype: str = "float64",
-    counted: bool = False,
 ) -> Request:
     """Check that a model with these effects can be compiled, and return the request for it.
 
@@ -210,4 +203,4 @@ def request(
         arguments = BodyInertias(robot)
     elif parameters:
         arguments = ChosenNumbers(robot, tuple(parameters))
-    return Request(robot, on, regroup, align, arguments, dtype, counted)
+    return Request(robot, on, regroup, arguments, dtype)

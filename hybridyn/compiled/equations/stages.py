@@ -26,18 +26,11 @@ class Stage:
         inputs: Names of its inputs in order; ("from", s) holds the intermediate results of stage s.
         outputs: Names of its outputs in order; ("to", t) holds the intermediate results for stage t.
         function: The CasADi function.
-        shares: For each stage but the last a function of the operations that it or an earlier one asks for;
-            empty where nobody counts.
     """
 
     inputs: tuple[Any, ...]
     outputs: tuple[Any, ...]
     function: ca.Function
-    shares: tuple[ca.Function, ...] = ()
-
-    def shares_of(self, parts: list[str]) -> tuple[tuple[str, ca.Function], ...]:
-        """Return the shares with the headings of their stages; the last stage has the rest."""
-        return tuple(zip(parts, self.shares, strict=False))
 
 
 @dataclass
@@ -59,7 +52,6 @@ def cut(
     name: str,
     inputs: list[dict[str, ca.SX]],
     outputs: list[dict[str, ca.SX]],
-    marks: list[ca.SX] | None = None,
 ) -> list[Stage]:
     """Cut a graph into stages.
 
@@ -69,39 +61,31 @@ def cut(
         name: Prefix of the functions' names; stage s is `name`_s.
         inputs: For each stage the columns of symbols that are first known at it, by name.
         outputs: For each stage the columns that it must compute, by name.
-        marks: For each stage a column that counts as its own, to be counted (`Stage.shares`); None where
-            nobody counts.
 
     Returns:
         The stages. The inputs of a stage are those it uses, also those of earlier stages.
     """
     given = [(s, n, column) for s, columns in enumerate(inputs) for n, column in columns.items()]
     wanted = [(s, n, column) for s, columns in enumerate(outputs) for n, column in columns.items()]
-    columns = [c for *_, c in wanted] + (marks or [])
-    whole = ca.Function("whole", [c for *_, c in given], ca.cse([ca.densify(c) for c in columns]))
+    whole = ca.Function("whole", [c for *_, c in given], ca.cse([ca.densify(c) for *_, c in wanted]))
     graph = _read(whole, [s for s, *_ in given])
     stages = [s for s, *_ in wanted]
-    asked = _asked(graph, [*stages, *range(len(graph.results) - len(wanted))], len(wanted))
-    del graph.results[len(wanted) :]
+    asked = _asked(graph, stages)
     handed = _handed(graph, stages, asked)
-    shares = max(stages) if marks is not None else 0
-    return [_stage(f"{name}_{s}", s, graph, handed, given, wanted, asked, shares) for s in range(len(inputs))]
+    return [_stage(f"{name}_{s}", s, graph, handed, given, wanted, asked) for s in range(len(inputs))]
 
 
-def _asked(graph: _Graph, stage_of_output: list[int], own: int) -> dict[Node, int]:
-    """Return for each node that one of the first `own` outputs needs the first stage that asks for it."""
+def _asked(graph: _Graph, stage_of_output: list[int]) -> dict[Node, int]:
+    """Return for each node that an output needs the first stage that asks for it."""
     asked: dict[Node, int] = {}
     for nodes, stage in zip(graph.results, stage_of_output, strict=True):
         for node in nodes:
             asked[node] = min(asked.get(node, stage), stage)
-    needed = {node for nodes in graph.results[:own] for node in nodes}
     for node in range(len(graph.code) - 1, -1, -1):  # operands come before what is made of them
-        for operand in graph.code[node][1]:
-            if node in asked:
+        if node in asked:
+            for operand in graph.code[node][1]:
                 asked[operand] = min(asked.get(operand, asked[node]), asked[node])
-            if node in needed:
-                needed.add(operand)
-    return {node: asked[node] for node in sorted(needed)}
+    return dict(sorted(asked.items()))
 
 
 def _read(whole: ca.Function, stage_of_input: list[int]) -> _Graph:
@@ -177,9 +161,8 @@ def _stage(
     given: list[tuple[int, Any, ca.SX]],
     wanted: list[tuple[int, Any, ca.SX]],
     asked: dict[Node, int],
-    shares: int,
 ) -> Stage:
-    """Build the function of one stage, and those of its first shares."""
+    """Build the function of one stage."""
     values: dict[Node, Any] = {}
     taken = {t: ca.SX.sym(f"from_{t}", len(nodes)) for (t, by), nodes in sorted(handed.items()) if by == s}
     for t, column in taken.items():
@@ -203,7 +186,4 @@ def _stage(
     outs = [*results, *given_on]
     symbols = [c for _, c in ins]
     function = ca.Function(name, symbols, [x for _, x in outs])
-    own = [n for n in asked if graph.stage[n] == s and graph.code[n][0] not in (ca.OP_CONST, ca.OP_INPUT)]
-    columns = (pack([values[n] for n in own if asked[n] <= last]) for last in range(shares))
-    counted = tuple(ca.Function(f"{name}_up_to_{i}", symbols, [x]) for i, x in enumerate(columns))
-    return Stage(tuple(n for n, _ in ins), tuple(n for n, _ in outs), function, counted)
+    return Stage(tuple(n for n, _ in ins), tuple(n for n, _ in outs), function)

@@ -184,10 +184,8 @@ class _Sweeps:
         plan, options = self.request.plans[k], direct_options(self.request, k)
         key = (id(plan), options)
         if key not in self._code:
-            name, counted = f"module_{len(self._code)}", self.request.counted
-            self._code[key] = write_direct(
-                name, plan, options, motions=self.motions, inertias=self.inertias, counted=counted
-            )
+            name = f"module_{len(self._code)}"
+            self._code[key] = write_direct(name, plan, options, motions=self.motions, inertias=self.inertias)
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

@@ -182,9 +182,9 @@ class _Sweeps:
         key = (id(plan), options, balance)
         if key not in self._code:
             pivots = None if balance else self._motor_pivots(k, options)
-            name, counted = f"module_{len(self._code)}", self.request.counted
+            name = f"module_{len(self._code)}"
             self._code[key] = write_inverse(
-                name, plan, options, pivots, balance=balance, motions=self.motions, counted=counted
+                name, plan, options, pivots, balance=balance, motions=self.motions
             )
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)

@@ -19,10 +19,7 @@ class Stages:
         self, writer: Writer, key: Any, stages: list[Stage], parts: list[str], copies: int = 1
     ) -> None:
         self._writer, self._stages, self._copies = writer, stages, copies
-        self._kernels = [
-            writer.kernel((key, s), stage.function, parts[len(stage.shares) or s], stage.shares_of(parts))
-            for s, stage in enumerate(stages)
-        ]
+        self._kernels = [writer.kernel((key, s), stage.function, parts[s]) for s, stage in enumerate(stages)]
         self._handed: dict[tuple[int, int], Shared | Own] = {}
 
     def call(self, s: int, sources: dict[str, Source], targets: dict[str, Target]) -> None:

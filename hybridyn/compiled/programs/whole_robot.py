@@ -22,10 +22,8 @@ def programs(
     *,
     models: tuple[str, ...] = ("idm", "ddm", "kinematics", "lift"),
     regroup: bool = True,
-    align: bool = True,
     parameters: bool | Sequence[Slot] = False,
     dtype: str = "float64",
-    counted: bool = False,
 ) -> dict[str, Program]:
     """Build a robot's models as programs.
 
@@ -35,21 +33,16 @@ def programs(
             postures, left out if the robot has no such program; "close", the motion of all joints from the
             motors'.
         regroup: Whether base inertial parameters are used.
-        align: Whether body axes are aligned with the joint axes, so that zeros and ones need no operations;
-            otherwise they are turned away from them.
         parameters: Numbers of the description that are an input ("parameters"); True for the inertial
             parameters of the bodies, ten for each body of `robot.bodies` in the order and frame of
             `pinocchio.Inertia.toDynamicParameters`. "lift" is then left out, and for True "close", too.
         dtype: Type of the arithmetic, "float64" or "float32". The general path computes samples whose loops
             are open by more than its rounding.
-        counted: Whether kernels state which operations belong to which part, for `operations`.
 
     Raises:
         ModelError: An effect is not available in compiled models.
     """
-    asked = request(
-        robot, effects, regroup=regroup, align=align, parameters=parameters, dtype=dtype, counted=counted
-    )
+    asked = request(robot, effects, regroup=regroup, parameters=parameters, dtype=dtype)
     write: dict[str, Callable[[Request], Program | None]] = {
         "idm": inverse_program,
         "ddm": direct_program,

@@ -71,19 +71,13 @@ class Writer:
         self.call(kernel, 1, [source], [Shared(place.start, values.size)])
         return place
 
-    def kernel(
-        self,
-        key: Any,
-        function: ca.Function | Callable[[], ca.Function],
-        part: str,
-        shares: tuple[tuple[str, ca.Function], ...] = (),
-    ) -> int:
+    def kernel(self, key: Any, function: ca.Function | Callable[[], ca.Function], part: str) -> int:
         """Return the index of a kernel; equal keys share one kernel, which the first one makes."""
         if key not in self._number:
             if not isinstance(function, ca.Function):
                 function = function()
             self._number[key] = len(self.kernels)
-            self.kernels.append(Kernel(f"{self.name}_{len(self.kernels)}", function, part, shares))
+            self.kernels.append(Kernel(f"{self.name}_{len(self.kernels)}", function, part))
         return self._number[key]
 
     def shared(self, size: int) -> Shared:

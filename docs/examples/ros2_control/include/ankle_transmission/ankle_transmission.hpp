@@ -1,7 +1,6 @@
-// @WRITTEN@.
 // A transmission of ros2_control between the motors and the output joints of closed loops.
-#ifndef @GUARD@
-#define @GUARD@
+#ifndef ANKLE_TRANSMISSION_HPP_
+#define ANKLE_TRANSMISSION_HPP_
 
 #include <array>
 #include <cstddef>
@@ -14,10 +13,13 @@
 #include "transmission_interface/transmission.hpp"
 #include "transmission_interface/transmission_loader.hpp"
 
-#include "@PACKAGE@/@NAME@.h"
+#include "ankle.h"
 
-namespace @PACKAGE@
+namespace ankle_transmission
 {
+
+/// Sizes of the robot, as `ankle.h` lists them.
+constexpr std::size_t JOINT_COUNT = 2, MOTOR_COUNT = 2, POSTURE_SIZE = 8;
 
 /// What a joint or motor is called outside, and the gear between it and that handle:
 /// position = handle * scale + shift, velocity = handle * scale, effort = handle / scale.
@@ -35,7 +37,7 @@ struct Handles
   std::vector<Handle> position, velocity, effort;
 };
 
-/// Relates the joints @JOINTS@ to the motors @MOTORS@.
+/// Relates the joints pitch, roll to the motors motor_left, motor_right.
 ///
 /// Velocities and efforts depend on the posture: handles of the positions on the side that is read are needed
 /// for them, also where commands are efforts alone (give the measured positions then). Positions are followed
@@ -59,17 +61,17 @@ public:
   void actuator_to_joint() override;
   void joint_to_actuator() override;
 
-  std::size_t num_actuators() const override {return @M@;}
-  std::size_t num_joints() const override {return @K@;}
+  std::size_t num_actuators() const override {return MOTOR_COUNT;}
+  std::size_t num_joints() const override {return JOINT_COUNT;}
 
 private:
-  std::array<Port, @K@> joint_ports_;
-  std::array<Port, @M@> actuator_ports_;
+  std::array<Port, JOINT_COUNT> joint_ports_;
+  std::array<Port, MOTOR_COUNT> actuator_ports_;
   Handles<transmission_interface::JointHandle> joints_;
   Handles<transmission_interface::ActuatorHandle> actuators_;
-  std::array<double, @NQ@> posture_;
-  @NAME@_map_to_joints_work to_joints_;
-  @NAME@_map_to_motors_work to_motors_;
+  std::array<double, POSTURE_SIZE> posture_;
+  ankle_map_to_joints_work to_joints_;
+  ankle_map_to_motors_work to_motors_;
 };
 
 class TransmissionLoader : public transmission_interface::TransmissionLoader
@@ -79,6 +81,6 @@ public:
     const hardware_interface::TransmissionInfo & transmission_info) override;
 };
 
-}  // namespace @PACKAGE@
+}  // namespace ankle_transmission
 
-#endif  // @GUARD@
+#endif  // ANKLE_TRANSMISSION_HPP_

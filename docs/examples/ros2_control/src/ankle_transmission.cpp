@@ -1,5 +1,4 @@
-// @WRITTEN@.
-#include "@PACKAGE@/@PACKAGE@.hpp"
+#include "ankle_transmission/ankle_transmission.hpp"
 
 #include <cmath>
 #include <limits>
@@ -7,7 +6,7 @@
 #include "pluginlib/class_list_macros.hpp"
 #include "transmission_interface/exception.hpp"
 
-namespace @PACKAGE@
+namespace ankle_transmission
 {
 namespace
 {
@@ -25,13 +24,16 @@ struct Place
   double step;
 };
 
-const std::array<Place, @K@> JOINTS{{
-@JOINT_PLACES@
+// Of another robot: the rows of q in the comment of its header, and its home posture.
+const std::array<Place, JOINT_COUNT> JOINTS{{
+  {"pitch", 6, false, 0.1},
+  {"roll", 7, false, 0.1},
 }};
-const std::array<Place, @M@> MOTORS{{
-@MOTOR_PLACES@
+const std::array<Place, MOTOR_COUNT> MOTORS{{
+  {"motor_left", 0, false, 0.1},
+  {"motor_right", 3, false, 0.1},
 }};
-const std::array<double, @NQ@> HOME{{@HOME@}};
+const std::array<double, POSTURE_SIZE> HOME{{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0}};
 
 constexpr double WHOLE_TURN = 6.283185307179586;
 /// Steps between two calls, and Newton steps in each, after which the result is NaN.
@@ -48,7 +50,7 @@ struct Motion
 /// `map` makes one Newton step and returns the guard. Returns whether it arrived.
 template<std::size_t N, class Map>
 bool follow(
-  std::array<double, @NQ@> & posture, const std::array<Place, N> & places,
+  std::array<double, POSTURE_SIZE> & posture, const std::array<Place, N> & places,
   const std::array<double, N> & target, const Map & map)
 {
   std::array<double, N> from, way, position;
@@ -69,7 +71,7 @@ bool follow(
     return false;
   }
   const int steps = largest > 1.0 ? static_cast<int>(std::ceil(largest)) : 1;
-  std::array<double, @NQ@> near = posture, next;
+  std::array<double, POSTURE_SIZE> near = posture, next;
   for (int s = 1; s <= steps; s++) {
     for (std::size_t i = 0; i < N; i++) {
       position[i] = s == steps ? from[i] + way[i] : from[i] + way[i] * s / steps;
@@ -240,13 +242,13 @@ void Transmission::actuator_to_joint()
   if (actuators_.position.empty()) {
     throw transmission_interface::Exception("actuator_to_joint needs the actuators' positions");
   }
-  const Motion<@M@> given = read(actuators_, actuator_ports_);
-  Motion<@K@> found;
-  std::array<double, @KM@> rates;
+  const Motion<MOTOR_COUNT> given = read(actuators_, actuator_ports_);
+  Motion<JOINT_COUNT> found;
+  std::array<double, JOINT_COUNT * MOTOR_COUNT> rates;
   const bool closed = follow(
     posture_, MOTORS, given.position,
     [&](const double * near, const double * position, double * q) {
-      return @NAME@_map_to_joints(
+      return ankle_map_to_joints(
         near, position, given.velocity.data(), given.effort.data(), q, found.position.data(),
         found.velocity.data(), found.effort.data(), rates.data(), &to_joints_);
     });
@@ -258,13 +260,13 @@ void Transmission::joint_to_actuator()
   if (joints_.position.empty()) {
     throw transmission_interface::Exception("joint_to_actuator needs the joints' positions");
   }
-  const Motion<@K@> given = read(joints_, joint_ports_);
-  Motion<@M@> found;
-  std::array<double, @KM@> rates;
+  const Motion<JOINT_COUNT> given = read(joints_, joint_ports_);
+  Motion<MOTOR_COUNT> found;
+  std::array<double, JOINT_COUNT * MOTOR_COUNT> rates;
   const bool closed = follow(
     posture_, JOINTS, given.position,
     [&](const double * near, const double * position, double * q) {
-      return @NAME@_map_to_motors(
+      return ankle_map_to_motors(
         near, position, given.velocity.data(), given.effort.data(), q, found.position.data(),
         found.velocity.data(), found.effort.data(), rates.data(), &to_motors_);
     });
@@ -277,6 +279,6 @@ std::shared_ptr<transmission_interface::Transmission> TransmissionLoader::load(
   return std::make_shared<Transmission>(transmission_info);
 }
 
-}  // namespace @PACKAGE@
+}  // namespace ankle_transmission
 
-PLUGINLIB_EXPORT_CLASS(@PACKAGE@::TransmissionLoader, transmission_interface::TransmissionLoader)
+PLUGINLIB_EXPORT_CLASS(ankle_transmission::TransmissionLoader, transmission_interface::TransmissionLoader)
