@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 from hybridyn.cli import main
+from hybridyn.description.writing import locked
 from hybridyn.studies.sweep.pool import WorkerDiedError
 from tests.extras import needs
 from tests.studies.test_sweep import pendulum_in
@@ -85,6 +87,35 @@ def test_each_table_has_its_shard_and_a_broken_one_is_named(
     assert "4 tables of 4 in 'out', 2 computed now" in capsys.readouterr().err
     assert main([*words, "--resume", "--effects", "none"]) == 1
     assert "its shards are of other options" in capsys.readouterr().err
+
+
+def test_a_shard_is_done_if_it_has_the_bytes_of_its_table(
+    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No newer file of another hand counts as done, and no older table that replaced the one computed."""
+    words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
+    assert main(words) == 0
+    whole = shards("out")
+    (place / "out" / "t0.csv").write_text("another's\n")
+    (place / "in" / "t1.csv").write_text((place / "in" / "t3.csv").read_text())
+    os.utime(place / "in" / "t1.csv", (0, 0))
+    os.utime(place / "in" / "t3.csv")  # newer than its shard, and the same
+    capsys.readouterr()
+    assert main([*words, "--resume"]) == 0
+    assert "3 tables of 3 in 'out', 2 computed now" in capsys.readouterr().err
+    assert shards("out") == {**whole, "t1.csv": whole["t3.csv"]}
+    assert main([*words, "--resume"]) == 0
+    assert "3 tables of 3 in 'out', 0 computed now" in capsys.readouterr().err
+
+
+def test_a_folder_belongs_to_one_process(
+    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
+    with locked("out"):
+        assert main(words) == 1
+        assert "out: another process writes its results here" in capsys.readouterr().err
+    assert main(words) == 0
 
 
 def test_a_table_that_ends_every_process_is_named(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,6 +17,7 @@ import pytest
 
 import hybridyn
 from hybridyn.cli import main
+from hybridyn.description.writing import locked
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.sweep import sweep as sweeping
@@ -246,6 +249,75 @@ def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     assert hybridyn.sweep(study, "out", resume=True).now == 0
     with pytest.raises(HybridynError, match="of another study"):
         hybridyn.sweep(written("method = 'grid'", measure='["rms_effort"]'), "out", resume=True)
+
+
+def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None:
+    """While a sweep evaluates, another one continues the same folder."""
+    study = written("method = 'grid'")
+    refused: list[str] = []
+
+    class Meanwhile(Here):
+        def run(self, *arguments: Any, **options: Any) -> Iterator[Any]:
+            if not refused:
+                refused.append("not")
+                with pytest.raises(HybridynError) as error:
+                    hybridyn.sweep(study, "out", resume=True)
+                refused.append(str(error.value))
+            yield from super().run(*arguments, **options)
+
+    here(Meanwhile())
+    state = hybridyn.sweep(study, "out", format="csv")
+    assert (state.done, rows_of("out")["design"]) == (6, list(range(6)))
+    assert refused[1].startswith("out: another process writes its results here")
+
+
+def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
+    text = (
+        "import time; from hybridyn.description.writing import locked\n"
+        f"with locked({str(tmp_path)!r}): print(flush=True); time.sleep(100)"
+    )
+    held = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
+    assert held.stdout is not None
+    held.stdout.readline()
+    with pytest.raises(HybridynError, match="another process"), locked(tmp_path):
+        pass
+    held.kill()
+    held.communicate()
+    with locked(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize("what", ["replaced", "added", "changed"])
+def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str) -> None:
+    """A file with the name of a shard, a shard of another study, a shard that was edited."""
+    here(Here())
+    hybridyn.sweep(written("method = 'grid'", SCALES), "other", format="csv")
+    study = written("method = 'grid'", SCALES.replace("1.5", "1.25"))
+    hybridyn.sweep(study, "out", format="csv")
+    files, others = (sorted(Path(name).glob("designs-*")) for name in ("out", "other"))
+    if what == "added":
+        files[-1].unlink()
+        files[-1] = files[-1].with_name(others[-1].name)
+    text = files[-1].read_text().replace("ok", "singular") if what == "changed" else others[-1].read_text()
+    files[-1].write_text(text)
+    said = re.escape(f"{files[-1]}: is no result of this sweep (another study wrote it, or it has changed)")
+    for question in (
+        lambda: hybridyn.sweep(study, "out", resume=True),
+        lambda: find_best("out", "peak_effort"),
+    ):
+        with pytest.raises(HybridynError, match=said):
+            question()
+    files[-1].unlink()
+    assert hybridyn.sweep(study, "out", resume=True).now == 1
+
+
+def test_a_design_in_two_shards_is_refused(tmp_path: Path) -> None:
+    rows = [Row(i, (0.0,), "ok", 0, 0, (1.0,), "") for i in range(3)]
+    shards = Shards.create(tmp_path, About("study.toml", "", 3, ["x"], ["y"], "csv"), resume=False)
+    shards.write(rows[:2])
+    shards.write(rows[1:])
+    with pytest.raises(HybridynError, match=r"the shard before it has design 1, too"):
+        list(read_shards(tmp_path))
 
 
 def digest(study: Path) -> str:
@@ -573,6 +645,7 @@ def test_indices_of_designs_in_blocks_are_those_of_the_formula(
     assert np.array_equal(points[5:9], designs.values(5, 9))
     about = About("study.toml", "", len(points), designs.names, ["y"], "csv", method)
     rows = [Row(i, (x, z), "ok", 0, 0, (3 * x + x * z,), "") for i, (x, z) in enumerate(points.tolist())]
+    Path("out").mkdir()
     Shards.create("out", about, resume=False).write(rows[:-1])  # the last block has a gap
     found = {(one.kind, one.parameter): one for one in sensitivity("out")}
     if method == "morris":

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...description.files_read import recorded
+from ...description.writing import locked, write_text
 from ...errors import HybridynError
 from .one_table import Outcome, bodies, outcomes
 from .options import RobotChoice
@@ -25,8 +26,9 @@ from .text import counted
 if TYPE_CHECKING:
     from ...studies.sweep.engines import Engine
 
-#: The file that says of which command the shards of a folder are.
-ABOUT = "tables.json"
+#: The file that says what the shards of a folder are: a digest of the command, then for each table that was
+#: computed a line with the digests of table and shard.
+ABOUT = "tables.txt"
 #: Errors that are printed; the others are counted.
 MOST_PRINTED = 20
 #: Exit status where a table failed.
@@ -112,22 +114,24 @@ class _Batch:
         shards = self._shards()
         folder = Path(self.options["output"])
         self.options["load"]()  # a robot that does not load is one error, and not one for each table
-        left = _begin(folder, self._identity(), shards, resume=resume)
-        tasks = [self._of_one(source, shards[source], elsewhere=scheduler is not None) for source in left]
-        if left:
-            with open_pool(engine, self.options["jobs"], scheduler) as pool, Progress("tables") as bar:
-                try:
-                    for outcome in outcomes(pool, self.module, tasks):
-                        self._take(outcome)
-                        bar.show(self.done, self.done / len(left))
-                except BaseException:
-                    self._report(shards, len(left), folder, started)
-                    raise
-        self._report(shards, len(left), folder, started)
+        with locked(folder):
+            left = _begin(folder, self._identity(), shards, resume=resume)
+            tasks = [self._of_one(source, shards[source], elsewhere=scheduler is not None) for source in left]
+            try:
+                if left:
+                    with (
+                        open_pool(engine, self.options["jobs"], scheduler) as pool,
+                        Progress("tables") as bar,
+                    ):
+                        for outcome in outcomes(pool, self.module, tasks):
+                            self._take(outcome, folder, left[outcome.source], shards[outcome.source])
+                            bar.show(self.done, self.done / len(left))
+            finally:
+                self._report(shards, len(left), folder, started)
         return FAILED if self.failed else self.status
 
-    def _take(self, outcome: Outcome) -> None:
-        """Count a table, and print its error."""
+    def _take(self, outcome: Outcome, folder: Path, digest: str, shard: Path) -> None:
+        """Count a table, print its error, and record its shard."""
         self.done += 1
         self.status = max(self.status, outcome.status)
         if outcome.error:
@@ -136,6 +140,9 @@ class _Batch:
                 click.echo(f"error: {outcome.error}", err=True)
         elif outcome.text:
             self.texts[outcome.source] = outcome.text
+        if not outcome.error and shard.exists():
+            with open(folder / ABOUT, "a", encoding="utf-8") as record:
+                record.write(_line(digest, shard))
 
     def _report(self, shards: dict[str, Path], now: int, folder: Path, started: float) -> None:
         """Print what the commands printed, in the order of the tables, and what became of the tables."""
@@ -196,27 +203,37 @@ class _Batch:
         return digest.hexdigest()
 
 
-def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool) -> list[str]:
-    """Begin or continue the shards in a folder, and return the tables to compute.
+def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool) -> dict[str, str]:
+    """Begin or continue the shards in a folder, and return the digests of the tables to compute.
 
-    A table that is newer than its shard is computed again.
+    A table is done if the folder has the bytes that were computed from the table's bytes.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     about = folder / ABOUT
-    if about.exists() and any(shard.exists() for shard in shards.values()):
+    text = about.read_text(encoding="utf-8") if about.exists() else ""
+    before, *lines = text.splitlines(keepends=True) or [""]
+    there = {file for file, shard in shards.items() if shard.exists()}
+    if before and there:
         if not resume:
             raise HybridynError(
                 f"{folder}: has shards of an earlier run: continue it with resume=True, or choose another "
                 "folder"
             )
-        if about.read_text(encoding="utf-8").strip() != identity:
+        if before.strip() != identity:
             raise HybridynError(
                 f"{folder}: its shards are of other options, or of a robot that has changed: choose another "
                 "folder"
             )
-    about.write_text(identity + "\n", encoding="utf-8")
-    return [
-        file
-        for file, shard in shards.items()
-        if not shard.exists() or shard.stat().st_mtime < Path(file).stat().st_mtime
-    ]
+    known, digests = set(lines), {file: _digest(file) for file in shards}
+    done = {file: line for file in there if (line := _line(digests[file], shards[file])) in known}
+    write_text(about, "".join([f"{identity}\n", *done.values()]))
+    return {file: digest for file, digest in digests.items() if file not in done}
+
+
+def _line(digest: str, shard: Path) -> str:
+    """Return the line that records a shard, from the digest of its table."""
+    return f"{digest} {_digest(shard)}\n"
+
+
+def _digest(path: str | Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,12 +1,15 @@
 """The results on disk: one shard per chunk, written whole or not at all.
 
-A shard is named by its designs, `designs-000000000-000000099.parquet`. The names alone say what is done: a
-run that continues evaluates the other designs, so that nothing is lost and nothing counted twice.
+A shard is named by its designs and by a digest of its study and its bytes,
+`designs-000000000-000000099-0123456789abcdef.parquet`. The names say what is done, the digests that this
+study did it: a run that continues evaluates the other designs, so that nothing is lost and nothing counted
+twice.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import math
@@ -27,7 +30,7 @@ from .evaluation import Row
 
 #: The file that says of which study the shards are.
 ABOUT = "sweep.json"
-_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})\.(parquet|csv)")
+_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})(?:-[0-9a-f]+)?\.(parquet|csv)")
 
 Columns = dict[str, Any]
 
@@ -63,7 +66,7 @@ class About:
 
 
 class Shards:
-    """The results of a sweep in a folder."""
+    """The results of a sweep in a folder, which only this process writes (`locked`)."""
 
     def __init__(self, folder: str | Path, about: About) -> None:
         self.folder, self.about = Path(folder), about
@@ -74,17 +77,15 @@ class Shards:
         """Begin or continue the results in a folder.
 
         Args:
-            folder: The folder; it is made if it does not exist.
+            folder: The folder, which exists.
             about: What the shards belong to. The format of shards that exist is kept.
             resume: Whether to continue from shards that exist.
 
         Raises:
             HybridynError: The folder has shards and `resume` is false, or they are of another study.
-            OSError: The folder cannot be made or written to.
+            OSError: The folder cannot be written to.
         """
         folder = Path(folder)
-        if folder.exists() and not folder.is_dir():
-            raise HybridynError(f"{folder}: is not a folder")
         if shards_in(folder):
             if not resume:
                 raise HybridynError(
@@ -102,7 +103,6 @@ class Shards:
             return cls(folder, before)
         if about.format == "parquet":
             load_polars(str(folder))
-        folder.mkdir(parents=True, exist_ok=True)
         _write(folder / ABOUT, (json.dumps(asdict(about), indent=1) + "\n").encode())
         return cls(folder, about)
 
@@ -127,7 +127,8 @@ class Shards:
             for name, values in zip(self.about.columns, zip(*map(_cells, rows), strict=True), strict=True)
         }
         made = _parquet(columns) if self.about.format == "parquet" else _csv(columns)
-        _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}.{self.about.format}", made)
+        seal = _seal(self.about, made)
+        _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}-{seal}.{self.about.format}", made)
         self._done.append((start, stop))
 
 
@@ -159,15 +160,24 @@ def read_shards(folder: str | Path, columns: Iterable[str] | None = None) -> Ite
         Columns by name: numbers as arrays, shape (designs,), nan for missing ones; texts as lists.
 
     Raises:
-        HybridynError: A shard cannot be read.
+        HybridynError: A shard cannot be read, is not one that the sweep of the folder wrote, or has a design
+            that the one before has.
     """
-    about = about_of(folder)
+    about, after = about_of(folder), 0
     wanted = list(about.columns if columns is None else columns)
-    for _, _, file in shards_in(Path(folder)):
+    for start, stop, file in shards_in(Path(folder)):
         try:
-            yield _read(file, wanted)
+            content = file.read_bytes()
+            if not file.stem.endswith(f"-{_seal(about, content)}"):
+                raise ValueError("another study wrote it, or it has changed")
+            if start < after:
+                raise ValueError(f"the shard before it has design {start}, too")
+            after = stop
+            yield _read(file, content, wanted)
         except (OSError, ValueError, KeyError) as error:
-            raise HybridynError(f"{file}: cannot be read: {error}") from error
+            raise HybridynError(
+                f"{file}: is no result of this sweep ({error}): remove it, and continue with resume=True"
+            ) from error
 
 
 def shards_in(folder: Path) -> list[tuple[int, int, Path]]:
@@ -179,6 +189,11 @@ def shards_in(folder: Path) -> list[tuple[int, int, Path]]:
     names = os.listdir(folder) if folder.is_dir() else []
     matches = filter(None, map(_SHARD.fullmatch, names))
     return sorted((int(match[1]), int(match[2]) + 1, folder / match[0]) for match in matches)
+
+
+def _seal(about: About, content: bytes) -> str:
+    """Compute the digest of a shard: of its study and its bytes."""
+    return hashlib.sha256(about.identity.encode() + content).hexdigest()[:16]
 
 
 def _cells(row: Row) -> list[Any]:
@@ -218,17 +233,16 @@ def _csv(columns: Columns) -> bytes:
     return out.getvalue().encode()
 
 
-def _read(file: Path, wanted: Sequence[str]) -> Columns:
+def _read(file: Path, content: bytes, wanted: Sequence[str]) -> Columns:
     if file.suffix == ".parquet":
         polars = load_polars(str(file))
         try:
-            frame = polars.read_parquet(file, columns=list(dict.fromkeys(wanted)))
+            frame = polars.read_parquet(content, columns=list(dict.fromkeys(wanted)))
         except polars.exceptions.PolarsError as error:
             raise ValueError(str(error)) from error
         cells = {name: frame.get_column(name).to_list() for name in wanted}
     else:
-        with open(file, encoding="utf-8", newline="") as text:
-            header, *rows = csv.reader(text)
+        header, *rows = csv.reader(io.StringIO(content.decode(), newline=""))
         table = dict(zip(header, zip(*rows, strict=True), strict=True))
         cells = {name: list(table[name]) for name in wanted}
     texts = ("status", "message")

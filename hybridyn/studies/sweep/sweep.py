@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...description.writing import locked
 from ...errors import HybridynError
 from ...spatial import Index
 from .compiled_chunks import evaluate_chunk, plan_for
@@ -115,8 +116,8 @@ def sweep(
         A summary of the run.
 
     Raises:
-        HybridynError: The study is wrong, none of its designs loads, the folder has other results, the
-            scheduler does not answer, or compiled models differ from the general path.
+        HybridynError: The study is wrong, none of its designs loads, the folder has other results, another
+            process holds it, the scheduler does not answer, or compiled models differ from the general path.
         OSError: The disk is full; the shards written so far are complete.
     """
     started = time.perf_counter()
@@ -124,8 +125,7 @@ def sweep(
     source = read_study(Path(study), allow_python=allow_python)
     designs = Designs(source)
     state, pace, plan = Swept(Path(output), designs.count), CHUNK_SECONDS, None
-    new = not shards_in(Path(output))
-    if new:
+    if not shards_in(Path(output)):
         pace = _try_some(source, designs)
         if compiled:
             plan, state.why_general = plan_for(source, designs, _tried(designs))
@@ -133,20 +133,29 @@ def sweep(
         str(study), identity(source, designs), designs.count, designs.names, source.columns,
         format or best_format(), designs.method, plan is not None,
     )  # fmt: skip
-    shards = Shards.create(Path(output), about, resume=resume)
-    _count_rows(state)
-    if not new and shards.about.compiled and shards.gaps():
+    with locked(output):
+        shards = Shards.create(Path(output), about, resume=resume)
+        _count_rows(state)
+        if shards.gaps():
+            plan = _plan_of(shards, plan, source, designs)
+            with open_pool(engine, jobs, scheduler) as pool:
+                state.workers = pool.workers
+                _Run(source, designs, shards, state, pool, plan, pace, progress, started).all()
+    state.seconds = time.perf_counter() - started
+    return state
+
+
+def _plan_of(shards: Shards, plan: Plan | None, source: StudyFile, designs: Designs) -> Plan | None:
+    """Return the compiled models by which the shards began, or None if they began without."""
+    if not shards.about.compiled:
+        return None
+    if plan is None:
         plan, why = plan_for(source, designs, _tried(designs))
         if plan is None:
             raise HybridynError(
-                f"{output}: its results are of compiled models, which are not to be had: {why}"
+                f"{shards.folder}: its results are of compiled models, which are not to be had: {why}"
             )
-    if shards.gaps():
-        with open_pool(engine, jobs, scheduler) as pool:
-            state.workers = pool.workers
-            _Run(source, designs, shards, state, pool, plan, pace, progress, started).all()
-    state.seconds = time.perf_counter() - started
-    return state
+    return plan
 
 
 class _Run:
