@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from .dense_output import Between
 
 #: Bisections of one step: its length over 2^52 is rounding.
 BISECTIONS = 52
+#: Parts of a step at whose ends an event's function is evaluated; it may pass zero and return between them.
+PARTS = 4
 
 
 @dataclass(frozen=True)
@@ -60,15 +63,50 @@ def crossed(event: Event, before: float, after: float) -> bool:
     return event.direction == 0 or bool(np.sign(after - before) == event.direction)
 
 
-def locate(event: Event, between: Between, t0: float, before: float) -> Found:
+def occurrences(event: Event, between: Between, t0: float, before: float, after: float) -> list[Found]:
+    """Find all zeros of an event's function in a step, in the event's direction.
+
+    Besides the ends of parts of the step, the extrema of parabolas through them are evaluated, where these
+    come nearer to zero: a long step may hold a zero and the return.
+
+    Args:
+        event: The event.
+        between: The step's dense output.
+        t0: Start of the step [s].
+        before: Value of the function there.
+        after: Value at the end of the step.
+    """
+
+    def value(t: float) -> float:
+        """Compute the event's function at a time of the step."""
+        return event.function(t, *between.at(t))
+
+    h = (between.end - t0) / PARTS
+    points = [(t0, before), *((t, value(t)) for t in (t0 + k * h for k in range(1, PARTS)))]
+    points.append((between.end, after))
+    turns = []
+    for (_, a), (t, b), (_, c) in zip(points, points[1:], points[2:], strict=False):
+        bend = a - 2 * b + c
+        if bend * b > 0 and abs(a - c) < 2 * abs(bend):  # an extremum towards zero, within both parts
+            turns.append(t + h / 2 * (a - c) / bend)
+    points = sorted([*points, *((t, value(t)) for t in turns)], reverse=h < 0)
+    return [
+        locate(event, between, start, end, x0)
+        for (start, x0), (end, x1) in pairwise(points)
+        if crossed(event, x0, x1)
+    ]
+
+
+def locate(event: Event, between: Between, t0: float, t1: float, before: float) -> Found:
     """Find the first state at which an event's function has changed sign, by bisection.
 
     Args:
-        event: The event, whose function changes sign in the step.
-        t0: Start of the step [s].
-        before: Value of the function there.
+        event: The event, whose function changes sign between the times.
+        between: The step's dense output.
+        t0: Time before the zero [s].
+        t1: Time after it [s].
+        before: Value of the function at t0.
     """
-    t1 = between.end
     for _ in range(BISECTIONS):
         t = t0 + (t1 - t0) / 2
         if t in (t0, t1):

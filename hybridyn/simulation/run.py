@@ -14,7 +14,7 @@ from ..errors import AssemblyError, SingularityError
 from ..spatial import Array
 from .conserving import Conserving
 from .dense_output import Between
-from .events import Event, Found, crossed, locate
+from .events import Event, Found, occurrences
 from .result import Counters, Origin, Result, Samples, joined
 from .stepping import Leap, Stepper
 from .system import State, StepError, System
@@ -157,10 +157,9 @@ class Run:
     ) -> tuple[list[Found], Found | None]:
         """Return the events of a step in order, and the first that ends the run."""
         sign = self._stepper.sign
-        found = []
+        found: list[tuple[Event, Found]] = []
         for event, x0, x1 in zip(self._events, self._values, values, strict=True):
-            if crossed(event, x0, x1):
-                found.append((event, locate(event, between, t0, x0)))
+            found += [(event, one) for one in occurrences(event, between, t0, x0, x1)]
         found.sort(key=lambda pair: sign * pair[1].t)
         last = next((f for e, f in found if e.terminal), None)
         kept = [f for _, f in found if last is None or sign * (last.t - f.t) >= 0]

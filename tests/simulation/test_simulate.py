@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import hybridyn
 from hybridyn import Event, near_singularity, simulate
+from hybridyn.description.records import Description, Joint, Link
 from hybridyn.effects import BaseMotion
 from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.manifold.manifold import Manifold
@@ -301,6 +302,25 @@ def test_events_are_found_to_rounding(tmp_path: Path) -> None:
         assert result.events[0].t == pytest.approx(np.sqrt(1 / G), rel=1e-12)
         assert result.t[-1] == pytest.approx(np.sqrt(2 / G), rel=1e-12)
         assert result.q[-1, 0] == pytest.approx(-1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["dopri5", "rk4", "implicit", "conserving"])
+@pytest.mark.parametrize("top", [1.8, 6**2 / (2 * 9.81) - 1e-3])
+def test_an_event_that_passes_and_returns_within_a_step_is_found(method: str, top: float) -> None:
+    """A body is thrown up at 6 m/s: in one long step it rises through a height and falls through it."""
+    body = Link("body", 1.0, np.zeros(3), np.eye(3))
+    links = (Link("ground", 0.0, np.zeros(3), np.zeros((3, 3))), body)
+    rail = Joint("rail", "prismatic", "ground", "body", np.eye(4), np.array([0.0, 0.0, 1.0]))
+    robot = build_robot(Description("thrown", links, (rail,), (), (), (), ""))
+    over = Event("over", lambda t, q, v: q[0] - top, +1)
+    under = Event("under", lambda t, q, v: q[0] - top, -1, terminal=False)
+    options = {} if method == "dopri5" else {"step": 1.2}
+    result = simulate(robot, np.zeros(1), np.array([6.0]), (0, 1.2), events=[over], method=method, **options)  # type: ignore[arg-type]
+    rises = (6 - np.sqrt(36 - 2 * 9.81 * top)) / 9.81
+    assert result.status == "event"
+    assert result.events[0].t == pytest.approx(rises, rel=1e-9)
+    result = simulate(robot, np.zeros(1), np.array([6.0]), (0, 1.2), events=[under], method=method, **options)  # type: ignore[arg-type]
+    assert [e.t for e in result.events] == [pytest.approx(12 / 9.81 - rises, rel=1e-9)]
 
 
 def test_approaching_a_singularity_is_an_event() -> None:
