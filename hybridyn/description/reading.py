@@ -121,6 +121,7 @@ def complete(
         base_home=robot.base_home,
         gravity=robot.gravity,
         format=robot.format,
+        crossed=dict(robot.crossed),
     )
 
 

@@ -228,6 +228,8 @@ class Description:
         read_from: What it was read from; None for a model in memory.
         format: Format of the robot file; "Pinocchio" for a model in memory, whose order of joints is kept.
         loads: Bodies that were added to links, whose numbers include them.
+        crossed: Lower and upper position limit [m or rad] of each joint whose file states the lower above the
+            upper; the joint itself has no limits.
     """
 
     name: str
@@ -247,6 +249,7 @@ class Description:
     format: Format = "URDF"
     read_from: ReadFrom | None = field(default=None, compare=False)
     loads: tuple[Load, ...] = ()
+    crossed: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def springs(self) -> tuple[StatedSpring, ...]:

@@ -62,6 +62,7 @@ class RobotFile:
         base_home: As in `Description`.
         gravity: As in `Description`.
         format: As in `Description`.
+        crossed: As in `Description`.
     """
 
     name: str
@@ -78,3 +79,4 @@ class RobotFile:
     base_home: tuple[float, ...] | None = None
     gravity: tuple[float, float, float] | None = None
     format: Format = "URDF"
+    crossed: dict[str, tuple[float, float]] = field(default_factory=dict)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +25,7 @@ TWO_PARENTS_ADVICE = (
 
 
 def validate(robot: RobotFile) -> None:
-    """Check names and structure, and note links with an unphysical inertia.
+    """Check names and structure, drop crossed limits, and note links with an unphysical inertia.
 
     Raises:
         ModelError: A name is duplicated or unknown, a link has two parents, the joints form a cycle, there is
@@ -38,6 +39,7 @@ def validate(robot: RobotFile) -> None:
     _check_tree(robot)
     _check_closures(robot)
     _check_couplings(robot)
+    _drop_crossed(robot)
     _note_unphysical(robot)
 
 
@@ -120,6 +122,19 @@ def _check_couplings(robot: RobotFile) -> None:
                 wrong = f"joint '{name}' is {kinds[name]}; only joints with one freedom can be coupled"
         if wrong:
             raise _error(robot, coupling, wrong)
+
+
+def _drop_crossed(robot: RobotFile) -> None:
+    """Drop and note position limits of which the lower is above the upper."""
+    for number, joint in enumerate(robot.joints):
+        if joint.lower > joint.upper:
+            line = f" (line {joint.line})" if joint.line else ""
+            robot.notes.append(
+                f"joint '{joint.name}'{line}: lower limit {joint.lower:g} above upper {joint.upper:g}, both "
+                "ignored"
+            )
+            robot.crossed[joint.name] = joint.lower, joint.upper
+            robot.joints[number] = replace(joint, lower=-np.inf, upper=np.inf)
 
 
 def _note_unphysical(robot: RobotFile) -> None:

@@ -384,6 +384,75 @@ def test_mjcf_that_cannot_be_read_is_one_finding(tmp_path: Path) -> None:
     assert (finding.code, finding.line) == ("unreadable", 1)
 
 
+LEG = """<mujoco model="leg">
+  <compiler meshdir="meshes"/>
+  <asset><mesh name="shell" file="shell.stl"/><mesh name="sole" file="sole.stl"/></asset>
+  <worldbody>
+    <body name="thigh">
+      <inertial pos="0 0 -0.1" mass="1.2" diaginertia="0.01 0.01 0.002"/>
+      <joint name="hip" axis="0 1 0" range="-60 60"/>
+      <geom type="mesh" mesh="shell"/>
+      <body name="shin" pos="0 0 -0.25">
+        <inertial pos="0 0 -0.1" mass="0.6" diaginertia="0.004 0.004 0.001"/>
+        <joint name="knee" axis="0 1 0" range="90 -90"/>
+        <geom type="mesh" mesh="sole"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="h" joint="hip"/><motor name="k" joint="knee"/></actuator>
+</mujoco>
+"""
+
+SDF_LEG = """<sdf version="1.9"><model name="leg">
+  <link name="thigh">
+    <inertial><mass>1</mass><inertia><ixx>.01</ixx><iyy>.01</iyy><izz>.01</izz></inertia></inertial>
+    <visual name="seen"><geometry><mesh><uri>meshes/shell.stl</uri></mesh></geometry></visual>
+  </link>
+  <link name="shin">
+    <pose>0 0 -0.25 0 0 0</pose>
+    <inertial><mass>1</mass><inertia><ixx>.01</ixx><iyy>.01</iyy><izz>.01</izz></inertia></inertial>
+    <collision name="hit"><geometry><mesh>
+      <uri>model://leg/meshes/sole.stl</uri></mesh></geometry></collision>
+  </link>
+  <joint name="hip" type="revolute">
+    <parent>world</parent><child>thigh</child><axis><xyz>0 1 0</xyz></axis></joint>
+  <joint name="knee" type="revolute"><parent>thigh</parent><child>shin</child>
+    <axis><xyz>0 1 0</xyz><limit><lower>1.5</lower><upper>-1.5</upper></limit></axis>
+  </joint>
+</model></sdf>
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "places"),
+    [
+        ("leg.xml", LEG, {"limits-crossed": ("joint 'knee'", 11), "missing-mesh": ("mesh 'sole'", 3)}),
+        ("leg.sdf", SDF_LEG, {"limits-crossed": ("joint 'knee'", 14), "missing-mesh": ("link 'shin'", 10)}),
+    ],
+)
+def test_files_of_other_formats_are_checked(
+    name: str, text: str, places: dict[str, tuple[str, int]], tmp_path: Path
+) -> None:
+    if name.endswith(".xml"):
+        needs("mjcf")
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes/shell.stl").write_bytes(b"only its presence counts")
+    file = save(tmp_path, text, name)
+    findings = hybridyn.check(file)
+    assert {f.code: (f.element, f.line) for f in findings if f.severity != "note"} == places
+    assert {f.severity for f in findings} >= {"error", "warning"}
+    (mesh,) = [f for f in findings if f.code == "missing-mesh"]
+    assert mesh.file == str(file)
+    assert [f.code for f in hybridyn.check(file, meshes=False) if f.severity == "warning"] == []
+
+
+def test_meshes_of_included_models_are_found(tmp_path: Path) -> None:
+    save(tmp_path / "part", SDF_LEG, "model.sdf")
+    whole = '<sdf version="1.9"><model name="whole"><include><uri>part</uri></include></model></sdf>'
+    missing = [f for f in hybridyn.check(save(tmp_path, whole, "whole.sdf")) if f.code == "missing-mesh"]
+    assert [Path(str(f.file)).name for f in missing] == ["model.sdf"] * 2
+
+
 def test_meshes_can_be_left_alone(tmp_path: Path) -> None:
     text = arm(inside=BALL + MESH.format("broken.stl"))
     assert found(tmp_path, text, meshes=False) == []

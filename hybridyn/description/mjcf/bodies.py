@@ -117,8 +117,11 @@ def _joint(compiled: Compiled, number: int) -> Joint:
     kind = next(kind for kind, word in KINDS.items() if compiled.code(word) == model.jnt_type[number])
     single = kind in ("revolute", "prismatic")
     lower, upper = -np.inf, np.inf
-    if single and model.jnt_limited[number]:
-        lower, upper = (float(bound) for bound in model.jnt_range[number])
+    bounds = [float(bound) for bound in model.jnt_range[number]]
+    if single and (
+        model.jnt_limited[number] or bounds[0] > bounds[1]
+    ):  # crossed ones limit nothing in MuJoCo
+        lower, upper = bounds
     return Joint(
         name=compiled.joints[number],
         kind=kind,

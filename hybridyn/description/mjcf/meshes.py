@@ -34,7 +34,7 @@ def take_meshes(document: Document) -> dict[str, bytes]:
         ModelError: A mesh that is needed cannot be read.
     """
     needed = _needed(document)
-    folder = _mesh_folder(document)
+    folder = mesh_folder(document)
     contents: dict[str, bytes] = {}
     for node in list(document.nodes()):
         above = node.xml.getparent()
@@ -76,7 +76,7 @@ def _needed(document: Document) -> dict[str, str]:
     return out
 
 
-def _mesh_folder(document: Document) -> str:
+def mesh_folder(document: Document) -> str:
     """Take the folder of meshes out of `<compiler>`; what is stated last counts."""
     folder = ""
     for tag in ("assetdir", "meshdir"):

@@ -42,7 +42,7 @@ class Axis:
 
     Attributes:
         direction: Unit vector in the world, shape (3,).
-        lower: Lower limit [m or rad], -inf if absent.
+        lower: Lower limit [m or rad], -inf if absent; the file may state it above the upper.
         upper: Upper limit [m or rad], +inf if absent.
         velocity: Speed limit [m/s or rad/s], +inf if absent.
         effort: Effort limit [N or N m], +inf if absent.
@@ -82,13 +82,11 @@ class Remarks:
     """What the reader of joints notes, each said once for all joints.
 
     Attributes:
-        limits: Axes whose lower limit is above the upper.
         stops: Joints with stiffness or dissipation of their stops.
         engines: Joints with settings of a physics engine.
         idle: Joints whose `<axis>` has no meaning.
     """
 
-    limits: list[str] = field(default_factory=list)
     stops: list[str] = field(default_factory=list)
     engines: list[str] = field(default_factory=list)
     idle: list[str] = field(default_factory=list)
@@ -96,7 +94,6 @@ class Remarks:
     def notes(self) -> list[str]:
         """Return the remarks in words."""
         words = {
-            "lower limit above upper, both ignored": self.limits,
             "stiffness and dissipation of joint stops are not read (the effect stop has them)": self.stops,
             "settings of a physics engine are not read": self.engines,
             "an axis of a fixed or ball joint has no effect": self.idle,
@@ -143,9 +140,6 @@ def _limits(node: Node | None, item: Item, remarks: Remarks) -> dict[str, float]
     lower = fields.number(node, "lower", -math.inf, infinite=True)
     upper = fields.number(node, "upper", math.inf, infinite=True)
     lower, upper = (math.copysign(math.inf, x) if fields.unlimited(x) else x for x in (lower, upper))
-    if lower > upper:
-        remarks.limits.append(item.full_name)
-        lower, upper = -math.inf, math.inf
     most = {}
     for tag in ("velocity", "effort"):
         value = fields.number(node, tag, math.inf, infinite=True)

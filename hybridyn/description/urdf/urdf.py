@@ -179,19 +179,13 @@ def _joint_kind(node: Node) -> JointKind:
 
 
 def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
-    """Add `<limit>`; note and ignore impossible limits (lower above upper, negative speed or effort)."""
+    """Add `<limit>`; note and ignore negative limits of speed or effort."""
     if node is None:
         return joint
     node.refuse_misspelt(["lower", "upper", "velocity", "effort"], [])
     lower = _limit(node, "lower", -math.inf)
     upper, velocity, effort = (_limit(node, name, math.inf) for name in ("upper", "velocity", "effort"))
     if joint.kind not in ("revolute", "prismatic"):
-        lower, upper = -math.inf, math.inf
-    if lower > upper:
-        notes.append(
-            f"joint '{joint.name}' (line {node.line}): lower limit {lower:g} above upper "
-            f"{upper:g}, both ignored"
-        )
         lower, upper = -math.inf, math.inf
     for what, value in (("velocity", velocity), ("effort", effort)):
         if value < 0:

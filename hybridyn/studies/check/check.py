@@ -3,6 +3,7 @@
     finding       one finding; every code with its severity
     subject       the file as XML, as records and as a robot
     shapes        bounding boxes of the links, from visuals, collisions and meshes
+    meshes        mesh files that MJCF and SDF name
     masses, units, limits, couplings, names, loops      the checks of one topic each
 
 `hybridyn.check("robot.urdf")` returns all findings, the worst first.
@@ -26,6 +27,7 @@ from .finding import CODES, SEVERITIES, Finding, Severity, worst
 from .limits import check_limits
 from .loops import check_branch, check_lost_loops, check_modules
 from .masses import check_masses
+from .meshes import check_meshes
 from .names import check_names, check_shapes, duplicated_names
 from .places import Places
 from .shapes import read_shapes
@@ -102,6 +104,8 @@ def _all(
     )  # fmt: skip
     for run_check in checks:
         yield from run_check(subject)
+    if meshes:
+        yield from check_meshes(subject)
 
 
 def _built(

@@ -29,21 +29,15 @@ def check_limits(subject: Subject) -> Iterator[Finding]:
 
 
 def _crossed(subject: Subject) -> Iterator[Finding]:
-    """Check the limits in the XML file, since the reader drops contradictory ones."""
-    for node in subject.root.children("joint"):
-        limit, name = node.child("limit"), node.text("name")
-        if limit is None or name not in subject.joints or subject.joints[name].kind not in ONE_FREEDOM:
-            continue
-        lower = limit.number("lower", -math.inf, infinite=True)
-        upper = limit.number("upper", math.inf, infinite=True)
-        if lower > upper:
-            yield subject.of_joint(
-                "limits-crossed",
-                name,
-                f"lower {lower:g}, upper {upper:g} {_unit(subject.joints[name])}: no position is allowed",
-                "hybridyn treats the joint as not limited; other programs will not move it",
-                "exchange the two limits, or correct a sign",
-            )
+    """Find limits that the reader dropped, since the lower is above the upper."""
+    for name, (lower, upper) in subject.description.crossed.items():
+        yield subject.of_joint(
+            "limits-crossed",
+            name,
+            f"lower {lower:g}, upper {upper:g} {_unit(subject.joints[name])}: no position is allowed",
+            "hybridyn treats the joint as not limited; other programs may not move it",
+            "exchange the two limits, or correct a sign",
+        )
 
 
 def _unit(joint: Joint) -> str:

@@ -97,8 +97,14 @@ class MujocoEngine:
         return out
 
     def forward(self, q: Array, v: Array, force: Array) -> Array:
-        """Compute accelerations by `mj_forward`."""
+        """Compute accelerations by `mj_forward`, without the tolerance at which its solver stops.
+
+        Beside a heavy body, the solver stops before it holds the equalities of a light one.
+        """
+        tolerance = self.model.opt.tolerance
+        self.model.opt.tolerance = 0.0
         self.call(q, v, force)()
+        self.model.opt.tolerance = tolerance
         out: Array = self._turns(q) @ self.data.qacc + self._drift(q, v)
         return out
 
