@@ -17,7 +17,6 @@ from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.verifying import BUG, verify
 from hybridyn.effects.choice import choose
 from hybridyn.errors import HybridynError
-from hybridyn.linkage.common_measure import common_measure
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.any_mechanism import any_mechanism
@@ -75,7 +74,7 @@ def judged(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, ca
             refusal(error, case)
     for t in range(len(q)):
         posture = oracle.posture(q[t])
-        assert np.abs(residual(oracle, q[t])).max(initial=0.0) <= CLOSED * oracle.unit.max(), case
+        assert np.abs(oracle.residual(q[t])).max(initial=0.0) <= CLOSED * oracle.unit.max(), case
         if len(posture.K) and np.abs(posture.K).max() <= ROUNDING:
             continue  # rows that no freedom moves: the oracle counts the largest of them as one
         again = oracle.consistent_acceleration(q[t], v[t], a[t])
@@ -90,18 +89,6 @@ def judged(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, ca
         for found in (expected, tau[t]):
             off = np.abs(B @ (efforts[t] - found)).max(initial=0.0)
             assert off <= WORK * max(terms.max(initial=0.0), 1.0), (case, "efforts", off)
-
-
-def residual(oracle: Oracle, q: np.ndarray) -> np.ndarray:
-    """Return the oracle's residual, that of a gear modulo the turns that its endless joints do not count."""
-    out = oracle.residual(q)
-    couplings = oracle.description.couplings
-    first = len(oracle.rows(q)) - len(couplings)
-    for row, coupling in enumerate(couplings, first):
-        endless = [c for name, c in coupling.terms if oracle.coordinates[name][0] == "continuous"]
-        if period := 2 * np.pi * common_measure(endless):
-            out[row] -= period * np.round(out[row] / period)
-    return out
 
 
 def simulated(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:

@@ -18,7 +18,6 @@ from ..linkage.newton import LoopProblem, close
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
-from ..linkage.winding import winding_of
 from ..spatial import Array, cross
 from ..structure.joint_position import joint_position
 from ..structure.mechanism import Mechanism
@@ -52,8 +51,8 @@ def assemble(
     Args:
         robot: The robot.
         motors: Joint name to (position, rate, acceleration), each a number or shape (T,), [m or rad, and
-            per second]; rates and accelerations are zero by default. Positions of continuous joints include
-            whole turns, which determine the turns of gears (`<mimic>`, `<coupling>`) on them.
+            per second]; rates and accelerations are zero by default. Joints that gears
+            (`<mimic>`, `<coupling>`) determine from them follow.
         platforms: "link" (relative to the root link) or "link@other" (relative to another link) to (pose,
             twist, acceleration). The pose x, y, z, qx, qy, qz, qw has shape (7,) or (T, 7). The twist, shape
             (T, 6), holds the velocity of the link's origin and its angular velocity relative to the other
@@ -169,23 +168,14 @@ def _assemble_modules(
     q: Array,
     v: Array,
     a: Array,
-    *,
-    anchored: bool = False,
 ) -> None:
-    """Assemble one module or equal ones at all samples; write the result into q, v, a of the robot.
-
-    With `anchored`, the first sample is the posture in q, for whatever turns of its gears it implies.
-    """
+    """Assemble one module or equal ones at all samples; write the result into q, v, a of the robot."""
     module, request = parts[0][0], joined(request for _, request in parts)
     m = module.mechanism
     q_index, v_index = (np.array([getattr(part, at) for part, _ in parts]) for at in ("q_index", "v_index"))
     task = module_task(robot, module, request)
     guess = q[0, q_index]
-    start = m.cut.positions(guess)
-    if anchored and task.problem.winding is not None:
-        winding = task.problem.winding.anchored(start[0], task.known)
-        task = replace(task, problem=replace(task.problem, winding=winding))
-    x = settled(m, follow(task, start))
+    x = settled(m, follow(task, m.cut.positions(guess)))
     placed = m.tree.sweep(x)
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
     target = m.tree.sweep(x, x_dot, x_ddot, placed)
@@ -212,8 +202,7 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
     generic = problem.matrix(m.tree.sweep(m.postures))
     rank = check_determined(module, problem, generic)
     blocks = full_rank_blocks(generic, free, m.rank_tolerance)
-    winding = winding_of(m.closures, request.known, request.given, request.angles)
-    problem = replace(problem, rank=rank, blocks=blocks, winding=winding)
+    problem = replace(problem, rank=rank, blocks=blocks)
     names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
     names += [
         f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
@@ -284,6 +273,6 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     path = {name: np.array([joint_position(robot, q[0], name), value]) for name, value in joints.items()}
     requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, {})
-    _assemble_modules(robot, [(module, request)], q, *np.zeros((2, 2, robot.nv)), anchored=True)
+    _assemble_modules(robot, [(module, request)], q, *np.zeros((2, 2, robot.nv)))
     posture: Array = q[1]
     return posture

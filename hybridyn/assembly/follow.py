@@ -14,7 +14,6 @@ import numpy as np
 from ..errors import AssemblyError
 from ..linkage.newton import Closed, close
 from ..linkage.targets import pairwise
-from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
 from .task import Task
 
@@ -92,26 +91,6 @@ def first_posture(task: Task, guess: Array) -> Array:
 
 def _first_postures(task: Task, guess: Array, starts: Index) -> Array:
     """Compute `first_posture` for the trajectories that start at some samples, shapes (K, nq), (K,)."""
-    winding = task.problem.winding
-    if winding is not None:
-        _only_alone(guess)
-    if winding is not None and winding.ambiguous:
-        try:
-            near = replace(task.problem, winding=winding.near(guess[0]))
-            return _on_any_sheet(replace(task, problem=near), guess, starts)
-        except AssemblyError:  # the sheets of the guess may be too far for Newton: accept any
-            pass
-    return _on_any_sheet(task, guess, starts)
-
-
-def _only_alone(guess: Array) -> None:
-    """Raise if there is more than one trajectory, guesses of shape (K, nq)."""
-    if len(guess) > 1:
-        raise AssemblyError("one of several trajectories has to be followed alone")
-
-
-def _on_any_sheet(task: Task, guess: Array, starts: Index) -> Array:
-    """Compute `_first_postures` on any sheet of the gears whose turns are unknown."""
     tree = task.problem.tree
     result = task.solve(guess, starts)
     if task.closed(result).all():
@@ -133,23 +112,26 @@ def _on_any_sheet(task: Task, guess: Array, starts: Index) -> Array:
     raise unreachable(task, best, 0, iterations)
 
 
+def _only_alone(guess: Array) -> None:
+    """Raise if there is more than one trajectory, guesses of shape (K, nq)."""
+    if len(guess) > 1:
+        raise AssemblyError("one of several trajectories has to be followed alone")
+
+
 def _on_branch_of(task: Task, guess: Array, found: Array, starts: Index) -> Array:
     """Return the end of a path on the guess's branch, or `found` if the branch ends before, (K, nq) each."""
     problem = task.problem
     everything = np.ones(problem.tree.nv, dtype=bool)
-    winding = winding_of(problem.closures, guess, (), {})
-    winding = None if winding is None else winding.near(guess[0])
-    loops = replace(problem, free=everything, targets=(), rank=None, blocks=(), winding=winding)
+    loops = replace(problem, free=everything, targets=(), rank=None, blocks=())
     start = close(loops, guess)
-    if winding is not None or (start.residual > task.tolerance).any():
+    if (start.residual > task.tolerance).any():
         _only_alone(guess)
     if start.residual[0] > task.tolerance:
         return found
     motion = problem.tree.sweep(start.q)
     targets = [t.from_here(motion, starts) for t in problem.targets]
     known = pairwise(start.q, task.known[starts])
-    winding = None if problem.winding is None else problem.winding.from_posture(start.q[0], known)
-    way = replace(task, problem=replace(problem, targets=targets, winding=winding), known=known)
+    way = replace(task, problem=replace(problem, targets=targets), known=known)
     path = pairwise(start.q, found)
     if _steps_as_predicted(way, path, 2 * np.arange(len(guess))).all():
         return found
@@ -247,8 +229,6 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP
-    if problem.winding is not None:
-        out &= problem.winding.keeps_sheets(tree.difference(q[samples], q[samples + 1]), samples)
     rest = np.flatnonzero(out & (size > SMALL_STEP))
     if len(rest):
         there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)

@@ -46,8 +46,11 @@ class ModuleRequest:
     names: list[str] = field(default_factory=list)
     angles: dict[int, Array] = field(default_factory=dict)
 
-    def give_joint(self, joint: int, wanted: Array, name: str) -> None:
+    def give_joint(self, joint: int, wanted: Array, name: str, *, endless: bool) -> None:
         """Set a joint's position, rate and acceleration, shape (3, T).
+
+        Args:
+            endless: Whether it is a gear that turns without limits.
 
         Raises:
             AssemblyError: A position is beyond any plausible range.
@@ -56,7 +59,7 @@ class ModuleRequest:
         m = self.mechanism
         kind = m.tree.joints[joint].kind
         far = FAR * m.length if m.closures.rows else np.inf
-        limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(kind, far)
+        limit = {"revolute": BLUR if endless else WOUND_UP, "continuous": BLUR}.get(kind, far)
         _check_range(name, position, limit, "m" if kind == "prismatic" else "rad")
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
         if kind == "continuous":
@@ -99,6 +102,25 @@ class ModuleRequest:
         self.known_v[:, to] = np.concatenate([rotate_back(R, inner.p_dot), rotate_back(R, inner.w)], axis=1)
         self.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.w_dot)], axis=1)
         self.given.append(joint)
+
+    def give_followers(self) -> None:
+        """Set the joints that couplings determine from joints that are set."""
+        tree, waiting = self.mechanism.tree, list(self.mechanism.spec.cut_couplings)
+        while True:
+            unknown = [{joint for joint, _ in c.terms}.difference(self.given) for c in waiting]
+            ready = next((i for i, joints in enumerate(unknown) if len(joints) == 1), None)
+            if ready is None:
+                return
+            coupling, (follower,) = waiting.pop(ready), unknown[ready]
+            weight = sum(c for joint, c in coupling.terms if joint == follower)
+            for level, slices, offset in (
+                (self.known, tree.q_slices, coupling.offset),
+                (self.known_v, tree.v_slices, 0.0),
+                (self.known_a, tree.v_slices, 0.0),
+            ):
+                others = (c * level[:, slices[j].start] for j, c in coupling.terms if j != follower)
+                level[:, slices[follower].start] = (offset - sum(others)) / weight
+            self.given.append(follower)
 
     def add(self, target: Target, link: str) -> None:
         """Add a target for a link."""
@@ -157,7 +179,8 @@ def module_request(
                     f"'{module.name}'; give the platform's pose instead",
                     module=module.name,
                 )
-            request.give_joint(tree_joint[i], requests.joints[joint], joint)
+            endless = joint in robot.description.endless_gears
+            request.give_joint(tree_joint[i], requests.joints[joint], joint, endless=endless)
     for pose in requests.poses:
         body, R, p = robot.bodies.place[pose.link]
         owner, local = robot.body_owner[body]
@@ -169,6 +192,7 @@ def module_request(
         else:
             motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
             request.give_pose(pose.link, place, motion)
+    request.give_followers()
     return request
 
 

@@ -41,8 +41,6 @@ class Task:
         for joint in self.given:
             at = self.problem.tree.q_slices[joint]
             q[:, at] = self.known[samples, at]
-        if self.problem.winding is not None:
-            self.problem.winding.follow(q, samples)
         return q
 
     def solve(self, q: Array, samples: Index) -> Closed:
@@ -69,6 +67,4 @@ class Task:
         known = tree.integrate(start, fractions[:, None] * whole)
         known[fractions == 1.0] = self.known[sample + 1]
         targets = [t.between(sample, fractions) for t in self.problem.targets]
-        winding = self.problem.winding
-        winding = None if winding is None else winding.between(sample, fractions, known)
-        return replace(self, problem=replace(self.problem, targets=targets, winding=winding), known=known)
+        return replace(self, problem=replace(self.problem, targets=targets), known=known)

@@ -27,7 +27,6 @@ try:
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
     from .programs.c_header import header_text
-    from .programs.close import largest_turn
     from .programs.closing.platform_program import close_platforms_program
     from .programs.inverse import inverse_program
     from .programs.map_programs import map_programs
@@ -181,8 +180,7 @@ def _readme(
     arguments: bool,
 ) -> str:
     functions = "\n".join(f"    {prototype(program, name, dtype)};" for program in programs)
-    closing = _closing(robot, programs, name)
-    closing += ". `parameters` are numbers of the robot" if arguments else ""
+    numbers = ". `parameters` are numbers of the robot" if arguments else ""
     return f"""# Dynamics of '{robot.description.name}' in C
 
 {WRITTEN}. C99, also for C++ (compile the source as C). The code allocates no memory and needs no library but
@@ -193,22 +191,11 @@ the C library's mathematics. Base: {robot.base}. Effects: {", ".join(effects) or
 
 Each function returns a guard. Use the results only if it is at most 1, and provide a fallback for other
 samples. The guard is above 1 near singular postures and if the loops are open, and NaN if a number is not
-finite. `q`, `v` and `a` are those of all joints and must close the loops{closing}.
+finite. `q`, `v` and `a` are those of all joints and must close the loops: `{name}_close`
+computes them from the motors'{numbers}.
 The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of the guard
 and is refused, and so are `-funsafe-math-optimizations`, `-fassociative-math` and `-fno-signed-zeros`.
 
 `make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on.
 On a processor with fused multiplication and addition, `-march=native` lets the compiler use it.
 """
-
-
-def _closing(robot: HybridRobot, programs: list[Program], name: str) -> str:
-    """Return what the README says of the function `close`."""
-    if all(program.name != "close" for program in programs):
-        return (
-            ". There is no\nfunction that computes them from the motors': a gear between endless joints "
-            "loses count of its turns"
-        )
-    turn = largest_turn(robot.modules)
-    limit = f", which\nmay turn by less than {turn:.2g} rad between calls" if turn < np.pi else ""
-    return f": `{name}_close`\ncomputes them from the motors'{limit}"

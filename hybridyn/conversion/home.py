@@ -11,9 +11,6 @@ from ..description.placement import placement_from, rotation_from_quaternion
 from ..description.records import Array, Description, Joint
 from ..description.zero_posture import outwards
 
-#: Difference from a whole turn that is rounding in a file.
-WHOLE = 1e-4
-
 
 def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     """Return the home position of a joint: angles as one number, other coordinates as Pinocchio's.
@@ -29,21 +26,7 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     if joint.kind == "planar":
         x, y, c, s = stated or (0.0, 0.0, 1.0, 0.0)
         return x, y, math.atan2(s, c)
-    if stated is not None and len(stated) == 2:
-        return (_angle(d, joint.name),)
-    return stated or (0.0,)
-
-
-def _angle(d: Description, name: str) -> float:
-    """Return the angle of a continuous joint at home, with the whole turns that a coupling needs."""
-    angles = {joint: angle_of(x) for joint, x in d.home.items()}
-    for coupling in d.couplings:
-        if factor := dict(coupling.terms).get(name):
-            left = coupling.offset - sum(c * angles.get(joint, 0.0) for joint, c in coupling.terms)
-            turns = left / (2 * math.pi * factor)
-            if abs(turns - round(turns)) < WHOLE:
-                return angles[name] + 2 * math.pi * round(turns)
-    return angles[name]
+    return (angle_of(stated),) if stated else (0.0,)
 
 
 def poses_at(

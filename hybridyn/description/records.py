@@ -6,8 +6,10 @@ homogeneous matrix, "frame B in A": it holds the coordinates of B's axes and ori
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -83,7 +85,8 @@ class Joint:
     Attributes:
         name: Name of the joint.
         kind: One of `JointKind`; coordinates are Pinocchio's (`continuous`: cos, sin; `spherical`: quaternion
-            x, y, z, w; `planar`: x, y, cos, sin; `floating`: x, y, z, quaternion).
+            x, y, z, w; `planar`: x, y, cos, sin; `floating`: x, y, z, quaternion). A continuous joint in a
+            coupling is a revolute one without limits, whose position counts whole turns.
         parent: Name of the parent link.
         child: Name of the child link.
         placement: Child frame in the parent frame at joint position zero, shape (4, 4).
@@ -251,6 +254,16 @@ class Description:
     loads: tuple[Load, ...] = ()
     crossed: dict[str, tuple[float, float]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        # Cosine and sine do not count whole turns, which a coupling needs.
+        geared = {name for coupling in self.couplings for name, _ in coupling.terms}
+        joints = tuple(_counting_turns(j) if j.name in geared else j for j in self.joints)
+        angles = {
+            name: (math.atan2(x[1], x[0]),) for name, x in self.home.items() if name in geared and len(x) == 2
+        }
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "home", self.home | angles)
+
     @property
     def springs(self) -> tuple[StatedSpring, ...]:
         """The springs in `effects`, joint by joint."""
@@ -277,9 +290,26 @@ class Description:
         children = {joint.child for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)
 
+    @cached_property
+    def endless_gears(self) -> frozenset[str]:
+        """Names of the joints in couplings that turn without limits: their positions count whole turns."""
+        held = {name for coupling in self.couplings for name, _ in coupling.terms}
+        return frozenset(
+            joint.name
+            for joint in self.joints
+            if joint.name in held and joint.kind == "revolute" and joint.lower == -np.inf == -joint.upper
+        )
+
     def siblings(self, joints: Sequence[Joint]) -> list[Joint]:
         """Order the joints of one parent link as q and v have them: by name, as `pin.buildModelFromXML` does.
 
         Joints of a Pinocchio model keep its order.
         """
         return list(joints) if self.format == "Pinocchio" else sorted(joints, key=lambda joint: joint.name)
+
+
+def _counting_turns(joint: Joint) -> Joint:
+    """Return a continuous joint as a revolute one without limits; others are returned unchanged."""
+    if joint.kind != "continuous":
+        return joint
+    return replace(joint, kind="revolute", lower=-np.inf, upper=np.inf)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..spatial import Array
 from .closures import Closures
 from .newton import Closed, LoopProblem, close
 from .reduction import RANK_TOLERANCE
-from .winding import winding_of
 
 #: Postures with a residual below this are closed to the last digit.
 CLOSED = 1e-11
@@ -33,10 +30,6 @@ def generic_postures(
     The scatter of the starts (seeded, so that results are reproducible) increases until some of them close.
     The remaining postures are then drawn near those found.
 
-    A coupling of endless joints with an odd ratio is closed on sheets next to one another, one per turn of a
-    joint. If it locks a module, Newton's method jumps between them: no start closes, or starts stop between
-    sheets, nearly closed as in a rounded file. The search is then repeated on the sheet of the home posture.
-
     Args:
         closures: The module's closures.
         home: Centre of the starts, shape (nq,).
@@ -52,25 +45,7 @@ def generic_postures(
     tree = closures.tree
     every = np.ones(tree.nv, dtype=bool)
     problem = LoopProblem(closures, row_scale, col_scale, every, rank_tolerance=rank_tolerance)
-    found, best = _search(problem, home, tolerance, count)
-    if len(found) and _worst(problem, found) <= CLOSED:
-        return found, best
-    sheets = winding_of(closures, home[None], (), {})
-    if sheets is None or not sheets.ambiguous:
-        return found, best
-    own, nearest = _search(replace(problem, winding=sheets.near(home)), home, tolerance, count)
-    return (own if len(own) else found), min(best, nearest)
-
-
-def _worst(problem: LoopProblem, q: Array) -> float:
-    """Return the largest scaled residual of postures, shape (n, nq)."""
-    residual = problem.closures.residual(q, problem.tree.sweep(q)) * problem.row_scale
-    return float(np.abs(residual).max(initial=0.0))
-
-
-def _search(problem: LoopProblem, home: Array, tolerance: float, count: int) -> tuple[Array, float]:
-    """Search for up to `count` postures about a home posture; return them and the smallest residual."""
-    search, size = _Search(problem, tolerance), problem.tree.nv
+    search, size = _Search(problem, tolerance), tree.nv
     rng = np.random.default_rng(2010)
     for spread, share in SPREADS:
         search.about(home[None], rng.uniform(-spread, spread, (share * count, size)), count)

@@ -21,7 +21,6 @@ from .elimination import back_substitute, pivot_ratio, pivoted_qr
 from .reduction import RANK_TOLERANCE, Block, size_of_rows
 from .targets import Target
 from .tree import Motion, Tree
-from .winding import Winding
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
@@ -64,7 +63,6 @@ class LoopProblem:
         targets: Prescribed poses of bodies; each adds rows.
         rank: Number of singular values used; if None, those above `rank_tolerance`.
         blocks: Blocks of full column rank that cover all free freedoms; empty for one dense step.
-        winding: Whole turns implied by the given positions, or None if none matter.
         rank_tolerance: Relative singular value from which on rows count as independent.
     """
 
@@ -75,7 +73,6 @@ class LoopProblem:
     targets: Sequence[Target] = ()
     rank: int | None = None
     blocks: Sequence[Block] = ()
-    winding: Winding | None = None
     rank_tolerance: float = RANK_TOLERANCE
 
     @property
@@ -99,8 +96,6 @@ class LoopProblem:
         motion = motion or self.tree.sweep(q)
         rows = [t.residual(motion, samples) / t.units for t in self.targets]
         loops = self.closures.residual(q, motion)
-        if self.winding is not None:
-            self.winding.correct(loops, q, samples)
         return np.concatenate([loops * self.row_scale, *rows], axis=1)
 
     @cached_property

@@ -1,7 +1,8 @@
 """HybridRobot: a tree of modules on a fixed, moving or floating base.
 
 Positions q, rates v and accelerations a are those of the spanning tree, which has every movable URDF joint.
-Order and coordinates are those of `pin.buildModelFromXML`. A moving or floating base adds a free-flyer as the
+Order and coordinates are those of `pin.buildModelFromXML`, but for endless joints in gears
+(`description.records.Joint`). A moving or floating base adds a free-flyer as the
 first joint.
 """
 

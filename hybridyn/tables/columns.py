@@ -130,7 +130,10 @@ def read_layout(
     layout = Layout(
         file=file,
         time=time,
-        joints={name: joint_signal(joints[name], cols, file, wanted) for name, cols in moving_joints.items()},
+        joints={
+            name: joint_signal(joints[name], cols, file, wanted, endless=name in description.endless_gears)
+            for name, cols in moving_joints.items()
+        },
         poses={
             key: pose_signal(key, cols, file, of_base if key == description.root else wanted)
             for key, cols in moving_links.items()

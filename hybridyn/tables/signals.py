@@ -52,11 +52,17 @@ class Signal:
 
 
 def joint_signal(
-    joint: Joint, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
+    joint: Joint,
+    given: dict[str, dict[str, int]],
+    file: str | None,
+    wanted: tuple[str, ...] = RATES,
+    *,
+    endless: bool = False,
 ) -> Signal:
     """Build the signal of a joint.
 
     Args:
+        endless: Whether it is a gear that turns without limits.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
         wanted: The needed ones of "velocity" and "acceleration".
@@ -72,7 +78,7 @@ def joint_signal(
         position=_picked(given.get("position", {}), components, f"{joint.name}/position", what, file),
         velocity=_rates(given, "velocity", rates, joint.name, what, file),
         acceleration=_rates(given, "acceleration", rates, joint.name, what, file),
-        wraps=(0,) if joint.kind == "continuous" else (),
+        wraps=(0,) if joint.kind == "continuous" or endless else (),
         wanted=wanted,
     )
     if joint.kind in JOINT_COMPONENTS and signal.missing:

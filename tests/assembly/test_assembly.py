@@ -295,7 +295,7 @@ def test_a_trajectory_does_not_depend_on_where_it_is_cut() -> None:
 def test_motors_that_turn_without_end() -> None:
     """A crank of a continuous joint over three turns; the gear at 1.5 turns of a second one with it."""
     robot, _ = drawn("gear_rack")
-    crank = next(m for m in robot.motors if robot.kinds[robot.joints.index(m)] == "continuous")
+    crank = next(m for m in robot.motors if m in robot.description.endless_gears)
     others = {m: position(robot, m, robot.home) for m in robot.motors if m != crank}
     angle = position(robot, crank, robot.home) + np.linspace(0, 2.5, 40)
     q, _, _ = hybridyn.assemble(robot, motors={crank: angle, **others})

@@ -8,10 +8,10 @@ import pytest
 import hybridyn
 from hybridyn.assembly.assemble import move_module
 from hybridyn.errors import AssemblyError
-from hybridyn.linkage.common_measure import common_measure
 from hybridyn.streams import blocks as blocks_file
 from hybridyn.structure.robot import HybridRobot
 from tests.command_line import call, read_table, table_text
+from tests.oracle import Oracle
 
 RATIOS = (3.14, 2.37, 1.234, 0.558, -3.0, 1 / 3, 0.55834, 0.3333333)
 OFFSET = 0.2
@@ -74,6 +74,36 @@ def folded(angle: np.ndarray) -> np.ndarray:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
+# -------------------------------------------------------------------- coordinates
+
+
+def test_positions_of_geared_endless_joints_are_angles(tmp_path: Path) -> None:
+    """They have one coordinate, in the robot, its Pinocchio model and the oracle; others keep two."""
+    geared = gear(tmp_path, 3.14)
+    assert geared.kinds == ("revolute", "revolute")
+    assert geared.nq == geared.model.nq == Oracle(geared.description).nq == 2
+    assert geared.description.endless_gears == {"drive", "follower"}
+    alone = robot(tmp_path, link("b"), link("d"), joint("drive", "continuous", "b", "d"))
+    assert alone.kinds == ("continuous",)
+    assert alone.nq == 2
+
+
+def test_a_home_by_cosine_and_sine_is_an_angle(tmp_path: Path) -> None:
+    gear(tmp_path, 3.14)
+    at = np.array([0.5, 3.14 * 0.5 + OFFSET])
+    (tmp_path / "geared.model.toml").write_text(
+        f"[home]\ndrive = [{np.cos(0.5)}, {np.sin(0.5)}]\nfollower = {at[1]}\n"
+    )
+    home = hybridyn.load(tmp_path / "geared.urdf", motors=["drive"]).home
+    assert home == pytest.approx(at, abs=ROUNDING)
+
+
+def test_more_turns_than_a_limited_joint_has_are_no_mistake(tmp_path: Path) -> None:
+    geared = gear(tmp_path, 3.14)
+    q = hybridyn.assemble(geared, motors={"drive": 2e4})[0]
+    assert q[1] == pytest.approx(3.14 * 2e4 + OFFSET, rel=1e-14)
+
+
 # -------------------------------------------------------------------- positions given
 
 
@@ -134,11 +164,6 @@ def test_moving_by_hand_goes_on_from_where_it_is(tmp_path: Path) -> None:
     assert step == pytest.approx(0.314, abs=1e-12)
 
 
-def test_fractions_of_any_size_are_measured() -> None:
-    for numbers, wanted in (([1.0, -3.14], 0.02), ([0.55834, 1.0], 2e-5), ([2.0, 3.0], 1.0), ([1.0], 1.0)):
-        assert common_measure(numbers) == pytest.approx(wanted, rel=1e-9)
-
-
 # -------------------------------------------------------------------- tables
 
 
@@ -162,8 +187,11 @@ def test_jobs_find_the_turns_in_the_middle_of_a_table(
     assert np.abs(tau - hybridyn.idm(geared, q, v, a)[:, 0]).max() < 1e-8 * np.abs(tau).max()
 
 
-def test_angles_folded_into_one_turn_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    gear(tmp_path, 3.14)
+@pytest.mark.parametrize("ratio", [3.14, -3.0])
+def test_angles_folded_into_one_turn_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], ratio: float
+) -> None:
+    gear(tmp_path, ratio)
     time = np.arange(100) / 100
     path = tmp_path / "folded.csv"
     path.write_text(table_text(["time", "drive/position"], np.column_stack([time, folded(20 * time)])))
@@ -172,8 +200,6 @@ def test_angles_folded_into_one_turn_are_refused(tmp_path: Path, capsys: pytest.
     assert "row 17" in said.err
     assert "joint 'drive'" in said.err
     assert "unwrap" in said.err
-    gear(tmp_path, -3.0)  # there whole turns tell nothing
-    assert call(capsys, "idm", tmp_path / "geared.urdf", "--motors", "drive", path).status == 0
 
 
 @pytest.mark.parametrize("rate", [3.0, 25.0])

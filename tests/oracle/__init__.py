@@ -1,7 +1,7 @@
 """Reference models: inverse and direct dynamics in maximal coordinates, from the `Description` alone.
 
 Read `arithmetic` (float64 or any number of digits), `rows` (constraint rows of joints and closures),
-`joints`, `turns`, `tree`, `bodies`, `models`. The oracle shares no code with the models that it checks.
+`joints`, `tree`, `bodies`, `models`. The oracle shares no code with the models that it checks.
 
 Of the package it imports `hybridyn.description`, the records that a robot's files state, and no more.
 """

@@ -13,7 +13,6 @@ from hybridyn.description.records import Closure, Description, Joint, JointKind
 from .arithmetic import Arithmetic, Factor, Numbers
 from .joints import FREEDOMS, SLIDES, displacement, moved, triad
 from .rows import ROWS, Frame, Row, constraint_rows, coordinate_rows
-from .turns import nearest_turns
 
 Base = Literal["fixed", "moving", "floating"]
 
@@ -228,15 +227,10 @@ class Tree:
         """Compute the residuals of closures and couplings, (rows,), in the order of K; slides in metres."""
         values = [row.value for loop in posture.closures for row in loop.rows]
         for coupling in self.description.couplings:
-            value, turns = -self.arithmetic.array(coupling.offset)[()], []
+            value = -self.arithmetic.array(coupling.offset)[()]
             for name, coefficient in coupling.terms:
-                kind, at, _ = self.coordinates[name]
-                if kind == "continuous":
-                    turns.append(8 * coefficient * self.arithmetic.atan2(1, 1))
-                    value += coefficient * self.arithmetic.atan2(q[at][1], q[at][0])
-                else:
-                    value += coefficient * q[at][0]
-            values.append(value - nearest_turns(float(value), turns))
+                value += coefficient * q[self.coordinates[name][1]][0]
+            values.append(value)
         return self.arithmetic.array(values)
 
     def turned(self, posture: Posture) -> Numbers:

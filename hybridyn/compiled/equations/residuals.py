@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...linkage.closures import TreeClosure
-from ...linkage.common_measure import common_measure
 from ...linkage.couplings import TreeCoupling
 from .chains import Chain
 from .expressions import Expression, along, cross, dot, plus, zeros
@@ -104,16 +102,9 @@ def coupling_row(
     chain: Chain, coupling: TreeCoupling, positions: list[Expression], offset: Any
 ) -> tuple[Any, Expression]:
     """Compute a coupling's residual, and its Jacobian row of shape (nv,)."""
-    row, total, endless = zeros(chain.nv), -offset, []
+    row, total = zeros(chain.nv), -offset
     for joint, coefficient in coupling.terms:
-        at, x = chain.v_slices[joint].start, positions[joint]
+        at = chain.v_slices[joint].start
         row[at] = row[at] + coefficient
-        if chain.links[joint].kind == "continuous":
-            total = total + coefficient * ca.atan2(x[1], x[0])
-            endless.append(coefficient)
-        else:
-            total = total + coefficient * x[0]
-    period = 2 * np.pi * common_measure(endless)
-    if period:  # cosine and sine of a continuous joint do not count its whole turns
-        total = total - period * ca.floor(total / period + 0.5)
+        total = total + coefficient * positions[joint][0]
     return total, row

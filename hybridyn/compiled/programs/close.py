@@ -17,7 +17,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.common_measure import common_measure
 from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.module import Module
@@ -35,12 +34,9 @@ from ..equations.static_elimination import solve
 from ..program import Program, Source, Target, Worst
 from .writer import Writer
 
-#: The program is left out if a motor must turn by less than this [rad] between calls (`largest_turn`).
-LEAST_TURN = 0.1
 
-
-def close_program(request: Request) -> Program | None:
-    """Build the program that closes a robot's loops, or return None if a gear's turns would be lost.
+def close_program(request: Request) -> Program:
+    """Build the program that closes a robot's loops.
 
     Inputs are "near", a posture with the motors' present positions and the other joints' previous ones, and
     "v" and "a", of which the entries of motors, of a moving base, and of joints that no motor moves are read.
@@ -48,10 +44,7 @@ def close_program(request: Request) -> Program | None:
     joints at "near". The guard is at most 1 if the loops were closed before the step. Otherwise call again
     with "q".
     """
-    robot = request.robot
-    if largest_turn(robot.modules) < LEAST_TURN:
-        return None
-    return following_program(request, "close", freedoms_of(robot, robot.motors))
+    return following_program(request, "close", freedoms_of(request.robot, request.robot.motors))
 
 
 def freedoms_of(robot: HybridRobot, joints: Iterable[str]) -> set[int]:
@@ -87,24 +80,6 @@ def following_program(request: Request, name: str, driven: set[int]) -> Program:
         targets: list[Target] = [w.result("q", q), w.result("v_closed", v), w.result("a_closed", v), Worst()]
         w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
     return w.program()
-
-
-def largest_turn(modules: Iterable[Module], joints: Iterable[str] | None = None) -> float:
-    """Return how far joints of modules, by default motors, may turn between calls, [rad]; mostly infinity.
-
-    Cosines and sines do not count turns, so that a gear between endless joints is closed on sheets. A motor
-    that turns by more than half the distance between them leaves the other joints on a wrong sheet.
-    """
-    turn = np.inf
-    for module in modules:
-        m = module.mechanism
-        driven = set(module.motors if joints is None else joints) & set(module.joints)
-        for coupling in m.spanning_closures.couplings:
-            endless = [(j, abs(c)) for j, c in coupling.terms if m.spanning.joints[j].kind == "continuous"]
-            known = [c for j, c in endless if module.joints[j] in driven]
-            if known and len(known) < len(endless):
-                turn = min(turn, np.pi * common_measure([c for _, c in endless]) / max(known))
-    return float(turn)
 
 
 def keep_base(w: Writer) -> None:

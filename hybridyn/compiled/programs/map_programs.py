@@ -20,7 +20,7 @@ from ...dynamics.quantities.coordinates import check_joints
 from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside
 from ...dynamics.quantities.map_table import regular_map
 from ...dynamics.quantities.posture import modules_of
-from ...errors import ModelError, SingularityError
+from ...errors import SingularityError
 from ...linkage.tree import Tree
 from ...spatial import Array, Index
 from ...structure.module import Module
@@ -34,7 +34,6 @@ from ..equations.spanning import dependent_pivots, spanning_closures
 from ..equations.states import moving_states
 from ..equations.static_elimination import solve
 from ..program import Constants, Program, Source, Target, Worst
-from .close import LEAST_TURN, largest_turn
 from .writer import Writer
 
 #: Random postures at which the joints are tried before the map is written.
@@ -65,20 +64,12 @@ def map_programs(request: Request, joints: Sequence[str]) -> list[Program]:
     Raises:
         SingularityError: The joints do not fit their modules.
         TrajectoryError: A joint is unknown, or has several freedoms.
-        ModelError: A gear between endless joints loses count of its turns.
     """
     robot = request.robot
     check_joints(robot, joints)
     regular_posture(robot, joints)
     sides = Side("joint", tuple(joints)), Side("motor", motors_beside(robot, joints))
     numbers = modules_of(robot, joints)
-    for side in sides:
-        turn = largest_turn([robot.modules[k] for k in numbers], side.joints)
-        if turn < LEAST_TURN:
-            raise ModelError(
-                f"the map of the joints {', '.join(joints)} is not exported: a gear between endless joints "
-                f"loses count of its turns, where a {side.name} may turn by {turn:.2g} rad between calls"
-            )
     return [_program(request, numbers, sides[1], sides[0]), _program(request, numbers, sides[0], sides[1])]
 
 

@@ -39,7 +39,7 @@ def closing_of_motors(robot: HybridRobot) -> Built | None:
     """Return the library of program "close" from the cache, or build it.
 
     Returns:
-        The library; None if motors do not determine the motion, or gears lose their turns.
+        The library; None if motors do not determine the motion.
 
     Raises:
         CompileError: It cannot be built.

@@ -35,7 +35,7 @@ def write_urdf(request: Request) -> Written:
         for shape in request.shapes:
             if shape.link == link.name:
                 add_visual(element, shape)
-    elements = {joint.name: _add_joint(root, joint) for joint in d.joints}
+    elements = {j.name: _add_joint(root, j, endless=j.name in d.endless_gears) for j in d.joints}
     for closure in d.closures:
         add_closure(root, closure, losses)
     couplings = add_couplings(root, d, elements)
@@ -71,9 +71,13 @@ def _add_link(root: ET.Element, link: Link) -> ET.Element:
     return element
 
 
-def _add_joint(root: ET.Element, joint: Joint) -> ET.Element:
-    """Add a joint; a ball is written as a hinge, which the side-car retypes."""
-    kind = "revolute" if joint.kind == "spherical" else joint.kind
+def _add_joint(root: ET.Element, joint: Joint, *, endless: bool) -> ET.Element:
+    """Add a joint; a ball is written as a hinge, which the side-car retypes.
+
+    Args:
+        endless: Whether it is a gear that turns without limits, which URDF calls continuous.
+    """
+    kind = "continuous" if endless else "revolute" if joint.kind == "spherical" else joint.kind
     element = ET.SubElement(root, "joint", name=joint.name, type=kind)
     add_origin(element, joint.placement)
     ET.SubElement(element, "parent", link=joint.parent)

@@ -115,8 +115,8 @@ def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
 def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
     """Return the parts of a closing program; None if the general path must close the loops.
 
-    Kernels know no gears of continuous joints whose turns matter, and no motions that are left to the least
-    norm; and they do not average loops that contradict each other by a file's rounding.
+    Kernels know no motions that are left to the least norm, and do not average loops that contradict each
+    other by a file's rounding.
 
     Raises:
         AssemblyError: What is given does not determine the posture of a module.
@@ -126,12 +126,7 @@ def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | No
         given, m = given_of(request), module.mechanism
         task = module_task(robot, module, request)
         free = int(task.problem.free.sum())
-        if (
-            task.problem.winding is not None
-            or task.problem.rank != free
-            or free > MOST_FREEDOMS
-            or m.rounding > CONTRADICTING_FILE
-        ):
+        if task.problem.rank != free or free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
             return None
         parts.append(Part(module, given, tuple(task.problem.blocks)))
     return parts if sum(part.given.rates for part in parts) else None

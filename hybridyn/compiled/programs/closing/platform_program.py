@@ -18,7 +18,7 @@ from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
-from ..close import LEAST_TURN, by_motors, freedoms_of, keep_base, largest_turn, motor_freedoms
+from ..close import by_motors, freedoms_of, keep_base, motor_freedoms
 from ..writer import Writer
 from .choosing import modules_of
 from .extended import extended
@@ -33,9 +33,7 @@ def posed_modules(robot: HybridRobot) -> list[int]:
 
 
 def close_platforms_program(request: Request) -> Program | None:
-    """Build the program that closes loops from platform poses.
-
-    Return None if no pose determines a module, or if a gear's turns would be lost (`largest_turn`).
+    """Build the program that closes loops from platform poses, or return None if none determines a module.
 
     Inputs are "near", a posture with the present positions of motors of modules without a posed platform and
     the other joints' previous ones; for each of `posed_modules` the "pose" of its platform in its base,
@@ -45,8 +43,7 @@ def close_platforms_program(request: Request) -> Program | None:
     """
     robot = request.robot
     posed = posed_modules(robot)
-    followers = [module for k, module in modules_of(robot) if k not in posed]
-    if not posed or largest_turn(followers) < LEAST_TURN:
+    if not posed:
         return None
     count, driven = len(posed), freedoms_of(robot, robot.motors)
     inputs = [("near", robot.nq), ("pose", 7 * count), ("twist", 6 * count), ("twist_dot", 6 * count)]

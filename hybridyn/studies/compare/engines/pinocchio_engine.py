@@ -39,7 +39,12 @@ class PinocchioEngine:
         numbers = [model.getJointId(name) for name in robot.joints]
         if robot.base != "fixed":
             numbers[0] = 1
-        self.q_at = np.concatenate([self._range(model.idx_qs[n], model.nqs[n]) for n in numbers])
+        # Endless gears are angles here, and cosine and sine in models that Pinocchio reads.
+        turns = [i for i, n in enumerate(numbers) if (model.nqs[n], robot.kinds[i]) == (2, "revolute")]
+        sizes = [1 if i in turns else model.nqs[n] for i, n in enumerate(numbers)]
+        starts = [model.idx_qs[n] for n in numbers]
+        self.q_at = np.concatenate([self._range(*own) for own in zip(starts, sizes, strict=True)])
+        self.turned = np.array([robot.q_slices[i].start for i in turns], dtype=int)
         self.v_at = np.concatenate([self._range(model.idx_vs[n], model.nvs[n]) for n in numbers])
         if len(self.q_at) != robot.nq or len(self.v_at) != robot.nv:
             raise NotComparableError("Pinocchio's joints have other coordinates")
@@ -51,6 +56,8 @@ class PinocchioEngine:
     def _theirs(self, q: Array, *rates: Array) -> list[Array]:
         positions = np.zeros(self.model.nq)
         positions[self.q_at] = q
+        cosines = self.q_at[self.turned]
+        positions[cosines], positions[cosines + 1] = np.cos(q[self.turned]), np.sin(q[self.turned])
         out = [positions]
         for x in rates:
             own = np.zeros(self.model.nv)
@@ -103,7 +110,9 @@ class PinocchioEngine:
             v = v + self.step * np.asarray(a)
             x = pin.integrate(self.model, x, self.step * v)
             if step % 10 == 9:
-                out.append(np.array(x)[self.q_at])
+                posture, cosines = np.array(x)[self.q_at], self.q_at[self.turned]
+                posture[self.turned] = np.arctan2(x[cosines + 1], x[cosines])
+                out.append(posture)
         return out
 
 
