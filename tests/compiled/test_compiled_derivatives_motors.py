@@ -18,12 +18,14 @@ from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
 from hybridyn.compiled.programs.derivatives.nodes import Node
 from hybridyn.compiled.programs.derivatives.tangents import Graph
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.dynamics.quantities.posture import positions_of
 from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
 from tests.compiled.test_compiled_derivatives import assert_filled
 from tests.effect_cases import CASES
+from tests.locked import hinged_five_bar, with_truss
 from tests.mechanisms import random_mechanism
 from tests.samples import slow
 from tests.shipped import shipped
@@ -71,16 +73,23 @@ def test_they_are_those_over_joints_along_the_loops(name: str, interpreted: None
 
 @pytest.mark.parametrize(
     "name",
-    ["five_bar", *map(slow, ("gough_stewart", "rps3", "delta", "tanev", "lx4", "gough_floating"))],
-)
+    [
+        "five_bar", "truss beside",
+        *map(slow, ("truss on", "truss below", "gough_stewart", "rps3", "delta", "tanev", "lx4")),
+        slow("gough_floating"),
+    ],
+)  # fmt: skip
 def test_columns_against_differences_along_each_motor(name: str, interpreted: None) -> None:
     """The general path of `idm` at postures that `assemble` closes: single columns have a meaning here."""
     drawn = name == "gough_floating"  # its platform has a joint of six freedoms
-    robot = build_robot(random_mechanism(1, kind=name) if drawn else shipped(name))
-    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    robot = (
+        with_truss(name.removeprefix("truss "))
+        if name.startswith("truss")
+        else build_robot(random_mechanism(1, kind=name) if drawn else shipped(name))
+    )
+    q, v, a, tau = (x[0] for x in random_states(robot, 1))
     columns, n = columns_of(robot), len(robot.motors)
-    at = [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
-    start = np.concatenate([q[at], v[columns], a[columns]])
+    start = np.concatenate([positions_of(robot, q[None], robot.motors)[0], v[columns], a[columns]])
     found = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
     J = np.concatenate([found["q"], found["v"], found["a"]], axis=1)
 
@@ -94,6 +103,9 @@ def test_columns_against_differences_along_each_motor(name: str, interpreted: No
         x = start + STEP * np.arange(-2, 3)[:, None] * np.eye(3 * n)[j]
         f = [np.ravel(efforts(row)) for row in x]
         close_to(J[:, j], (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / (12 * STEP), DIFFERENCES)
+    rates = hybridyn.ddm_jacobian(robot, q, v, tau, coordinates="motors")
+    for known, of in (("q", -found["q"]), ("v", -found["v"]), ("tau", np.eye(n))):
+        close_to(found["a"] @ rates[known], of, ROUNDING)
 
 
 def test_brackets_are_commutators_of_matrices() -> None:
@@ -134,6 +146,27 @@ def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
         Derivatives(robot, "idm", coordinates="motors", parameters=True)
     with pytest.raises(ModelError, match="need a fixed base; this one is 'floating'"):
         Derivatives(build_robot(shipped("five_bar"), base="floating"), "ddm", coordinates="motors")
+
+
+def test_nothing_changes_where_nothing_moves(interpreted: None) -> None:
+    """There are no derivatives over no motors, and those over the effort of a locked one are zero."""
+    robot = with_truss("alone")
+    for derive in (Derivatives(robot, model, coordinates="motors") for model in ("idm", "ddm")):
+        found = derive(robot.home, *(np.zeros(n) for n in list(derive._inputs.values())[1:]))
+        assert {block.shape for block in found.values()} == {(0, 0)}
+    robot = with_truss("beside", motor=True)
+    q, v, _, tau = (x[0] for x in random_states(robot, 1))
+    J, locked = ddm_jacobian(robot, q, v, tau)["tau"], robot.modules[0]
+    assert not J[locked.v_index].any()
+    assert not J[:, locked.motor_index].any()
+    assert np.linalg.matrix_rank(J) == robot.mobility
+
+
+@pytest.mark.parametrize("model", ["idm", "ddm"])
+def test_motors_that_loops_lock_are_no_coordinates(model: str) -> None:
+    for robot in (hinged_five_bar(("ja", "jx")), with_truss("beside", motor=True)):
+        with pytest.raises(ModelError, match=r"its loops lock motor '.*', which is no coordinate"):
+            Derivatives(robot, model, coordinates="motors")
 
 
 @pytest.mark.slow

@@ -12,11 +12,13 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.quantities import following
+from hybridyn.dynamics.quantities.coordinates import independent_coordinates
 from hybridyn.errors import AssemblyError, CompileError, SingularityError, TrajectoryError
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.dynamics.test_idm import flat_five_bar
 from tests.dynamics.test_lost_rank import parallelogram
+from tests.locked import hinged_five_bar, named
 from tests.oracle import Oracle
 from tests.quantities.reduced import columns_of, oracle_bias, oracle_map, oracle_mass
 from tests.samples import slow
@@ -215,13 +217,26 @@ def test_bad_questions_are_refused(bar: hybridyn.CompiledRobot) -> None:
         bar.gravity(np.zeros(3))
 
 
+@pytest.mark.parametrize("ends", [("ja", "jx"), ("jx", "jd")])
+def test_joints_that_are_never_independent(ends: tuple[str, str]) -> None:
+    """Loops lock one: the program, which has to take another in its place, is not used."""
+    compiled = hybridyn.compile(hinged_five_bar())
+    robot, joints = compiled.robot, named(compiled.robot, *ends)
+    for name in ("motion_map", "mass_matrix", "gravity", "joint_map"):
+        words = error_of(getattr(compiled, name), robot.home, joints=joints)
+        assert words == error_of(getattr(hybridyn, name), robot, robot.home, joints=joints)
+        assert "they are not independent" in words
+
+
 def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = hybridyn.load("five_bar")
 
-    def batch(_: object, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Any:
+    def batch(states: list[np.ndarray], threads: int) -> Any:
         """Trust nothing."""
-        return (q, v, a), np.full(len(q), np.inf)
+        return states, np.full(len(states[0]), np.inf)
 
-    monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(batch=batch))
+    calls = SimpleNamespace(batch=batch, trusted=1.0, dtype=np.dtype(float))
+    monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
+    moves = following.Following(robot, independent_coordinates(robot, None), "float64")
     with pytest.raises(CompileError, match="trusted at none of 96 random states"):
-        following._accept(robot, None, "float64", None)  # type: ignore[arg-type]
+        moves._accept(None)  # type: ignore[arg-type]

@@ -33,7 +33,8 @@ def check_coordinates(robot: HybridRobot, coordinates: str, *, parameters: bool)
 
     Raises:
         ModelError: They are unknown; or they are "motors", and the base is not fixed, a module has not as
-            many motors with one freedom as freedoms, or derivatives over parameters are asked for.
+            many motors with one freedom as freedoms or one that its loops lock, or derivatives over
+            parameters are asked for.
     """
     check_kinds(coordinates, parameters)
     if coordinates == "joints":
@@ -48,6 +49,12 @@ def check_coordinates(robot: HybridRobot, coordinates: str, *, parameters: bool)
         several = [name for name in motors if NV[robot.kinds[robot.joint_index[name]]] > 1]
         if several:
             raise ModelError(f"motor '{several[0]}' has several freedoms and is no coordinate. {mend}")
+        locked = [name for i, name in enumerate(motors) if i not in module.moving_motors]
+        if locked:
+            raise ModelError(
+                f"module '{module.name}': its loops lock motor '{locked[0]}', which is no coordinate. {mend}",
+                element=locked[0],
+            )
         if len(motors) != module.mobility:
             raise ModelError(
                 f"module '{module.name}': {counted(len(motors), 'motor')} for "

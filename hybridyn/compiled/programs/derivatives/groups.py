@@ -72,12 +72,13 @@ class Group:
 
 
 def groups_of(request: Request, balance: Balance) -> list[Group]:
-    """Join modules to groups, outwards."""
+    """Join modules to groups, outwards; those without motions join any, so that they are alone on a base."""
     members: list[list[InverseCalls]] = []
     of: dict[int, list[InverseCalls]] = {}
     for calls in balance.modules:
-        below = of.get(calls.module.parent)
-        if below and sum(x.module.mobility for x in below) + calls.module.mobility <= JOINED:
+        below, own = of.get(calls.module.parent), calls.module.mobility
+        joined = sum(x.module.mobility for x in below or ())
+        if below and (not (own and joined) or own + joined <= JOINED):
             below.append(calls)
         else:
             members.append(below := [calls])

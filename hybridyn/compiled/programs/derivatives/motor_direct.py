@@ -46,7 +46,9 @@ def motor_direct_derivatives(request: Request) -> Program:
     start = len(w.steps)
     balance = write_balance(request, w)
     steps = sum_legs(w, modules, balance, start)
-    groups = groups_of(request, balance)
+    groups = [
+        group for group in groups_of(request, balance) if group.mobility
+    ]  # others stand still on the base
     joiner, motions = Joiner(w.kernels, w.handed), MotorMotions(w, Motions(w))
     moving = {group: motions.of([modules[x.k] for x in group.modules]) for group in groups}
     relations: dict[Group, MotorRelations] = {}

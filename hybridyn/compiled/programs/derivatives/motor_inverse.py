@@ -48,7 +48,9 @@ def motor_inverse_derivatives(request: Request) -> Program:
         assert of.u_dot is not None
         assert calls.u_dot is not None
         instead[of.u_dot] = of.u_dot = calls.u_dot
-    groups = groups_of(request, balance)
+    groups = [
+        group for group in groups_of(request, balance) if group.mobility
+    ]  # others stand still on the base
     joiner, motions = Joiner(w.kernels, w.handed), Motions(w, instead)
     for of in modules:
         motions.evaluate(of)

@@ -95,14 +95,15 @@ class MotorMotions:
         self._pivots: dict[Any, Pivots] = {}
 
     def of(self, modules: list[DirectCalls]) -> list[MotorMotion]:
-        """Add the motions of a group: those of all modules without loops, and of each other module."""
+        """Add the motions of a group: those of all modules without loops, and of each other that can move."""
         free = [calls for calls in modules if calls.module.mobility == len(calls.module.v_index)]
         first, at = 0, {}
         for calls in modules:
             at[calls.k] = np.arange(first, first + calls.module.mobility)
             first += calls.module.mobility
         out = [self._free(free, np.concatenate([at[calls.k] for calls in free]))] if free else []
-        return out + [self._closed(calls, at[calls.k]) for calls in modules if calls not in free]
+        closed = [calls for calls in modules if calls not in free and calls.module.mobility]
+        return out + [self._closed(calls, at[calls.k]) for calls in closed]
 
     def _free(self, modules: list[DirectCalls], left: Index) -> MotorMotion:
         """Return the motion of modules each of whose joints has a motor."""

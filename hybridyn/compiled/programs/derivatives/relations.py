@@ -133,7 +133,7 @@ class Builder:
             out["u"] = [x for u in motion.u_dot for x in adjoints.parts(u)]
             for name, index in inputs.items():
                 found = adjoints.parts(w.from_given(name.split()[0], at.q if name == "q" else index))
-                if name in ("q", "v") or any(found):
+                if name in ("q", "v", "tau") or any(found):
                     out[name] = found
             return out
 

@@ -19,7 +19,7 @@ from ....dynamics.quantities.motion_map import blocks
 from ....errors import CompileError, HybridynError
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
-from ...code.scalars import GUARD_LIMIT, Scalar
+from ...code.scalars import Scalar
 from ...failures import as_compile_error
 from ...library.cache import Built, cached
 from ...library.calls import Library, Numbers, loaded
@@ -57,8 +57,6 @@ class Following:
         self.robot, self.u = robot, u
         scalar = Scalar(dtype, best_lanes(dtype))
         key = f"following {u.columns.tolist()} {robot_key(robot, None)} {scalar!r}"
-        source, accept = partial(_source, robot, u, scalar), partial(_accept, robot, u, dtype)
-        self._calls = loaded(lambda: cached(key, source, accept=accept)).programs["following"]
         parts = blocks(robot, u)
         self._units = np.zeros((max((len(own) for own in u.own), default=0), robot.nv))
         for _, own, at in parts:
@@ -67,6 +65,46 @@ class Following:
             np.concatenate([(place * robot.nv + index).ravel() for index, place in pairs])
             for pairs in (((i, own) for i, own, _ in parts), ((i, at) for i, _, at in parts))
         )
+        source = partial(_source, robot, u, scalar)
+        self._calls = loaded(lambda: cached(key, source, accept=self._accept)).programs["following"]
+
+    def _accept(self, built: Built) -> None:
+        """Compare dq/du and the drift of a new library with the general path at random states.
+
+        Raises:
+            CompileError: They differ, can be trusted nowhere, or the general path refuses the coordinates: a
+                program has to choose which freedoms depend on the others, and may have to choose some of u.
+        """
+        from ...equations.states import moving_states
+
+        self._calls, name = Library(built).programs["following"], self.robot.description.name
+        limit = FOLLOWING_AGREES[str(self._calls.dtype)]
+        for seed in range(ROUNDS):
+            q, v, _ = moving_states(self.robot, SAMPLES, seed)
+            (E, mapped), (a, trusted) = self.map(q), self.drift(q, v)
+            good = mapped & trusted
+            if good.any():
+                break
+        else:
+            raise CompileError(
+                f"the compiled motion map of the robot '{name}' can be trusted at none of "
+                f"{ROUNDS * SAMPLES} random states: it is not used"
+            )
+        try:
+            right, drift = side_motions(self.robot, q[good], v[good], self.u)
+        except HybridynError as error:
+            raise CompileError(f"the motion map of the robot '{name}' is not compiled: {error}") from error
+        pairs = (E, right, right), (a, drift, np.hstack([drift, v[good]]))  # a drift may be zero
+        off = max(
+            float(np.abs(found[good] - wanted).max(initial=0.0) / (1e-300 + np.abs(scale).max(initial=0.0)))
+            for found, wanted, scale in pairs
+        )
+        if not off <= limit:
+            raise CompileError(
+                f"the compiled motion map of the robot '{name}' differs from the general path by {off:.2g} "
+                f"of its largest entry (limit {limit:g}): it is not used. "
+                "This is a bug: report it with the robot's files; the general path is right"
+            )
 
     def map(self, q: Array) -> tuple[Numbers, Mask]:
         """Compute dq/du, shape (T, nv, N), and which samples can be trusted, shape (T,).
@@ -140,34 +178,3 @@ def _source(robot: HybridRobot, u: Coordinates, scalar: Scalar) -> Source:
 
     wanted = request(robot, None, dtype=scalar.name)
     return library_source([following_program(wanted, "following", set(u.columns.tolist()))], scalar)
-
-
-def _accept(robot: HybridRobot, u: Coordinates, dtype: str, built: Built) -> None:
-    """Compare a new library with the general path at random states."""
-    from ...equations.states import moving_states
-
-    library = Library(built)
-    for seed in range(ROUNDS):
-        q, v, _ = moving_states(robot, SAMPLES, seed)
-        (_, rates, accelerations), guard = library.batch("following", q, v, np.zeros_like(v))
-        good = guard <= GUARD_LIMIT
-        if good.any():
-            break
-    else:
-        raise CompileError(
-            f"the compiled motion map of the robot '{robot.description.name}' can be trusted at none of "
-            f"{ROUNDS * SAMPLES} random states: it is not used"
-        )
-    wanted = [(rates[good], v[good])]
-    try:
-        right = side_motions(robot, q[good], v[good], u)[1]
-        wanted.append((np.hstack([accelerations[good], v[good]]), np.hstack([right, v[good]])))
-    except HybridynError:  # another sample is singular: the rates are compared alone
-        log.debug("following: accelerations are not compared", exc_info=True)
-    off = max(float(np.abs(found - right).max() / (1e-300 + np.abs(right).max())) for found, right in wanted)
-    if not off <= FOLLOWING_AGREES[dtype]:
-        raise CompileError(
-            f"the compiled motion map of the robot '{robot.description.name}' differs from the general path "
-            f"by {off:.2g} of its largest entry (limit {FOLLOWING_AGREES[dtype]:g}): it is not used. This is "
-            "a bug: report it with the robot's files; the general path is right"
-        )
