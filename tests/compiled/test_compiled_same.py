@@ -19,7 +19,6 @@ from tests.locked import hinged_five_bar, named
 from tests.mechanisms import random_mechanism
 from tests.parts import rssr
 from tests.samples import slow
-from tests.shipped import shipped
 from tests.sketch import Sketch
 
 #: The functions of both paths over coordinates, with the arguments after the positions.
@@ -145,7 +144,7 @@ def test_a_posture_where_the_motors_lose_a_direction() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["five_bar", "delta", "gough_stewart", "stewart_ur5"])
 def test_shipped_robots_with_all_that_their_files_state(name: str) -> None:
-    robot = shipped(name)
+    robot = hybridyn.load(name)
     compared(robot, moving_states(robot, 1, 1)[0][0], [None, robot.motors[:1]], "model")
 
 
