@@ -7,24 +7,38 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from threading import Lock
 from typing import Any
 
 #: Environment variables that BLAS libraries read when they are loaded.
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+#: The limits of the blocks that are running, the oldest first: it knows the numbers that the program had set.
+_open: list[Any] = []
+_opening = Lock()
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Keep BLAS to one thread inside a `with` block, or inside a function with `@one_thread()`.
 
-    Afterwards the numbers of threads are those that the calling program had set.
+    Afterwards the numbers of threads are those that the calling program had set. They belong to the process:
+    where blocks of several threads overlap, the last one to end restores them.
     """
     controller = _controller()
     if controller is None:
         yield
         return
-    with controller.limit(limits=1):
+    with _opening:
+        _open.append(controller.limit(limits=1))
+    try:
         yield
+    finally:
+        with _opening:
+            if len(_open) == 1:
+                _open[0].restore_original_limits()
+            _open.pop()
 
 
 def start_none() -> None:

@@ -107,3 +107,24 @@ def test_small_matrices_start_no_threads(monkeypatch: pytest.MonkeyPatch, tmp_pa
     with one_thread():
         assert {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"} == {1}
     _controller.cache_clear()
+
+
+def test_overlapping_calls_restore_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second call begins within the first and ends after it: its start must not look like the rule."""
+    pools = pytest.importorskip("threadpoolctl")
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    _controller.cache_clear()
+
+    def threads() -> set[int]:
+        return {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"}
+
+    with pools.threadpool_limits(limits=2, user_api="blas"):
+        first, second = one_thread(), one_thread()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert threads() == {1}
+        second.__exit__(None, None, None)
+        assert threads() == {2}
+    _controller.cache_clear()
