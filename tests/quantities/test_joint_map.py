@@ -13,7 +13,7 @@ from hybridyn import HybridRobot
 from hybridyn.dynamics.quantities import map_table
 from hybridyn.dynamics.quantities.joint_map import JointMap
 from hybridyn.dynamics.quantities.posture import holding, postures_on_grid
-from hybridyn.errors import SingularityError, TrajectoryError
+from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
 from tests.comparing import ROUNDING, SOLVED, close_to
 from tests.dynamics.test_idm import flat_five_bar
 from tests.mechanisms import random_mechanism, random_states
@@ -167,6 +167,22 @@ def test_a_grid_keeps_to_the_branch_of_home(tmp_path: Path) -> None:
         there = hybridyn.joint_map(robot, q, JOINTS)
         close_to(there.joint_positions, at, SOLVED)
         assert np.abs(closed_form(*at, there.motor_positions)[0]).max() < ROUNDING
+
+
+def test_points_behind_a_gap_are_reached_around_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The points inside a hook are reached by a way that leads back towards home."""
+    robot = ankle(tmp_path)
+    wall = {(1, -2), (1, -1), (1, 0), (1, 1), (1, 2), (2, 2), (3, 2), (3, 1)}
+
+    def posture(_: HybridRobot, at: dict[str, float], near: np.ndarray | None = None) -> np.ndarray:
+        if (round(at["pitch"]), round(at["roll"])) in wall:
+            raise AssemblyError("out of reach")
+        return robot.home
+
+    monkeypatch.setattr("hybridyn.dynamics.quantities.posture.posture_at", posture)
+    values = {"pitch": np.arange(-4.0, 5.0), "roll": np.arange(-4.0, 5.0)}
+    missed = {tuple(map(round, at)) for at, q in postures_on_grid(robot, values) if q is None}
+    assert missed == wall
 
 
 def test_singular_samples_are_left_out_without_quadratic_work(monkeypatch: pytest.MonkeyPatch) -> None:

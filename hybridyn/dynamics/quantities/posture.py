@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
@@ -102,7 +103,7 @@ def postures_on_grid(robot: HybridRobot, values: Mapping[str, Array]) -> Iterato
     """Assemble a posture at every point of a grid of joint positions, from the point nearest to home on.
 
     Each joint's positions increase. A point's guess is the posture of a neighbour that was found: all belong
-    to home's assembly branch.
+    to home's assembly branch. Points behind a gap are found around it.
 
     Yields:
         For each point, the last joint's position changing first: the positions, shape (joints,), and the
@@ -111,25 +112,26 @@ def postures_on_grid(robot: HybridRobot, values: Mapping[str, Array]) -> Iterato
     Raises:
         HybridynError: Not a single point can be assembled: what the point nearest to home meets.
     """
-    robot, names = holding(robot, values), list(values)
+    robot, names, sizes = holding(robot, values), list(values), [len(x) for x in values.values()]
     check_joints(robot, names)
     at_home = positions_of(robot, robot.home[None], names)[0]
     start = [int(np.argmin(np.abs(values[name] - x))) for name, x in zip(names, at_home, strict=True)]
-    points = list(product(*(range(len(values[name])) for name in names)))
-    found: dict[tuple[int, ...], Array] = {}
+    found: dict[tuple[int, ...], Array | None] = {}
     first: HybridynError | None = None
-    for point in sorted(points, key=lambda p: sum(abs(i - j) for i, j in zip(p, start, strict=True))):
-        near = [found[n] for n in _neighbours(point) if n in found]
-        if not near and list(point) != start:
+    waiting = deque([(tuple(start), robot.home)])  # points to try, from a neighbour's posture
+    while waiting:
+        point, near = waiting.popleft()
+        if point in found or not all(0 <= i < size for i, size in zip(point, sizes, strict=True)):
             continue
         at = {name: float(values[name][i]) for name, i in zip(names, point, strict=True)}
         try:
-            found[point] = posture_at(robot, at, near[0] if near else None)
+            found[point] = q = posture_at(robot, at, near)
+            waiting.extend((neighbour, q) for neighbour in _neighbours(point))
         except AssemblyError as error:
-            first = first or error
-    if not found and first:
+            found[point], first = None, first or error
+    if first and not any(q is not None for q in found.values()):
         raise first
-    for point in points:
+    for point in product(*map(range, sizes)):
         yield np.array([values[name][i] for name, i in zip(names, point, strict=True)]), found.get(point)
 
 
