@@ -44,13 +44,13 @@ def efforts_in_blocks(
         at = slice(start, start + rows)
         outer = {link: W[at] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
         now = None if time is None else time[at]
-        with _samples_counted_from(start):
+        with samples_counted_from(start):
             found.append(idm(robot, q[at], v[at], a[at], wrenches=outer, time=now, effects=on))
     return np.concatenate(found)
 
 
 @contextlib.contextmanager
-def _samples_counted_from(start: int) -> Iterator[None]:
+def samples_counted_from(start: int) -> Iterator[None]:
     """Shift the sample numbers in error messages, so that they count from the start of the motion."""
     try:
         yield

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 import hybridyn
 from hybridyn.scenes.effects import units
 from hybridyn.scenes.scene_file import SceneFile, read_scene
-from hybridyn.scenes.stage import identity, play, stage
+from hybridyn.scenes.stage import Stage, identity, play, stage
+from hybridyn.simulation.run_size import NUMBER_BYTES, ROW_BYTES
 from hybridyn.simulation.table import columns_of, rows_of
 from tests import ROOT
 from tests.shipped import ROBOTS
@@ -19,6 +21,7 @@ SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name
 FIRST_STEPS = 2
 CLOSED = 1e-10  # what issue and docs promise of every method
 BALANCE = 1e-6  # quadrature over 400 samples of forces with kinks, relative to the energy that went through
+ROUNDING = 1e-11  # of the largest entry: loops closed from another guess
 HEAD = f'duration = 0.2\n[robot]\nfile = "{ROOT}/urdf/five_bar.urdf.xacro"\n'
 
 EVERYTHING = """
@@ -198,6 +201,37 @@ def test_a_prescribed_motion_takes_the_inverse_models_efforts(tmp_path: Path) ->
     assert found == pytest.approx(result.a, abs=1e-8 * np.abs(result.a).max())
     with pytest.raises(hybridyn.HybridynError, match="nothing to resume"):
         play(ready, resume=result)
+
+
+def to_point(folder: Path, samples: int) -> Stage:
+    """Return a prescribed motion with so many samples."""
+    text = "[motion]\npoints = [{ time = 0.2, joints = { m1_left_drive = 0.3 } }]\n[output]\n"
+    return stage(written(folder, f"{text}rate = {samples / 0.2!r}\n"))
+
+
+def test_the_samples_of_a_prescribed_motion_take_the_memory_that_is_checked(tmp_path: Path) -> None:
+    """Beyond a block, of which one is computed at a time, samples take what `check_run_size` counts."""
+    peaks = []
+    for samples in (1_000, 4_000):
+        ready = to_point(tmp_path, samples)
+        tracemalloc.start()
+        play(ready)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    numbers = 1 + ready.robot.nq + 2 * ready.robot.nv + len(ready.robot.motors) + 4
+    assert peaks[1] - peaks[0] <= 3_000 * (ROW_BYTES + numbers * NUMBER_BYTES)
+
+
+def test_a_prescribed_motion_does_not_depend_on_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = to_point(tmp_path, 20)
+    whole = play(ready)
+    monkeypatch.setattr("hybridyn.scenes.prescribed.rows_at_once", lambda robot: 6)
+    parts = play(ready)
+    for name in ("q", "v", "a", "tau", "kinetic", "potential"):
+        expected = getattr(whole, name)
+        assert getattr(parts, name) == pytest.approx(expected, abs=ROUNDING * np.abs(expected).max())
 
 
 def test_a_start_on_the_reference_and_python(tmp_path: Path) -> None:
