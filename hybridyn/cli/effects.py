@@ -13,7 +13,7 @@ from .common.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.report import report_file, write_report
-from .common.summary import effects_line
+from .common.summary import by_rows, effects_line
 from .common.tables import takes_source
 from .common.text import aligned_rows, counted
 
@@ -123,7 +123,7 @@ def weigh(
     sets = None if chosen.model is None else EffectSets(chosen.model)
     with rows_named(layout, motion):
         worth = Worth(robot, q, v, a, effects, wrenches=motion.wrenches, time=motion.time, compiled=sets)
-    return worth, lambda: engine_lines(chosen, sets)
+    return worth, lambda: [*by_rows(layout), *engine_lines(chosen, sets)]
 
 
 def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:

@@ -16,7 +16,7 @@ from .common.engine import choose_engine, takes_engine, worth_of
 from .common.figures import save_sizing, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.report import report_file, write_report
-from .common.summary import effects_line, fitted_rates
+from .common.summary import by_rows, effects_line, fitted_rates
 from .common.tables import Plan, Tables, run, takes_jobs, takes_source
 from .common.text import aligned_rows, counted
 from .idm import check_has_mass, efforts, takes_passive
@@ -176,7 +176,9 @@ class _Report:
         self.violations = [*violations(loads), *self._left()]
         for line in self.violations or ["no effort, speed or position is over a limit of the robot's file"]:
             click.echo(line)
-        for line in (*fitted_rates(layout), *effects_line(self.effects), str(self.engine)):
+        for line in (
+            *by_rows(layout), *fitted_rates(layout), *effects_line(self.effects), str(self.engine),
+        ):  # fmt: skip
             click.echo(line, err=True)
 
     def _left(self) -> list[str]:

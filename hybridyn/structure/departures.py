@@ -19,9 +19,6 @@ from .robot import HybridRobot
 TOUCHING = 1e-9
 #: A position may exceed its limit by this part of the joint's range, because files are rounded.
 ROUNDED = 1e-6
-#: Peaks that differ by less than this (relative) count as equal and the first is used: rounding must not
-#: decide.
-TIE = 1e-6
 UNITS = {"position": ("m", "rad"), "speed": ("m/s", "rad/s"), "effort": ("N", "N m")}
 #: Largest number of departures that are listed one by one.
 MOST_LISTED = 8

@@ -17,7 +17,7 @@ import numpy as np
 from ..effects.choice import Effects
 from ..errors import ActuationError, HybridynError
 from ..spatial import Array
-from ..structure.departures import TIE
+from ..tables.over_time import Peaks, rms_over
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
@@ -154,16 +154,18 @@ class Worth:
             One entry per effect, and the time per sample with all effects [s].
         """
         everything, out = frozenset(self.names), []
-        whole = np.sqrt(np.mean(self.full**2, axis=0))
+        whole = rms_over(self._time, self.full)
         rests = {name: without(everything, name) for name in self.names}
         seconds = self._seconds([everything, *rests.values()])
         for name, rest in rests.items():
             left = self._efforts(rest)
             added = np.full_like(self.full, np.nan) if left is None else self.full - left
-            rms = np.sqrt(np.mean(added**2, axis=0))
+            rms = rms_over(self._time, added)
+            peaks = Peaks(added.shape[1])
+            peaks.add(added, np.arange(len(added), dtype=float))
             share = np.divide(rms, whole, out=np.zeros_like(rms), where=whole > 0)
             cost = max(seconds[everything] - seconds.get(rest, 0.0), 0.0)
-            out.append(Contribution(name, _peaks(added), rms, share, cost))
+            out.append(Contribution(name, peaks.value, rms, share, cost))
         return out, seconds[everything]
 
     def sufficient(self, within: float) -> Selection:
@@ -225,10 +227,3 @@ class Worth:
 def without(names: Names, name: str) -> Names:
     """Return a set of effects without one effect and without those that need it."""
     return names - {name} - (NEEDS_INERTIA if name == "inertia" else frozenset())
-
-
-def _peaks(added: Array) -> Array:
-    """Return each motor's largest value by magnitude, with its sign; the first of equal ones."""
-    size = np.abs(added)
-    first = np.argmax(~(size < size.max(axis=0, initial=0.0) * (1 - TIE)), axis=0)
-    return np.asarray(np.take_along_axis(added, first[None], axis=0)[0])

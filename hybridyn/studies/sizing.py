@@ -1,6 +1,6 @@
 """Load of each motor over a motion: peaks, RMS, power and energy, accumulated block by block.
 
-Means are time integrals by the trapezoidal rule, or plain means over the samples if a table has no time:
+Means are those of `tables.over_time`:
 
     RMS effort = sqrt(1/T integral tau^2 dt),  mean power = 1/T integral tau q_dot dt.
 
@@ -19,8 +19,9 @@ import numpy as np
 from ..description.names import counted
 from ..description.records import Joint
 from ..spatial import Array
-from ..structure.departures import TIE, TOUCHING, position_limits
+from ..structure.departures import TOUCHING, position_limits
 from ..structure.robot import HybridRobot
+from ..tables.over_time import Means, Peaks
 
 #: Points of the speed-effort cloud kept per motor. Above twice this number, every second point is dropped.
 CLOUD = 2000
@@ -114,16 +115,19 @@ class Sizing:
         """
         self.joints = [robot.records[name] for name in robot.motors] if joints is None else list(joints)
         count = len(self.joints)
-        self.samples, self.duration = 0, 0.0
-        self._peaks = {name: _Peaks(count) for name in ("effort", "speed", "power", "braking")}
-        self._integrals = np.zeros((5, count))  # of effort^2, speed^2, power, positive power, negative power
-        self._sums = np.zeros((5, count))  # the same over samples, for tables without time
+        self.samples = 0
+        self._peaks = {name: Peaks(count) for name in ("effort", "speed", "power", "braking")}
+        self._means = Means()  # of effort^2, speed^2, power, positive power, negative power
         self._lower, self._upper = np.full(count, np.inf), np.full(count, -np.inf)
         self._over = np.zeros((3, count), dtype=int)
         ranges = [position_limits(joint) or (-np.inf, np.inf) for joint in self.joints]
         self._least, self._greatest = np.array(ranges).reshape(-1, 2).T
-        self._last: tuple[float, Array] | None = None
         self.cloud = _Cloud()
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]; 0 without times."""
+        return self._means.duration
 
     @property
     def limits(self) -> Array:
@@ -159,41 +163,30 @@ class Sizing:
         self._lower = np.minimum(self._lower, position.min(axis=0, initial=np.inf))
         self._upper = np.maximum(self._upper, position.max(axis=0, initial=-np.inf))
         self.samples += len(effort)
-        rows = np.stack([effort, speed], axis=1)
-        self._sums += _integrands(rows).sum(axis=0)
-        if time is not None:
-            self._integrate(time, rows)
+        self._means.add(time, _integrands(effort, speed))
         self.cloud.add(np.stack([speed, effort], axis=-1))
-
-    def _integrate(self, time: Array, rows: Array) -> None:
-        """Update the integrals; `rows` holds effort and speed, shape (T, 2, motors)."""
-        if self._last is not None:
-            time, rows = np.r_[self._last[0], time], np.concatenate([self._last[1][None], rows])
-        values = _integrands(rows)
-        self._integrals += np.einsum("t,tim->im", np.diff(time), values[1:] + values[:-1]) / 2
-        self.duration += float(time[-1] - time[0])
-        self._last = (float(time[-1]), rows[-1])
 
     def loads(self) -> list[MotorLoad]:
         """Compute the load of each motor from the samples so far."""
         timed = self.duration > 0
-        sums, whole = (self._integrals, self.duration) if timed else (self._sums, max(self.samples, 1))
-        effort, speed, power, given, taken = sums
+        shape = (5, len(self.joints))
+        effort, speed, power, _, _ = np.broadcast_to(self._means.mean, shape)
+        given, taken = np.broadcast_to(self._means.integral, shape)[3:]
         out = []
         for i, joint in enumerate(self.joints):
-            peaks = {name: peaks.of(i) for name, peaks in self._peaks.items()}
+            peaks = {name: Peak(float(of.value[i]), float(of.at[i])) for name, of in self._peaks.items()}
             bounded = np.isfinite(self._lower[i]) and np.isfinite(self._upper[i])
             out.append(
                 MotorLoad(
                     motor=joint.name,
                     linear=joint.kind == "prismatic",
                     effort=peaks["effort"],
-                    rms_effort=float(np.sqrt(effort[i] / whole)),
+                    rms_effort=float(np.sqrt(effort[i])),
                     speed=peaks["speed"],
-                    rms_speed=float(np.sqrt(speed[i] / whole)),
+                    rms_speed=float(np.sqrt(speed[i])),
                     power=peaks["power"],
                     braking_power=peaks["braking"],
-                    mean_power=float(power[i] / whole) if timed else None,
+                    mean_power=float(power[i]) if timed else None,
                     energy_given=float(given[i]) if timed else None,
                     energy_taken=float(-taken[i]) if timed else None,
                     travel=(float(self._lower[i]), float(self._upper[i])) if bounded else None,
@@ -244,28 +237,6 @@ def violations(loads: Sequence[MotorLoad]) -> list[str]:
     return out
 
 
-class _Peaks:
-    """The value of largest magnitude of each column, and its time or row."""
-
-    def __init__(self, count: int) -> None:
-        self.value, self.at = np.zeros(count), np.full(count, np.nan)
-
-    def add(self, values: Array, at: Array) -> None:
-        """Add samples, shape (T, columns), at times or rows, shape (T,)."""
-        if not len(values):
-            return
-        sizes = np.abs(values)
-        first = (sizes >= sizes.max(axis=0) * (1 - TIE)).argmax(axis=0)
-        found = np.take_along_axis(values, first[None], axis=0)[0]
-        better = np.isnan(self.at) | (np.abs(found) > np.abs(self.value) * (1 + TIE))
-        self.value = np.where(better, found, self.value)
-        self.at = np.where(better, at[first], self.at)
-
-    def of(self, column: int) -> Peak:
-        """Return the peak of a column."""
-        return Peak(float(self.value[column]), float(self.at[column]))
-
-
 class _Cloud:
     """Samples of speed and effort, thinned evenly."""
 
@@ -290,9 +261,8 @@ class _Cloud:
         return np.concatenate(self._parts) if self._parts else np.zeros((0, 0, 2))
 
 
-def _integrands(rows: Array) -> Array:
-    """Compute the integrands, shape (T, 5, motors), from effort and speed, shape (T, 2, motors)."""
-    effort, speed = rows[:, 0], rows[:, 1]
+def _integrands(effort: Array, speed: Array) -> Array:
+    """Compute the integrands, shape (T, 5, motors), from effort and speed, shape (T, motors)."""
     power = effort * speed
     parts = [effort**2, speed**2, power, np.maximum(power, 0.0), np.minimum(power, 0.0)]
     return np.stack(parts, axis=1)

@@ -1,7 +1,8 @@
 """Tables of numbers with named columns, CSV or Parquet: reading trajectories, writing results.
 
 Read `table` (rows in blocks), `opening`, `columns` (the meaning of a header), `trajectory` (from rows to
-motions), `rates` (fitted rates), `results` (files that appear complete or not at all).
+motions), `rates` (fitted rates), `results` (files that appear complete or not at all),
+`over_time` (means and peaks).
 
 May import: `description` and below.
 """

@@ -101,7 +101,7 @@ def test_efforts_on_standard_output_and_summary_on_standard_error(run, arm, moti
     assert lift == [
         "lift",
         f"{tau[peak, 0]:.6g}",
-        f"{np.sqrt(np.mean(tau[:, 0] ** 2)):.6g}",
+        f"{np.sqrt(np.trapezoid(tau[:, 0] ** 2, TIME) / (TIME[-1] - TIME[0])):.6g}",
         "N",
         f"{TIME[peak]:.6g}",
         "s",

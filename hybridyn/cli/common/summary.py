@@ -42,6 +42,7 @@ class Summary:
             engine: The engine, which counts the samples handed to the general path.
         """
         from ...structure.departures import Departures
+        from ...tables.over_time import Means, Peaks
 
         self.left = Departures()
         self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine
@@ -52,27 +53,21 @@ class Summary:
         rest = [column for column in range(len(others)) if column not in set(at)]
         self.at += rest
         self.names += [others[column] for column in rest]
-        self.peaks = [0.0] * len(self.at)
-        self.places = [""] * len(self.at)
-        self.squares = [0.0] * len(self.at)
+        self.peaks, self.squares = Peaks(len(self.at)), Means()
+        self.timed = True
 
     def add(self, done: Done) -> None:
         """Add a block."""
-        from ...structure.departures import TIE
+        import numpy as np
 
         self.samples += len(done.rows)
         self.left.add(done.left, done.first_row, done.time)
         self.engine.add(done.handed_over)
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
-        for i, column in enumerate(self.at):
-            values = done.rows[:, column]
-            sizes = abs(values)
-            index = int((sizes >= sizes.max() * (1 - TIE)).argmax())
-            if not self.places[i] or sizes[index] > abs(self.peaks[i]) * (1 + TIE):
-                self.peaks[i] = float(values[index])
-                row = f"row {done.first_row + index}"
-                self.places[i] = row if done.time is None else f"{done.time[index]:.6g} s"
-            self.squares[i] += float(values @ values)
+        values, self.timed = done.rows[:, self.at], done.time is not None
+        rows = np.arange(done.first_row, done.first_row + len(values), dtype=float)
+        self.peaks.add(values, rows if done.time is None else done.time)
+        self.squares.add(done.time, values**2)
 
     def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
         """Print the summary on standard error.
@@ -86,7 +81,8 @@ class Summary:
         click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
         for line in self._lines():
             click.echo(f"  {line}", err=True)
-        for line in (*self.left.lines(), *fitted_rates(layout), *self.remarks, str(self.engine)):
+        lines = (*self.left.lines(), *by_rows(layout), *fitted_rates(layout), *self.remarks, str(self.engine))
+        for line in lines:
             click.echo(line, err=True)
         if self.robot.description.closures or self.robot.description.couplings:
             click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)
@@ -99,17 +95,20 @@ class Summary:
 
     def _lines(self) -> list[str]:
         rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
-        for i in range(self._count):
-            rms = (self.squares[i] / self.samples) ** 0.5
-            rows.append([self.names[i], f"{self.peaks[i]:.6g}", f"{rms:.6g}", self.units[i], self.places[i]])
+        for i, square in enumerate(self.squares.mean[: self._count]):
+            peak = f"{self.peaks.value[i]:.6g}"
+            rows.append([self.names[i], peak, f"{square**0.5:.6g}", self.units[i], self._place(i)])
         lines = aligned_rows(rows, right=(1, 2)) if self._count else []
         rest = range(self._count, len(self.at))
         if rest:
-            worst = max(rest, key=lambda i: abs(self.peaks[i]))
-            lines.append(
-                f"largest other: {self.names[worst]} {self.peaks[worst]:.6g} at {self.places[worst]}"
-            )
+            worst = max(rest, key=lambda i: abs(self.peaks.value[i]))
+            peak = self.peaks.value[worst]
+            lines.append(f"largest other: {self.names[worst]} {peak:.6g} at {self._place(worst)}")
         return lines
+
+    def _place(self, column: int) -> str:
+        at = self.peaks.at[column]
+        return f"{at:.6g} s" if self.timed else f"row {at:.0f}"
 
 
 def effects_line(effects: Effects) -> list[str]:
@@ -132,6 +131,11 @@ def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
     if not missing:
         return []
     return [f"the robot's files state {', '.join(missing)}: not computed; '--effects model' computes all"]
+
+
+def by_rows(layout: Layout) -> list[str]:
+    """Return one line that says what RMS values and means of a table without times are, or no line."""
+    return [] if layout.time is not None else ["the table has no times: RMS values are means over its rows"]
 
 
 def fitted_rates(layout: Layout) -> list[str]:

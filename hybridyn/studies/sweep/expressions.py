@@ -108,12 +108,12 @@ class Expression:
         if isinstance(node, ast.Constant):
             return float(node.value)  # type: ignore[arg-type]
         if isinstance(node, ast.BinOp):
-            left, right = self._value(node.left, columns), self._value(node.right, columns)
+            left, right = self._number(node.left, columns), self._number(node.right, columns)
             return _BINARY[type(node.op)](left, right)
         if isinstance(node, ast.UnaryOp):
-            value = self._value(node.operand, columns)
             if isinstance(node.op, ast.Not):
-                return np.logical_not(value)
+                return np.logical_not(self._value(node.operand, columns))
+            value = self._number(node.operand, columns)
             return -value if isinstance(node.op, ast.USub) else value
         if isinstance(node, ast.Compare):
             sides = [self._value(side, columns) for side in (node.left, *node.comparators)]
@@ -124,8 +124,12 @@ class Expression:
             return np.logical_and.reduce(np.broadcast_arrays(*found))
         if isinstance(node, ast.Call):
             assert isinstance(node.func, ast.Name)
-            return _FUNCTIONS[node.func.id](self._value(node.args[0], columns))
+            return _FUNCTIONS[node.func.id](self._number(node.args[0], columns))
         assert isinstance(node, ast.BoolOp)
         every = [self._value(part, columns) for part in node.values]
         reduce = np.logical_and.reduce if isinstance(node.op, ast.And) else np.logical_or.reduce
         return reduce(np.broadcast_arrays(*every))
+
+    def _number(self, node: ast.AST, columns: Mapping[str, Any]) -> Any:
+        """Evaluate a part as numbers: what is true counts 1 and what is false 0, as in Python."""
+        return 1.0 * self._value(node, columns)

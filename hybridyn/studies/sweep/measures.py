@@ -21,6 +21,7 @@ from ...errors import HybridynError, ModelError
 from ...spatial import Array
 from ...streams.postures import Postures
 from ...structure.robot import HybridRobot
+from ...tables.over_time import mean_over, rms_over
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
 from .columns import column_of
@@ -88,8 +89,8 @@ STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
     "peak": lambda x, t: float(np.abs(x).max()),
     "max": lambda x, t: float(x.max()),
     "min": lambda x, t: float(x.min()),
-    "mean": lambda x, t: _mean(x, t),
-    "rms": lambda x, t: math.sqrt(_mean(x**2, t)),
+    "mean": lambda x, t: float(mean_over(t, x)),
+    "rms": lambda x, t: float(rms_over(t, x)),
     "final": lambda x, t: float(x[-1]),
 }
 
@@ -97,12 +98,6 @@ STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
 OF_SCENE = ("time", "events")
 #: A measure of a scene: the time of its first event of this name [s]; empty where it does not happen.
 EVENT = "event"
-
-
-def _mean(x: Array, time: Array | None) -> float:
-    if time is None or len(time) < 2:
-        return float(x.mean())
-    return float(np.trapezoid(x, time) / (time[-1] - time[0]))
 
 
 def _reach(found: Workspace) -> float:
