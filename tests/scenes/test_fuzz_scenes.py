@@ -50,7 +50,7 @@ EFFECTS = (
     "",
     "[effects.damper]\ncoefficient = { hinge = 0.02 }\n",
     "[effects.coulomb_friction]\nlevel = { hinge = 0.2 }\nwidth = 0.01\n",
-    "[effects.stop]\nstiffness = { hinge = 100.0 }\ndamping = { hinge = 1.0 }\nupper = { hinge = 0.2 }\n",
+    "[effects.stop]\nstiffness = { hinge = 100.0 }\ndamping = 1.0\nupper = { hinge = 0.2 }\n",
     '[[effects.payload]]\nlink = "leaf"\nmass = 0.5\ncom = [0.1, 0.2, 0.3]\n',
     '[[effects.wrench]]\nlink = "leaf"\nwrench = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]\n',
     "[effects.spring]\nstiffness = { hinge = 3.0 }\nrest = { hinge = 0.1 }\n",

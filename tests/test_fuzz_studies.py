@@ -1,0 +1,147 @@
+"""Scenes and studies whose numbers are changed by a factor: most of them run, and their results are finite.
+
+The fuzz of absurd numbers (`tests/scenes/test_fuzz_scenes.py`) mostly ends in the schema. Here the numbers
+stay valid, so that at least half of the cases must get through; the others are refused in one line.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.errors import HybridynError
+from hybridyn.scenes.stage import play, stage
+from hybridyn.studies.sweep.designs import Designs
+from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
+from hybridyn.studies.sweep.reading import read_study
+from tests.robot_texts import door, save
+from tests.samples import fuzz, slow
+from tests.scenes import test_fuzz_scenes as parts
+from tests.studies.test_sweep import pendulum_in
+from tests.waiting import must_end
+
+FACTORS = (0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 1.1, 2.0, 10.0, -1.0)
+#: Designs of a study that are evaluated.
+DESIGNS = 2
+PARAMETERS = (
+    "length = { range = [0.5, 1.5], steps = 3 }\n",
+    "mass = { range = [1.0, 4.0], steps = 2 }\n",
+    "rod = { scale_inertia = 'rod', range = [0.5, 2.0], steps = 2 }\n",
+)
+METHODS = ("method = 'grid'\n", "method = 'sobol'\ncount = 4\n", "method = 'random'\ncount = 4\nseed = 3\n",
+           "method = 'latin_hypercube'\ncount = 5\n", "method = 'morris'\ncount = 2\n",
+           "method = 'saltelli'\ncount = 2\n")  # fmt: skip
+TASKS = (
+    "trajectory = 'swing.csv'\nmeasure = { top = 'peak_effort', rms = 'rms_effort' }\n",
+    "trajectory = 'swing.csv'\neffects = ['default', 'viscous_friction']\n"
+    "measure = ['rms_effort', 'peak_speed', 'stroke_margin']\n",
+    "scene = 'fall.toml'\nmeasure = { t = 'time', top = 'final turn/velocity', e = 'max energy/kinetic' }\n",
+)
+FALL = """duration = 0.05
+[robot]
+file = "pendulum.urdf.xacro"
+[initial]
+joints = { turn = 0.2 }
+[effects.damper]
+coefficient = { turn = 0.3 }
+[solver]
+method = "rk4"
+step = 0.01
+"""
+
+
+def scaled(text: str, draw: random.Random) -> str:
+    """Multiply one to three of a text's numbers by a factor."""
+    for _ in range(draw.choice([1, 1, 2, 3])):
+        found = draw.choice(list(re.finditer(r"(?<![\w.\"])-?\d+\.\d+", text)))
+        number = f"{float(found[0]) * draw.choice(FACTORS):.9f}"
+        text = text[: found.start()] + number + text[found.end() :]
+    return text
+
+
+def ran(case: str, text: str, run: object) -> bool:
+    """Run a case; say whether it was not refused. A refusal is one line."""
+    with must_end(case), np.errstate(all="ignore"):  # as the command line does
+        refused = ""
+        try:
+            run()  # type: ignore[operator]
+        except HybridynError as error:
+            refused = str(error) or "without a word"
+        except Exception as error:
+            raise AssertionError(f"{case}: {error!r}\n{text}") from error
+    assert refused != "without a word", case
+    assert "\n" not in refused, f"{case}: {refused}"
+    return not refused
+
+
+def scenes(folder: Path, first: int, count: int) -> int:
+    """Play scenes to their ends; return how many ran."""
+    save(folder, door(2), "door.urdf")
+    path, through = folder / "scene.toml", 0
+    for number in range(first, first + count):
+        draw = random.Random(f"valid scene {number}")
+        kinds = (parts.CONTROLLERS, parts.EFFECTS, parts.SOLVERS, parts.OUTPUTS, parts.EVENTS)
+        text = scaled(
+            parts.HEAD.replace("BASE", "fixed")
+            + draw.choice(["", parts.START])
+            + "".join(map(draw.choice, kinds)),
+            draw,
+        )
+        path.write_text(text)
+
+        def run(text: str = text) -> None:
+            result = play(stage(path))
+            for name in ("t", "q", "v", "a", "tau", "kinetic", "potential"):
+                assert np.isfinite(getattr(result, name)).all(), f"{name} is not finite\n{text}"
+
+        through += ran(f"scene {number}", text, run)
+    return through
+
+
+def studies(folder: Path, first: int, count: int) -> int:
+    """Evaluate the first designs of studies; return how many ran."""
+    pendulum_in(folder)
+    path, through = folder / "study.toml", 0
+    for number in range(first, first + count):
+        draw = random.Random(f"valid study {number}")
+        (folder / "fall.toml").write_text(scaled(FALL, draw))
+        chosen = {line.split()[0]: line for line in draw.sample(PARAMETERS, draw.choice([1, 2]))}
+        text = "[robot]\nfile = 'pendulum.urdf.xacro'\n[designs]\n" + draw.choice(METHODS) + "[parameters]\n"
+        text = scaled(text + "".join(chosen.values()), draw) + "[tasks.one]\n" + draw.choice(TASKS)
+        path.write_text(text)
+        rows: list[Row] = []
+
+        def run(rows: list[Row] = rows) -> None:
+            source = read_study(path)
+            designs = Designs(source)
+            rows += evaluate(source, Chunk(0, designs.values(0, min(designs.count, DESIGNS)))).rows
+
+        if not ran(f"study {number}", text, run):
+            continue
+        good = [row for row in rows if row.status == "ok"]
+        assert all(np.isfinite(row.values).all() for row in rows), f"study {number}\n{text}"
+        assert all(np.isfinite(row.measures).all() for row in good), f"study {number}\n{text}"
+        through += bool(good)
+    return through
+
+
+def test_valid_scenes(tmp_path: Path) -> None:
+    assert scenes(tmp_path, 0, 20) >= 10
+
+
+def test_valid_studies(tmp_path: Path) -> None:
+    assert studies(tmp_path, 0, 4) >= 2
+
+
+@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 16))])
+def test_many_valid_scenes(tmp_path: Path, block: int) -> None:
+    assert scenes(tmp_path, 1000 + 200 * block, 200) >= 100
+
+
+@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 16))])
+def test_many_valid_studies(tmp_path: Path, block: int) -> None:
+    assert studies(tmp_path, 1000 + 40 * block, 40) >= 20
