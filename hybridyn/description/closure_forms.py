@@ -39,6 +39,8 @@ FORMS: dict[str, Form] = {
 
 #: Rows of a general closure: translations along and rotations about the axes of the predecessor frame.
 ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
+#: Largest cosine between the axes of a universal joint in a file: files keep 5 or 6 digits.
+LARGEST_COSINE = 1e-5
 #: The rotation row of a universal joint: the third axes of both frames stay perpendicular.
 PERPENDICULAR = "perpendicular"
 #: Axes of the second frame in the first one where a follower of MJCF has a universal closure at zero.

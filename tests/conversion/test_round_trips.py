@@ -24,7 +24,7 @@ QUICK = ("five_bar",)
 
 
 #: What MuJoCo does not have, and what changes neither motion nor efforts.
-HARMLESS = ("speed limits", "gear ratios", "names ")
+HARMLESS = ("speed limits", "gear ratios", "names ", "dampers are read back as viscous friction")
 #: What changes efforts, but neither joints nor closures.
 HEAVIER = (
     "moving links without mass",

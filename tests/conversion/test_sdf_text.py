@@ -6,12 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from lxml import etree
 
+from hybridyn.conversion.home import poses_at
 from hybridyn.conversion.request import Request
 from hybridyn.conversion.sdf.sdf import write_sdf
-from hybridyn.description import Description, Joint, Link, read
-from hybridyn.description.placement import placement_from
+from hybridyn.description import Closure, Description, Joint, Link, read
+from hybridyn.description.closure_forms import FORMS
+from hybridyn.description.placement import inverse, placement_from
 from hybridyn.description.urdf.shapes import Shape
 from tests.conversion.judge import read_back
 from tests.mechanisms import random_mechanism
@@ -110,3 +113,28 @@ def test_shapes_are_visuals(tmp_path: Path) -> None:
     }  # fmt: skip
     (tmp_path / "arm.sdf").write_text(text)
     assert len(read(tmp_path / "arm.sdf").links) == 3
+
+
+def test_the_home_of_a_planar_joint_comes_back(tmp_path: Path) -> None:
+    """It stands where it stood, in a tree (from the model file) and in a robot with a loop (from the SDF)."""
+    links = tuple(Link(name, 1.5, np.array([0.1, 0, 0.2]), INERTIA) for name in ("base", "cart", "rod"))
+    cart = Joint("roll", "planar", "base", "cart", TURN, np.array([0.0, 0.0, 1.0]))
+    hinge = Joint("hinge", "revolute", "cart", "rod", TURN, np.array([0.0, 1.0, 0.0]))
+    angle = 0.7
+    x = (0.5, -0.4, float(np.cos(angle)), float(np.sin(angle)))
+    tree = Description("cart", links, (cart, hinge), motors=("hinge",), home={"roll": x, "hinge": (0.2,)})
+    at = poses_at(tree, tree.home)
+    there = inverse(at["base"]) @ at["rod"]
+    pin = Closure(
+        "pin", "spherical", "base", there, "rod", np.eye(4), FORMS["spherical"].translations,
+        FORMS["spherical"].rotation, None, np.eye(3),
+    )  # fmt: skip
+    for before in (tree, replace(tree, closures=(pin,))):
+        after, _ = read_back(before, tmp_path / "cart.sdf")
+        found = {name: after.home[name][0] for name in ("roll_x", "roll_y", "roll", "hinge")}
+        assert found == pytest.approx({"roll_x": 0.5, "roll_y": -0.4, "roll": angle, "hinge": 0.2}, abs=1e-15)
+        theirs, zero = poses_at(after, after.home), poses_at(after, {})
+        ours = poses_at(before, {})
+        for name in ("cart", "rod"):
+            np.testing.assert_allclose(theirs[name], at[name], rtol=0, atol=1e-15)
+            np.testing.assert_allclose(zero[name], ours[name], rtol=0, atol=1e-15)

@@ -14,6 +14,7 @@ BODIES = (link("base"), link("a"), link("b"), WORLD)
 QUATERNION = 'rotation_format="quat_xyzw"'
 DAMPED = "<axis><dynamics><damping>1</damping></dynamics></axis>"
 HINGE = joint("j", "revolute", "base", "a")
+ROTOR = '<drake:rotor_inertia xmlns:drake="http://drake.mit.edu">0.5</drake:rotor_inertia>'
 GEAR = "<axis2><xyz>0 0 1</xyz></axis2><gearbox_reference_body>{}</gearbox_reference_body>"
 
 
@@ -42,6 +43,17 @@ def told(folder: Path, text: str) -> str:
         (joint("j", "revolute", "base", ""), "is empty; name a link or frame"),
         (joint("j", "revolute", "a", "a"), "joins link 'a' to itself"),
         (joint("j", "universal", "base", "a", "<axis2><xyz>0 1 1</xyz></axis2>"), "write revolute2"),
+        *(
+            (
+                joint("j", kind, "base", "a", more + ROTOR, axis=axis),
+                f"does not say which axis of a {kind} joint the rotor turns",
+            )
+            for kind, more, axis in (
+                ("universal", "<axis2><xyz>1 0 0</xyz></axis2>", "0 1 0"),
+                ("revolute2", "<axis2><xyz>1 0 0</xyz></axis2>", "0 1 0"),
+                ("ball", "", ""),
+            )
+        ),
         (joint("j", "screw", "base", "a"), "a screw needs <screw_thread_pitch>"),
         (joint("j", "gearbox", "a", "b", GEAR.format("base")), "the gearbox couples nothing"),
         (joint("j", "gearbox", "a", "b", GEAR.format("c")), "unknown frame 'c'"),

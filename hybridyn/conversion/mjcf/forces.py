@@ -35,6 +35,8 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
             element = tree.joints.get(name, tree.balls.get(name))
             if damping and element is not None:
                 element.set("damping", numeral(damping))
+        if damping != joint.damping:
+            losses.add("dampers are read back as viscous friction, to which they are added", joint.name)
         if damping and names[0] not in {**tree.joints, **tree.balls}:
             losses.add("damping of free joints", joint.name)
         if several and (joint.friction or joint.rotor_inertia):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from ...description.placement import placement_from
 from ...description.records import Array, Joint
 from ..losses import Losses
 from ..numerals import angles_of, numeral, numerals
@@ -83,7 +85,7 @@ def add_joint(
     element = start_joint(root, joint.name, TYPES[joint.kind], joint.parent, joint.child)
     if joint.name in posture.positions:
         ET.SubElement(element, "hybridyn:position").text = numerals(posture.positions[joint.name])
-    if joint.rotor_inertia:
+    if joint.rotor_inertia and joint.kind != "spherical":
         add_number(element, "drake:rotor_inertia", joint.rotor_inertia)
     if joint.gear_ratio != 1:
         add_number(element, "drake:gear_ratio", joint.gear_ratio)
@@ -128,15 +130,29 @@ def _add_planar(root: ET.Element, joint: Joint, posture: Posture, losses: Losses
     """Add two slides and a hinge with massless links between them."""
     losses.add("planar joints are two slides and a hinge", joint.name)
     _add_lost_numbers(joint, losses)
-    parent = joint.parent
-    for word, axis in SLIDES.items():
+    parent, at = joint.parent, joint.placement
+    *ways, angle = planar_positions(posture.positions.get(joint.name, ()))
+    for (word, axis), way in zip(SLIDES.items(), ways, strict=True):
         link = f"{joint.child}_{word}"
-        add_massless(root, link, parent, joint.placement if word == "x" else np.eye(4))
-        add_axis(start_joint(root, f"{joint.name}_{word}", "prismatic", parent, link), np.array(axis))
-        parent = link
+        add_massless(root, link, parent, at @ placement_from(np.eye(3), way * np.array(axis)))
+        slide = start_joint(root, f"{joint.name}_{word}", "prismatic", parent, link)
+        _add_position(slide, way)
+        add_axis(slide, np.array(axis))
+        parent, at = link, np.eye(4)
     element = start_joint(root, joint.name, "continuous", parent, joint.child)
+    _add_position(element, angle)
     add_axis(element, joint.axis)
     return element
+
+
+def planar_positions(x: tuple[float, ...]) -> tuple[float, float, float]:
+    """Return the positions of slides [m] and hinge [rad] for Pinocchio's coordinates of a planar joint."""
+    return (x[0], x[1], math.atan2(x[3], x[2])) if x else (0.0, 0.0, 0.0)
+
+
+def _add_position(element: ET.Element, position: float) -> None:
+    if position:
+        add_number(element, "hybridyn:position", position)
 
 
 def add_massless(root: ET.Element, name: str, parent: str, at: Array) -> None:

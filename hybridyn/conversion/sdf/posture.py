@@ -1,6 +1,7 @@
 """Where the links of a robot stand in the posture that its SDF file states.
 
-Loops have to be closed in that posture. A robot with closures therefore stands at home, and a tree at zero.
+Loops have to be closed in that posture. A robot with closures therefore stands at home, and a tree at zero,
+but for its free bodies: SDF states their home by where they stand.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ class Posture:
     """
 
     def __init__(self, d: Description) -> None:
-        self.positions = {joint.name: x for joint in d.joints if d.closures and (x := _position(joint, d))}
+        moved = [joint for joint in d.joints if d.closures or joint.kind == "floating"]
+        self.positions = {joint.name: x for joint in moved if (x := _position(joint, d))}
         self.step = {joint.child: joint.placement @ motion_of(joint, self.positions) for joint in d.joints}
         self.world = poses_at(d, self.positions)
 

@@ -15,7 +15,7 @@ from ..numerals import numeral, numerals
 from ..request import Request, Written
 from .closures import add_closure
 from .couplings import add_couplings
-from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint
+from .joints import TYPES, add_inertial, add_joint, add_pose, planar_positions, start_joint
 from .naming import allowed
 from .posture import Posture
 
@@ -61,10 +61,8 @@ def write_sdf(request: Request) -> Written:
             root.set(f"xmlns:{prefix}", address)
     ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
-    single = {joint.name for joint in d.joints if joint.kind in TYPES}
-    stated = {name: x for name, x in d.home.items() if name in single}
     beside = model_file(
-        replace(d, home=stated), motors=True, home=not d.closures, couplings=couplings,
+        replace(d, home=_home(d)), motors=True, home=not d.closures, couplings=couplings,
         effects=[name for name in effects if name != "spring" or not springs],
     )  # fmt: skip
     return Written(text, losses.lines(), tuple(_notes(d, posture, couplings)), {".model.toml": beside})
@@ -109,6 +107,18 @@ def _add_visual(link: ET.Element, name: str, shape: Shape) -> None:
         ET.SubElement(ET.SubElement(visual, "material"), "diffuse").text = numerals(shape.colour)
 
 
+def _home(d: Description) -> dict[str, tuple[float, ...]]:
+    """Return the home position of each joint that the file has; a planar joint is three."""
+    out: dict[str, tuple[float, ...]] = {}
+    for joint in d.joints:
+        if joint.name in d.home and joint.kind == "planar":
+            names = (f"{joint.name}_x", f"{joint.name}_y", joint.name)
+            out |= zip(names, zip(planar_positions(d.home[joint.name])), strict=True)
+        elif joint.name in d.home and joint.kind in TYPES:
+            out[joint.name] = d.home[joint.name]
+    return out
+
+
 def _springs(effects: dict[str, dict[str, object]]) -> dict[str, tuple[float, float]]:
     """Return stiffness and rest position of every spring, by joint; empty if they have other numbers."""
     numbers = effects.get("spring", {})
@@ -120,7 +130,7 @@ def _springs(effects: dict[str, dict[str, object]]) -> dict[str, tuple[float, fl
 
 def _notes(d: Description, posture: Posture, couplings: list[Coupling]) -> list[str]:
     out = []
-    if posture.positions:
+    if d.closures and posture.positions:
         out.append(
             "the links stand at home, where the loops are closed; other programs count positions from there "
             f"(hybridyn reads <hybridyn:position>): {listed(posture.positions)}"

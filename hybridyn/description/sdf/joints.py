@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..closure_forms import LARGEST_COSINE
 from ..names import did_you_mean, listed
 from ..records import Array
 from ..urdf.xml_node import Node
@@ -20,9 +21,6 @@ AXES = {
     "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "screw": 1, "universal": 2,
     "revolute2": 2, "gearbox": 2,
 }  # fmt: skip
-
-#: Largest cosine between the axes of a universal joint: files keep 5 or 6 digits.
-PERPENDICULAR = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +81,7 @@ def read_joint(item: Item, poses: Poses, remarks: Remarks) -> Stated:
         axes.append(read_axis(axis, item, poses, remarks))
     if any(axis is not None for axis in written[AXES[kind] :]):
         refuse_idle(kind, [axis for axis in written[AXES[kind] :] if axis is not None], item, remarks)
-    if kind == "universal" and abs(axes[0].direction @ axes[1].direction) > PERPENDICULAR:
+    if kind == "universal" and abs(axes[0].direction @ axes[1].direction) > LARGEST_COSINE:
         raise node.error("the axes of a universal joint are perpendicular; mend them, or write revolute2")
     return Stated(
         item, kind, parent, child, poses.world(item), tuple(axes),
@@ -91,7 +89,7 @@ def read_joint(item: Item, poses: Poses, remarks: Remarks) -> Stated:
         pitch=_pitch(node) if kind == "screw" else 0.0,
         position=_position(node, kind),
         frame_a=_frame_a(node),
-        rotor_inertia=_rotor_inertia(node),
+        rotor_inertia=_rotor_inertia(node, kind),
         gear_ratio=fields.number(node, "drake:gear_ratio", 1.0),
     )  # fmt: skip
 
@@ -159,10 +157,15 @@ def _frame_a(node: Node) -> Array | None:
     return None if stated is None else fields.pose(stated)
 
 
-def _rotor_inertia(node: Node) -> float:
+def _rotor_inertia(node: Node, kind: str) -> float:
     inertia = fields.number(node, "drake:rotor_inertia")
     if inertia < 0:
         raise node.error(f"negative rotor inertia {inertia:g}")
+    if inertia and kind in ("ball", "universal", "revolute2"):
+        raise node.error(
+            f"<drake:rotor_inertia> of {inertia:g} kg m^2 does not say which axis of a {kind} joint the "
+            "rotor turns with; write revolute joints, with the rotor in one of them"
+        )
     if fields.number(node, "drake:gear_ratio", 1.0) == 0:
         raise node.error("a gear ratio of 0 moves nothing")
     return inertia

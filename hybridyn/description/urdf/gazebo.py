@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..closure_forms import FORMS
+from ..closure_forms import FORMS, LARGEST_COSINE
 from ..names import did_you_mean, listed
 from ..placement import placement_from, rotation_from_rpy, rotation_to_axis, turned
 from ..records import Array, Closure
@@ -63,7 +63,10 @@ def _closure(node: Node, poses: dict[str, Array], notes: list[str]) -> Closure:
     if form.has_axis:
         axis = node.required_child("axis")
         second = node.required_child("axis2") if kind == "universal" else axis
-        turns = [rotation_to_axis(_direction(one, at, poses)) for one in (axis, second)]
+        directions = [_direction(one, at, poses) for one in (axis, second)]
+        if kind == "universal":
+            _check_perpendicular(node, stated, directions)
+        turns = [rotation_to_axis(direction) for direction in directions]
         unread = {tag for one in (axis, second) for tag in ("limit", "dynamics") if one.child(tag)}
         if unread:
             notes.append(f"closure '{name}': {listed(sorted(unread))} of the SDF joint is not read")
@@ -71,6 +74,15 @@ def _closure(node: Node, poses: dict[str, Array], notes: list[str]) -> Closure:
         name, kind, parent, turned(frame_a, turns[0]), child, turned(frame_b, turns[1]), form.translations,
         form.rotation, node.line, turns[0],
     )  # fmt: skip
+
+
+def _check_perpendicular(node: Node, stated: str, directions: list[Array]) -> None:
+    cosine = float(np.clip(directions[0] @ directions[1], -1, 1))
+    if abs(cosine) > LARGEST_COSINE:
+        raise node.error(
+            f"the axes of this {stated} joint stand at {np.degrees(np.arccos(cosine)):.4g} degrees; a "
+            "closure of two axes needs 90 degrees: mend the axes, or add a link between two revolute joints"
+        )
 
 
 def _link(node: Node, poses: dict[str, Array]) -> str:
