@@ -60,8 +60,10 @@ def assemble(
             partial pose (the paper's v_r), each is a mapping from some of x, y, z, roll, pitch, yaw to
             numbers or shapes (T,). For a moving or floating base, the root link's name stands for the pose
             of the base in the world (at rest by default).
-        guess: Initial posture, shape (nq,); the home posture by default. A trajectory is followed from its
-            first sample without leaving the assembly branch.
+        guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given
+            moves straight from there to the first sample, on the guess's assembly branch. From another one,
+            and from the home posture, which is the default, the first sample is on that branch if the branch
+            reaches it. A trajectory is followed from its first sample without leaving the branch.
 
     Returns:
         q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.
@@ -76,6 +78,7 @@ def assemble(
     requests = gather_requests(robot, by_name(motors), by_name(platforms))
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
+    requests = replace(requests, strict=guess is not None)
     q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
@@ -175,7 +178,7 @@ def _assemble_modules(
     q_index, v_index = (np.array([getattr(part, at) for part, _ in parts]) for at in ("q_index", "v_index"))
     task = module_task(robot, module, request)
     guess = q[0, q_index]
-    x = settled(m, follow(task, m.cut.positions(guess)))
+    x = settled(m, follow(task, m.cut.positions(guess), strict=request.strict))
     placed = m.tree.sweep(x)
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
     target = m.tree.sweep(x, x_dot, x_ddot, placed)

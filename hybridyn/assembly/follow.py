@@ -26,13 +26,15 @@ SMALL_STEP = 1e-7
 MOST_TURNING = 0.5
 #: Strides at which samples are solved: first every eighth, then all.
 STRIDES = (8, 1)
+#: A guess whose loops are open by more than this [module lengths] is no posture, and has no branch.
+NEARLY_CLOSED = 1e-3
 #: Largest number of parts into which a step is divided.
 FINEST = 4096
 #: The same if Newton does not converge at the end of the step.
 COARSEST = 16
 
 
-def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
+def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool = False) -> Array:
     """Compute a posture for every sample, on the branch of the previous one; the first on that of the guess.
 
     Args:
@@ -40,6 +42,8 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
             equal length, one after the other, which are followed together.
         keep_branch: Whether leaving the branch is an error. If False, whatever posture Newton finds is
             accepted (a wrist in gimbal lock has no branch to stay on).
+        strict: Whether the first sample, too, must be reached by a straight motion from the guess, if that
+            is a posture (`NEARLY_CLOSED`).
 
     Returns:
         Positions, shape (T, nq).
@@ -52,7 +56,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
     T = len(task.known) // len(guess)
     q = np.empty((len(task.known), task.problem.tree.nq))
     starts = T * np.arange(len(guess))
-    q[starts] = _first_postures(task, guess, starts)
+    q[starts] = _first_postures(task, guess, starts, strict)
     last, chunk = 0, T
     while last < T - 1:
         stop = min(T, last + 1 + chunk)
@@ -89,12 +93,13 @@ def first_posture(task: Task, guess: Array) -> Array:
     return np.asarray(_first_postures(task, guess[None], np.zeros(1, dtype=int))[0])
 
 
-def _first_postures(task: Task, guess: Array, starts: Index) -> Array:
+def _first_postures(task: Task, guess: Array, starts: Index, strict: bool = False) -> Array:
     """Compute `first_posture` for the trajectories that start at some samples, shapes (K, nq), (K,)."""
     tree = task.problem.tree
     result = task.solve(guess, starts)
-    if task.closed(result).all():
-        return _on_branch_of(task, guess, result.q, starts)
+    strict = strict and _is_posture(task, guess)
+    if strict or task.closed(result).all():
+        return _on_branch_of(task, guess, result, starts, strict)
     _only_alone(guess)
     rng = np.random.default_rng(2010)
     best, iterations = result, result.iterations
@@ -118,28 +123,52 @@ def _only_alone(guess: Array) -> None:
         raise AssemblyError("one of several trajectories has to be followed alone")
 
 
-def _on_branch_of(task: Task, guess: Array, found: Array, starts: Index) -> Array:
-    """Return the end of a path on the guess's branch, or `found` if the branch ends before, (K, nq) each."""
-    problem = task.problem
+def _is_posture(task: Task, guess: Array) -> bool:
+    """Return whether guesses, shape (K, nq), close the loops, so that each is on a branch."""
+    loops = task.problem.closures
+    off = loops.residual(guess, task.problem.tree.sweep(guess)) * task.problem.row_scale
+    return bool(np.abs(off).max(initial=0.0) <= NEARLY_CLOSED)
+
+
+def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, strict: bool) -> Array:
+    """Return the ends of the straight motions from guesses to the first samples, shape (K, nq).
+
+    If the branch of a guess ends before, it is an error where `strict`, else the result.
+    """
+    problem, found, closed = task.problem, result.q, task.closed(result).all()
     everything = np.ones(problem.tree.nv, dtype=bool)
     loops = replace(problem, free=everything, targets=(), rank=None, blocks=())
     start = close(loops, guess)
     if (start.residual > task.tolerance).any():
         _only_alone(guess)
     if start.residual[0] > task.tolerance:
+        if strict:
+            raise unreachable(task, result, 0, result.iterations)
         return found
     motion = problem.tree.sweep(start.q)
     targets = [t.from_here(motion, starts) for t in problem.targets]
     known = pairwise(start.q, task.known[starts])
     way = replace(task, problem=replace(problem, targets=targets), known=known)
     path = pairwise(start.q, found)
-    if _steps_as_predicted(way, path, 2 * np.arange(len(guess))).all():
+    if closed and _steps_as_predicted(way, path, 2 * np.arange(len(guess))).all():
         return found
     _only_alone(guess)
     try:
-        return _walk(way, start.q[0], 0)[None]
-    except AssemblyError:
-        return found
+        return _walk(way, start.q[0], 0, strict)[None]
+    except AssemblyError as error:
+        if not strict:
+            return found
+        if not closed:
+            raise unreachable(task, result, 0, result.iterations) from error
+        raise AssemblyError(
+            f"module '{task.module}': no continuous motion leads straight from the guess to sample 0: the "
+            "posture would jump to another assembly branch. Go there in steps that avoid the singularity "
+            "between them",
+            module=task.module,
+            sample=0,
+            residual=float(result.residual[0]),
+            iterations=result.iterations,
+        ) from error
 
 
 def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> AssemblyError:
@@ -236,10 +265,15 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     return out
 
 
-def _walk(task: Task, q: Array, sample: int) -> Array:
-    """Follow the branch from a sample to the next, with steps as long as predictions hold."""
+def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> Array:
+    """Follow the branch from a sample to the next, with steps as long as predictions hold.
+
+    Args:
+        finest: Whether the shortest steps are tried even if Newton's method does not close the loops at the
+            end of the whole one.
+    """
     there = task.solve(q[None], np.array([sample + 1]))
-    shortest = 1 / (FINEST if task.closed(there)[0] else COARSEST)
+    shortest = 1 / (FINEST if finest or task.closed(there)[0] else COARSEST)
     done, step = 0.0, 0.25
     while done < 1.0:
         step = min(step, 1.0 - done)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class ModuleRequest:
         targets: Prescribed poses of other bodies.
         names: Link of each target.
         angles: Given positions of continuous joints, including whole turns, shape (T,) each, [rad].
+        strict: As in `Requests`.
     """
 
     mechanism: Mechanism
@@ -45,6 +46,7 @@ class ModuleRequest:
     targets: list[Target] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     angles: dict[int, Array] = field(default_factory=dict)
+    strict: bool = False
 
     def give_joint(self, joint: int, wanted: Array, name: str, *, endless: bool) -> None:
         """Set a joint's position, rate and acceleration, shape (3, T).
@@ -138,7 +140,7 @@ def joined(requests: Iterable[ModuleRequest]) -> ModuleRequest:
         np.concatenate([getattr(r, name) for r in every]) for name in ("known", "known_v", "known_a")
     )
     angles = {joint: np.concatenate([r.angles[joint] for r in every]) for joint in first.angles}
-    return ModuleRequest(first.mechanism, known, known_v, known_a, first.given, angles=angles)
+    return replace(first, known=known, known_v=known_v, known_a=known_a, angles=angles)
 
 
 def on_own_bases(requests: Requests, robot: HybridRobot) -> bool:
@@ -169,7 +171,8 @@ def module_request(
     m = module.mechanism
     base_body = robot.bodies.place[module.base][0]
     known = np.tile(m.home, (requests.samples, 1))
-    request = ModuleRequest(m, known, *np.zeros((2, requests.samples, m.tree.nv)))
+    still = np.zeros((2, requests.samples, m.tree.nv))
+    request = ModuleRequest(m, known, still[0], still[1], strict=requests.strict)
     tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
     for i, joint in enumerate(module.joints):
         if joint in requests.joints:

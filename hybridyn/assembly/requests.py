@@ -47,6 +47,8 @@ class Requests:
         joints: Joint name to its position, rate and acceleration, shape (3, T).
         base: Motion of a moving or floating base in the world, or None.
         base_quaternion: Its quaternions as given, shape (T, 4), or None.
+        strict: Whether the first sample must be reached by a straight motion from a guess that closes the
+            loops.
     """
 
     samples: int
@@ -55,6 +57,7 @@ class Requests:
     poses: tuple[PoseRequest, ...]
     base: RigidMotion | None
     base_quaternion: Array | None
+    strict: bool = False
 
     def part(self, start: int, stop: int) -> Requests:
         """Return the requests for some consecutive samples."""
@@ -65,6 +68,7 @@ class Requests:
             tuple(pose.part(start, stop) for pose in self.poses),
             _part(self.base, start, stop),
             None if self.base_quaternion is None else self.base_quaternion[start:stop],
+            self.strict,
         )
 
 

@@ -44,7 +44,7 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
         name: (position, initial.rates.joints.get(name, 0.0))
         for name, position in _positions(source, robot).items()
     }
-    guess = robot.home
+    guess = None
     if initial.on_reference and reference is not None:
         x, x_dot, _ = reference.at(0.0)
         joints = {name: (x[i], x_dot[i]) for i, name in enumerate(robot.motors)}

@@ -220,7 +220,7 @@ def test_bad_questions_are_refused() -> None:
 def test_the_words_of_the_inverse_model_with_the_samples_number(tmp_path: Path) -> None:
     """At a change point of a parallelogram and in a flat five-bar, in the third sample of a batch."""
     robot = parallelogram(tmp_path)
-    q, _, _ = hybridyn.assemble(robot, motors={"a": (np.array([0.4, 0.5, 0.6]), 0.0, 0.0)}, guess=robot.home)
+    q, _, _ = hybridyn.assemble(robot, motors={"a": (np.array([0.4, 0.5, 0.6]), 0.0, 0.0)})
     q[2] = 0.0
     rest, link = np.zeros((3, robot.nv)), list(robot.bodies.place)[-1]
     with pytest.raises(SingularityError) as of_idm:

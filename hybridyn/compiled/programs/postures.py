@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -133,7 +134,8 @@ class Postures:
                 for each sample, shape (T, k), which all start at `last`; None for those of the robot.
 
         Returns:
-            q, v, a on the spanning tree, on the assembly branch of `last`; a base keeps its pose.
+            q, v, a on the spanning tree. The motors move straight from `last` to the first sample, on its
+            assembly branch, which must not end on the way. A base keeps its pose.
 
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
@@ -152,7 +154,7 @@ class Postures:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
-        q, v, a = self._assemble(requests, last)
+        q, v, a = self._assemble(requests, self.robot.home if last is None else last)
         follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         refused = follower is None or self.robot.model_is_held
         self._close_at_once = follower.from_motors if follower and not refused else refuse
@@ -183,7 +185,7 @@ class Postures:
         parameters: ArrayLike,
     ) -> tuple[Array, Array, Array]:
         """Compute the motion of all joints of one design, or of a design for each sample, see `close`."""
-        requests = requests_of_motors(self.robot, position, rates)
+        requests = replace(requests_of_motors(self.robot, position, rates), strict=last is not None)
         each = np.ndim(parameters) == 2
         numbers = self._designs.numbers(parameters, (requests.samples,) if each else ())
         start = np.zeros(0) if last is None else np.asarray(last, dtype=float)
@@ -211,7 +213,7 @@ class Postures:
             self._assemblers[cut] = Assembler(holding(self.robot, cut))
         assembler = self._assemblers[cut]
 
-        def close(motors: Mapping[str, object], guess: Array) -> tuple[Array, Array, Array]:
+        def close(motors: Mapping[str, object], guess: Array | None) -> tuple[Array, Array, Array]:
             """Close the loops in C."""
             return self._assemble(gather_requests(assembler.robot, motors, {}), guess, assembler)
 
@@ -223,6 +225,7 @@ class Postures:
         """Assemble postures for requests that have been gathered, by default for `robot`."""
         assembler = assembler or self._assembler
         before = assembler.recomputed
+        requests = replace(requests, strict=guess is not None)
         q, v, a = assembler.assemble(requests, first_guess(assembler.robot, guess))
         self.recomputed += assembler.recomputed - before
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)

@@ -86,7 +86,7 @@ def posture_at(
     held = dict(zip(others, positions_of(robot, near[None], others)[0], strict=True))
     given = {name: (value, 0.0, 0.0) for name, value in {**held, **positions}.items()}
     close = partial(assemble, robot) if close is None else close
-    return close(motors=given, guess=near)[0]
+    return close(motors=given, guess=guess)[0]
 
 
 def _held_joints(module: Module) -> Iterator[str]:

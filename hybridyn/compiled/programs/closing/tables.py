@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ....assembly.assemble import assemble_requests, by_name
 from ....assembly.guess import first_guess
@@ -37,6 +38,7 @@ class TableAssembler:
     ) -> tuple[Array, Array, Array]:
         """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
         requests = gather_requests(self._robot, by_name(motors), by_name(platforms))
+        requests = replace(requests, strict=guess is not None)
         start = first_guess(self._robot, guess)
         self.rows += requests.samples
         if self.rows < LONG_TABLE:

@@ -1,0 +1,73 @@
+"""One big step of the motors ends where a fine straight motion ends, or raises as it does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot
+from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
+from tests.mechanisms import KINDS, random_mechanism
+from tests.posing import far_apart, position
+from tests.samples import slow
+
+#: Largest difference of two closed postures that are the same [rad, m].
+SAME = 1e-6
+#: Rows of the fine motion.
+FINE = 60
+
+
+def end_of_fine_motion(robot: HybridRobot, q: Array, x: Array, target: Array) -> Array | None:
+    """Return the end of the straight motion of the motors from x to a target; None if it raises."""
+    rows = x + np.linspace(0.0, 1.0, FINE + 1)[:, None] * (target - x)
+    motors = {name: rows[:, i] for i, name in enumerate(robot.motors)}
+    try:
+        return hybridyn.assemble(robot, motors=motors, guess=q)[0][-1]
+    except AssemblyError:
+        return None
+
+
+def judged(robot: HybridRobot, steps: int, largest: float, compiled: hybridyn.CompiledRobot | None) -> int:
+    """Compare random steps from postures of the branch of home; return how many can be followed."""
+    rng, followed = np.random.default_rng(0), 0
+    home = robot.home, np.array([position(robot, name, robot.home) for name in robot.motors])
+    q, x = home
+    for step in range(steps):
+        q, x = (q, x) if step % 5 else home
+        way = rng.normal(size=len(x)) * np.exp(rng.uniform(np.log(0.02), np.log(largest)))
+        wanted = end_of_fine_motion(robot, q, x, x + way)
+        try:
+            if compiled:
+                found = compiled.close(x + way, last=q)[0]
+            else:
+                motors = dict(zip(robot.motors, x + way, strict=True))
+                found = hybridyn.assemble(robot, motors=motors, guess=q)[0]
+        except AssemblyError:
+            assert wanted is None, step
+            continue
+        assert wanted is not None, step
+        assert far_apart(robot, found[None], wanted[None]) < SAME, step
+        q, x, followed = found, x + way, followed + 1
+    return followed
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "largest"), [("five_bar", 25, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
+)
+def test_steps_of_shipped_robots(name: str, steps: int, largest: float) -> None:
+    assert judged(hybridyn.load(name), steps, largest, None) > 0.4 * steps
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "steps", "largest"), [("five_bar", 400, 2.5), ("delta", 150, 1.6)])
+def test_steps_of_compiled_robots(name: str, steps: int, largest: float) -> None:
+    robot = hybridyn.load(name)
+    assert judged(robot, steps, largest, hybridyn.compile(robot)) > 0.4 * steps
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if "serial" not in kind])
+def test_steps_of_random_mechanisms(kind: str) -> None:
+    judged(build_robot(random_mechanism(1, kind=kind)), 10, 2.0, None)
