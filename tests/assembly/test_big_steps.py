@@ -53,6 +53,16 @@ def judged(robot: HybridRobot, steps: int, largest: float, compiled: hybridyn.Co
     return followed
 
 
+def test_a_step_that_straight_motions_cannot_make_is_an_error() -> None:
+    """The straight motion of the delta's arms meets a singularity; Newton's method finds a posture beyond."""
+    robot = hybridyn.load("delta")
+    x, target = np.array([0.1509, 0.1798, -1.6443]), np.array([0.9059, 1.1365, -1.7454])
+    q = hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)))[0]
+    assert end_of_fine_motion(robot, q, x, target) is None
+    with pytest.raises(AssemblyError, match=r"straight from the guess to sample 0|do not close at sample 0"):
+        hybridyn.assemble(robot, motors=dict(zip(robot.motors, target, strict=True)), guess=q)
+
+
 @pytest.mark.parametrize(
     ("name", "steps", "largest"), [("five_bar", 25, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
 )
