@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -201,6 +202,36 @@ def test_a_prescribed_motion_takes_the_inverse_models_efforts(tmp_path: Path) ->
     assert found == pytest.approx(result.a, abs=1e-8 * np.abs(result.a).max())
     with pytest.raises(hybridyn.HybridynError, match="nothing to resume"):
         play(ready, resume=result)
+
+
+@pytest.mark.parametrize(
+    ("position", "noted"),
+    [
+        (lambda t: 0.4 * np.minimum(t / 0.05, 1.0), True),  # a ramp that ends: the spline passes its rows
+        (lambda t: 0.4 * np.sin(2.0 * np.pi * t / 0.11), False),  # eleven rows a turn
+        (lambda t: np.round(0.4 * np.sin(3.0 * t) ** 4, 4), False),
+    ],
+)
+def test_a_kink_in_a_table_is_noted(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    position: Callable[[np.ndarray], np.ndarray],
+    noted: bool,
+) -> None:
+    time = np.linspace(0.0, 0.2, 21)
+    rows = np.column_stack([time, position(time), 0.0 * time])
+    np.savetxt(
+        tmp_path / "kink.csv", rows, delimiter=",", comments="",
+        header="time,m1_left_drive/position,m1_right_drive/position",
+    )  # fmt: skip
+    play(stage(written(tmp_path, '[motion]\ntable = "kink.csv"\n')))
+    found = [record.getMessage() for record in caplog.records if "kink" in record.getMessage()]
+    assert bool(found) == noted
+    if noted:
+        assert (
+            "kink.csv: between its rows at 0.06 s and 0.07 s, the smooth motion of 'm1_left_drive'"
+            in found[0]
+        )
 
 
 def to_point(folder: Path, samples: int) -> Stage:
