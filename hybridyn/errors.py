@@ -77,16 +77,23 @@ class TrajectoryError(HybridynError):
         file: Path of the table, or None for arrays.
         row: Number of the data row (from 1, the header not counted), or None.
         column: Name of the column, or None.
+        sample: Index of the sample in arrays (from 0), or None.
     """
 
     def __init__(
-        self, message: str, *, file: str | None = None, row: int | None = None, column: str | None = None
+        self,
+        message: str,
+        *,
+        file: str | None = None,
+        row: int | None = None,
+        column: str | None = None,
+        sample: int | None = None,
     ) -> None:
         parts = [str(file)] if file else []
         parts += [f"row {row}"] if row is not None else []
         parts += [f"column '{column}'"] if column else []
         super().__init__((", ".join(parts) + ": " if parts else "") + message)
-        self.file, self.row, self.column = file, row, column
+        self.file, self.row, self.column, self.sample = file, row, column, sample
 
 
 class AssemblyError(HybridynError):

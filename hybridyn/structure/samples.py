@@ -48,12 +48,12 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
         raise TrajectoryError(f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width})")
     bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(bad):
-        raise TrajectoryError(f"{name} is not finite at sample {bad[0]}", row=int(bad[0]) + 1)
+        raise TrajectoryError(f"{name} is not finite at sample {bad[0]}", sample=int(bad[0]))
     large = np.argwhere(np.abs(out) > LARGEST)
     if len(large):
         t, i = large[0]
         raise TrajectoryError(
-            f"{name} has the number {out[t, i]:g} at sample {t} (at most {LARGEST:.0e})", row=int(t) + 1
+            f"{name} has the number {out[t, i]:g} at sample {t} (at most {LARGEST:.0e})", sample=int(t)
         )
     return out, single
 
@@ -86,7 +86,7 @@ def as_positions(
             raise TrajectoryError(
                 f"{name}: the {what} of joint '{robot.joints[joint]}' at sample {t} has length "
                 f"{length[t, i]:.9g} (must be 1 to {UNIT:g}); divide it by its length",
-                row=int(t) + 1,
+                sample=int(t),
             )
     return out, single
 
