@@ -93,7 +93,6 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     Returns:
         q, v, a on the spanning tree, shapes (T, nq), (T, nv), (T, nv).
     """
-    robot.check_model()
     T = requests.samples
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
     place_base(robot, requests, q, v, a)

@@ -94,7 +94,6 @@ def assemblies(
         AssemblyError: There is no posture, it is underdetermined, or stacked modules have more than 10,000.
         TrajectoryError: A name is unknown, a shape is wrong, or there are several samples.
     """
-    robot.check_model()
     requests = gather_requests(robot, motors or {}, platforms or {})
     if not requests.single:
         raise TrajectoryError("assemblies takes one sample: numbers, and poses of shape (7,)")

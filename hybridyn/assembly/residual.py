@@ -31,7 +31,6 @@ def closure_residual(robot: HybridRobot, q: Array) -> Array:
     Returns:
         Shape () or (T,): metres over the module's length, or radians, whichever is larger.
     """
-    robot.check_model()
     batch, single = as_positions(robot, q)
     worst = np.zeros(len(batch))
     for _, residual in residuals(robot, batch):

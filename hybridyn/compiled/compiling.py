@@ -64,8 +64,8 @@ def compile(
         CompileError: There is no C compiler; casadi is not installed; the built model differs from the
             general path or would hand every sample to it; or the models cannot be generated for another
             reason.
-        ModelError: A parameter is unknown, `dtype` or `threads` is invalid, an effect is not available in
-            compiled models, or `robot.model` was changed.
+        ModelError: A parameter is unknown, `dtype` or `threads` is invalid, or an effect is not available in
+            compiled models.
     """
     if dtype not in ("float64", "float32"):
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
@@ -73,7 +73,6 @@ def compile(
         raise ModelError(f"quick must be True, False, 'idm' or 'ddm', not {quick!r}")
     if threads < 1:
         raise ModelError(f"threads must be at least 1, not {threads}")
-    robot.check_model()
     on = choose(robot, effects)
     find_compiler()
     robot = with_stated_springs(robot, on) if parameters else robot

@@ -120,7 +120,6 @@ def prepared(
         SingularityError: As `Derivatives`.
         CompileError: As `Derivatives`.
     """
-    robot.check_model()
     asked = model, parameters, coordinates
     if not (type(coordinates) is str and type(parameters) is bool):
         check_kinds(coordinates, parameters)

@@ -66,8 +66,6 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         self._begin_postures()
         self._moving = robot.base == "moving"
         self._motors, self._rates = len(robot.motors), robot.nv
-        robot.check_model()
-        robot.model_readers.add(self._look_at_model)
         self._current = Current(library, self._use)
 
     def __repr__(self) -> str:
@@ -80,38 +78,8 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         self.dtype = library.dtype
         plain = self.effects.limits is None and not self.parameters.size
         idm, ddm = (library.programs.get(name) for name in ("idm", "ddm"))
-        self._single_calls = (
-            idm.at_once if idm and plain else None,
-            ddm.at_once if ddm and plain and not self._moving else None,
-        )
-        self._allow_single()
-
-    def _allow_single(self) -> None:
-        """Let C serve single calls at once; they look at `robot.model` first where somebody can change it."""
-        idm, ddm = self._single_calls
-        if self.robot.model_is_held:
-            idm, ddm = self._checked(idm), self._checked(ddm)
-        self._idm_at_once, self._ddm_at_once = idm or refuse, ddm or refuse
-
-    def _checked(self, at_once: Callable[..., int] | None) -> Callable[..., int]:
-        """Return a single call that refuses a changed `robot.model`."""
-
-        def call(*given: Any) -> int:
-            """Check the model, then call."""
-            self._check_model()
-            return at_once(*given) if at_once else refuse()
-
-        return call
-
-    def _look_at_model(self) -> None:
-        """Let single calls look at `robot.model` from now on: somebody takes it."""
-        self._close_at_once = self._control_at_once = refuse
-        self._idm_at_once, self._ddm_at_once = (self._checked(x) for x in self._single_calls)
-
-    def _check_model(self) -> None:
-        """Refuse a changed `robot.model`; once nobody holds it any more, single calls look no longer."""
-        self.robot.check_model()
-        self._allow_single()
+        self._idm_at_once = (plain and idm and idm.at_once) or refuse
+        self._ddm_at_once = (plain and not self._moving and ddm and ddm.at_once) or refuse
 
     @property
     def library(self) -> Library:
@@ -237,12 +205,7 @@ class CompiledRobot(ControlSteps, LinkQuantities):
 
     @property
     def programs(self) -> dict[str, Program]:
-        """The models as programs.
-
-        Raises:
-            ModelError: `robot.model` was changed.
-        """
-        self.robot.check_model()
+        """The models as programs."""
         return write_programs(self.robot, self.effects, parameters=self.parameters.slots)
 
     def _arguments(
@@ -255,7 +218,6 @@ class CompiledRobot(ControlSteps, LinkQuantities):
 
     def _run(self, name: str, given: dict[str, ArrayLike], parameters: ArrayLike | None = None) -> Numbers:
         """Run a model for one sample or many."""
-        self._check_model()
         calls = self._current.program(name)
         sizes = dict(calls.inputs)
         given = named(self.robot, given)

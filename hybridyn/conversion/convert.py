@@ -108,7 +108,6 @@ def convert(
 
 def _as_loaded(robot: HybridRobot) -> Description:
     """Return the description of a robot with the base and the gravity that it was loaded with."""
-    robot.check_model()
     x, y, z = (float(number) for number in robot.gravity)
     base: StatedBase = "floating" if robot.base == "floating" else "fixed"
     return replace(robot.description, base=base, gravity=(x, y, z))

@@ -113,7 +113,6 @@ def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
     """
     import pinocchio as pin
 
-    robot.check_model()
     if on.gravity is not None and on.leg_inertia is not None:
         return robot.unchanged_model
     model = pin.Model(robot.unchanged_model)

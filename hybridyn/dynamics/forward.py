@@ -66,11 +66,7 @@ def forward(
 
     Returns:
         One state per module, in the order of `robot.modules`.
-
-    Raises:
-        ModelError: `robot.model` was changed.
     """
-    robot.check_model()
     given = np.zeros_like(v) if a is None else a
     root = base_motion(robot, q, v, given, gravity, classical=classical)
     states: list[ModuleState] = []

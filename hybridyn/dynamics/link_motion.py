@@ -125,7 +125,6 @@ def body_motions(
         modules: Numbers of the modules to compute, which must include all modules that carry them; all if
             None.
     """
-    robot.check_model()
     bodies = {0: _root(robot, q, v, a)}
     for k, module in enumerate(robot.modules):
         if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):

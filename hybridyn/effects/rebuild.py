@@ -23,13 +23,11 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
         effects: As in `hybridyn.idm`.
 
     Raises:
-        ModelError: An effect or a link is unknown, a floating base is prescribed, or `robot.model` was
-            changed.
+        ModelError: An effect or a link is unknown, or a floating base is prescribed.
     """
     from ..errors import ModelError
     from ..structure.building import build_robot
 
-    robot.check_model()
     if effects is None or isinstance(effects, Effects):
         return robot
     units = listed_units(robot, effects)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,12 +13,6 @@ from ..spatial import Array
 from .bodies import Bodies
 from .leg_model import pinocchio_inertia, pinocchio_joint
 
-#: Parts of a model that a user is likely to change.
-PARTS = (
-    "gravity", "inertias", "jointPlacements", "frames", "armature", "rotorInertia", "rotorGearRatio",
-    "damping", "friction", "lowerDryFrictionLimit", "effortLimit", "velocityLimit", "lowerPositionLimit",
-    "upperPositionLimit", "name", "names", "parents",
-)  # fmt: skip
 #: Largest number of joints. The memory of Pinocchio's `Model` grows with its square, that of `Data` with its
 #: cube.
 MOST_JOINTS = 10_000
@@ -63,29 +56,6 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
         model.addBodyFrame(link, number[body_number], pin.SE3(np.asarray(R), np.asarray(p)), 0)
     _limits(model, bodies)
     return model
-
-
-def refuse_changes(model: pin.Model, built: pin.Model) -> None:
-    """Refuse a changed model.
-
-    Raises:
-        ModelError: The message names the changed parts and what to do instead.
-    """
-    changed = [name for name in PARTS if not _same(getattr(model, name, None), getattr(built, name, None))]
-    raise ModelError(
-        f"robot.model was changed ({', '.join(changed) or 'joints'}). hybridyn computes from the robot's "
-        "description and reads no changes of this model: load the robot again and change robot.model.copy(); "
-        "for another mass or gravity use hybridyn.with_effects, or hybridyn.load(..., gravity=...)"
-    )
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Check whether two parts of a model are equal."""
-    if isinstance(one, np.ndarray):
-        return np.array_equal(one, np.asarray(other))
-    if hasattr(one, "__len__") and hasattr(one, "tolist"):  # a vector of Pinocchio's, equal to itself only
-        return bool(one.tolist() == other.tolist())
-    return bool(one == other)
 
 
 def _limits(model: pin.Model, bodies: Bodies) -> None:

@@ -8,7 +8,6 @@ first joint.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -20,7 +19,6 @@ from ..description.records import Description, Joint
 from ..linkage.joints import ROOT_JOINT
 from ..spatial import Array, Index, spatial_inertia
 from .bodies import Bodies
-from .model_readers import ModelReaders
 from .module import Module
 
 if TYPE_CHECKING:
@@ -199,33 +197,23 @@ class HybridRobot:
         root = self.bodies.bodies[0]
         return spatial_inertia(root.mass, root.com, root.inertia)
 
-    @property
+    @cached_property
     def model(self) -> pin.Model:
-        """Pinocchio model of the spanning tree, built on first use; change a copy of it only.
+        """Pinocchio model of the spanning tree, your own copy: edits of it change no result of hybridyn.
+
+        For other masses, lengths or laws build another robot: `with_parameters`, `hybridyn.with_effects`.
 
         Raises:
             ModelError: The robot has more than 10,000 joints, which Pinocchio cannot hold.
         """
-        self.model_readers.tell()
-        return self._models[0]
-
-    @property
-    def unchanged_model(self) -> pin.Model:
-        """The same model for hybridyn's own functions; it is never returned to callers."""
-        return self._models[1]
+        return self.unchanged_model.copy()
 
     @cached_property
-    def model_readers(self) -> ModelReaders:
-        """What to tell when somebody takes `model`."""
-        return ModelReaders()
+    def unchanged_model(self) -> pin.Model:
+        """The same model for hybridyn's own functions; it is never returned to callers."""
+        from .pinocchio_model import build_model
 
-    @property
-    def model_is_held(self) -> bool:
-        """Whether the program may hold a reference to `model`, or to a part of it, and change it later."""
-        if "_models" not in self.__dict__:
-            return False
-        count = getattr(sys, "getrefcount", None)
-        return count is None or count(self._models[0]) > count(self._models[1])
+        return build_model(self.bodies, self.joints, self.base, self.gravity, self.name)
 
     def with_parameters(self, values: Mapping[str, ArrayLike]) -> HybridRobot:
         """Build the robot with other parameters; if its topology is the same, ranks are only checked.
@@ -236,28 +224,8 @@ class HybridRobot:
 
         Raises:
             ModelError: A parameter is unknown, a value has a wrong size, a mass, a stiffness or a friction is
-                negative, there is no such robot, or `model` was changed.
+                negative, or there is no such robot.
             AssemblyError: No posture closes the loops of a module.
         """
-        self.check_model()
         assert self.rebuild is not None
         return self.rebuild(self, values)
-
-    @cached_property
-    def _models(self) -> tuple[pin.Model, pin.Model]:
-        """The model that callers may read, and a copy that shows whether they changed it."""
-        from .pinocchio_model import build_model
-
-        model = build_model(self.bodies, self.joints, self.base, self.gravity, self.name)
-        return model, model.copy()
-
-    def check_model(self) -> None:
-        """Check that `model` was not changed, because hybridyn's own functions would not read the changes.
-
-        Raises:
-            ModelError: It was changed; the message names the parts.
-        """
-        if "_models" in self.__dict__ and self._models[0] != self._models[1]:
-            from .pinocchio_model import refuse_changes
-
-            refuse_changes(*self._models)

@@ -44,7 +44,6 @@ def geometry_model(
     import pinocchio as pin
     from lxml import etree
 
-    robot.check_model()
     one_of("kind", kind, "visual", "collision")
     file = robot.description.source
     root = urdf_root(file, xacro_args or {}, package_dirs) if file else None

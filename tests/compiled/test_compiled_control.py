@@ -15,7 +15,6 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.direct_calls import readable
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.inverse import inverse_program
-from hybridyn.compiled.programs.postures import refuse
 from hybridyn.description import Coupling, Joint
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -195,24 +194,6 @@ def test_models_that_c_does_not_step_make_two_calls() -> None:
     q = compiled.idm_from_motors(home)[1]
     tau, *state = compiled.idm_from_motors(home, last=q)
     assert (tau == compiled.idm(*state)).all()
-
-
-def test_a_model_that_is_taken_while_the_step_is_built_is_looked_at(
-    symmetric: hybridyn.CompiledRobot, monkeypatch: Any
-) -> None:
-    """A thread may take `robot.model` during the build, and change it afterwards."""
-    symmetric.idm_from_motors(at_home(symmetric.robot))
-    taken = []
-
-    def build(rows: Any) -> Any:
-        """Take the model."""
-        taken.append(symmetric.robot.model)
-        return lambda *_: 0
-
-    monkeypatch.setattr(symmetric, "_known_control", None)
-    monkeypatch.setattr(symmetric, "_load_control", build)
-    assert symmetric._control() is refuse
-    assert len(taken) == 1
 
 
 @pytest.mark.slow

@@ -94,9 +94,7 @@ class ControlSteps(Postures):
         if self._known_control is None or self._known_control[0] is not rows:
             self._known_control = rows, self._load_control(rows)
         control = self._known_control[1]
-        if control is None or self._close_at_once is refuse:  # `robot.model` was taken meanwhile
-            return refuse
-        return control.at_once or refuse
+        return (control and control.at_once) or refuse
 
     def _load_control(self, rows: ClosedRows) -> Control | None:
         """Load the library of a control step; build it if it is new; None if that cannot be done."""

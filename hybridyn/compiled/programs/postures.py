@@ -38,7 +38,6 @@ class Postures:
     recomputed: int
     _designs: DesignsInSlots
     _current: Current
-    _check_model: Callable[[], None]
 
     def _begin_postures(self) -> None:
         """Prepare the closing of loops for `robot`; programs are built when they are first needed."""
@@ -75,7 +74,6 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        self._check_model()
         requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
         if parameters is None:
             return self._assemble(requests, guess)
@@ -106,7 +104,6 @@ class Postures:
         Raises:
             TrajectoryError: The table or the parameters are wrong.
         """
-        self._check_model()
         found = self._evaluator.table(parameters, by_name(motors), by_name(platforms))
         self.recomputed += found.recomputed * found.q.shape[1]
         return found
@@ -152,12 +149,10 @@ class Postures:
             status = self._close_at_once(*copies, out)
         if status == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
-        self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self._assemble(requests, self.robot.home if last is None else last)
         follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
-        refused = follower is None or self.robot.model_is_held
-        self._close_at_once = follower.from_motors if follower and not refused else refuse
+        self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
 
     def closure_residual(self, q: Array) -> Array | None:
@@ -207,7 +202,6 @@ class Postures:
 
     def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Assemble a posture from positions of some modules' joints, also those of wrists that were cut."""
-        self._check_model()
         cut = self.robot.cut_joints & set(positions)
         if cut not in self._assemblers:
             self._assemblers[cut] = Assembler(holding(self.robot, cut))

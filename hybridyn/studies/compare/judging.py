@@ -141,7 +141,7 @@ def _fate(part: float, tolerance: float) -> Fate:
 
 def _left(robot: HybridRobot, state: State, theirs: Array) -> Array:
     """Return for each closure its opening acceleration over that of the free tree, shape (closures,)."""
-    free = pin.aba(robot.model, robot.model.createData(), state.q, state.v, state.force)
+    free = pin.aba(robot.unchanged_model, robot.unchanged_model.createData(), state.q, state.v, state.force)
     size = float(np.abs(state.a).max(initial=0.0)) + float(np.abs(state.v).max(initial=0.0)) ** 2
     opens = np.array(apart(robot, state.q, state.v, np.array(free)))
     stays = np.array(apart(robot, state.q, state.v, theirs))

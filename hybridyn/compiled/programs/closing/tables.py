@@ -44,6 +44,5 @@ class TableAssembler:
         if self.rows < LONG_TABLE:
             q, v, a = assemble_requests(self._robot, requests, start)
         else:
-            self._robot.check_model()
             q, v, a = self._assembler.assemble(requests, start)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)

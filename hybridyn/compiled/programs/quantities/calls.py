@@ -53,7 +53,6 @@ class Quantities:
     _current: Current
     _followings: dict[tuple[str, ...], Following | None]
     _arguments: Callable[[Calls, ArrayLike | None, tuple[int, ...]], dict[str, Array]]
-    _check_model: Callable[[], None]
     _posture_at: Callable[[Mapping[str, ArrayLike]], Array]
     _run: Callable[[str, dict[str, ArrayLike]], Numbers]
 
@@ -223,7 +222,6 @@ class Quantities:
         Raises:
             HybridynError: As the general path raises.
         """
-        self._check_model()
         if compute is None:
             self.recomputed += len(arrays[0])
             out = general(*arrays).astype(self.dtype)

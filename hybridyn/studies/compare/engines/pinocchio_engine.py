@@ -149,7 +149,7 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
 
 def _with_constraints(robot: HybridRobot) -> Engine:
     """Add a rigid constraint for each closure that Pinocchio has."""
-    model = robot.model.copy()
+    model = robot.unchanged_model.copy()
     contacts, left_out = pin.StdVec_RigidConstraintModel(), []
     for closure in robot.description.closures:
         found = list(_contacts(robot, model, closure))
