@@ -19,8 +19,8 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
 from ..structure.state import RobotMotion
-from .articulation import accelerate, articulate
 from .backward import reactions_of
+from .direct_recursion import accelerate, articulate
 from .forward import base_motion, forward
 from .loads import all_loads
 from .passive import needs_inertia

@@ -16,6 +16,12 @@ from ..spatial import Array, Index
 EPS = float(np.finfo(float).eps)
 
 
+def congruence(B: Array, M: Array) -> Array:
+    """Compute B^T M B for B of shape (T, n, N) and M of shape (T, n, n)."""
+    out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class InertiaFactor:
     """A pivoted Cholesky factor P^T A P = R^T R of many matrices.

@@ -9,10 +9,10 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState, RobotMotion
 from .actuation import Need, Sharing, motor_efforts
+from .guards import LOST_PIVOT, check_closure_rank, check_effort_digits
 from .inverse_recursion import ModuleForces
-from .lost_digits import robot_weight, warn_of_lost_efforts
-from .lost_rank import LOST_PIVOT, along_motion, check_closure_rank, check_effort_digits, possible_motions
-from .natural_sizes import force_rounding
+from .natural_sizes import force_rounding, robot_weight
+from .possible_motions import along_motion, possible_motions
 
 
 class Guards:
@@ -61,7 +61,6 @@ class Guards:
         module, m, basis, Q = s.module, s.mechanism, needed.basis, needed.Q
         size = self._size(k, s, needed)
         check_effort_digits(module, basis, Q, size, self._weight * m.length)
-        warn_of_lost_efforts(module, Q, size, self._weight * m.length)
         need = Need(Q, size, self._rounding, s.motion)
         tau = motor_efforts(self._robot, module, basis.Psi, need, self.sharing)
         for t in np.flatnonzero(basis.pivot < LOST_PIVOT) if m.reduction.rank else ():

@@ -97,6 +97,24 @@ class ModuleLoad:
         return base, along
 
 
+@dataclass(frozen=True, eq=False)
+class LegTerms:
+    """Inertia and forces of a module's legs, including rotors and the loads on the legs.
+
+    Attributes:
+        M: Inertia for [V_dot_base; x_ddot], shape (T, 6 + n, 6 + n), with blocks A and D, Eqs. (63)-(75).
+        p: Wrench of the base on the legs at zero accelerations, minus the wrench of the loads on the base,
+            shape (T, 6), Eqs. (71)-(73).
+        h: Generalised force along x at zero accelerations, shape (T, n).
+        f: Generalised force of the loads along x, shape (T, n).
+    """
+
+    M: Array
+    p: Array
+    h: Array
+    f: Array
+
+
 @dataclass(eq=False)
 class Loads:
     """All that acts on the robot besides motors and weight.
@@ -132,6 +150,20 @@ class Loads:
         state.mechanism.cut.to_tree(self.rotors[None, state.module.v_index], out)
         diagonal: Array = out[0]
         return diagonal
+
+    def leg_matrix(self, state: ModuleState) -> Array:
+        """Compute M_leg with rotors, shape (T, 6 + n, 6 + n)."""
+        M = self.on.leg_matrix(state)
+        if (rotor := self.rotor_diagonal(state)) is not None:
+            M[:, 6:, 6:] += np.diag(rotor)
+        return M
+
+    def leg_terms(self, k: int, state: ModuleState) -> LegTerms:
+        """Compute the inertia and forces of the legs of module k."""
+        M = self.leg_matrix(state)
+        p, h = self.on.leg_bias(state)
+        f_base, f = self.on_legs(k, state)
+        return LegTerms(M, p - f_base, h, f)
 
 
 def all_loads(

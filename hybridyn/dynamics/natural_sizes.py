@@ -70,6 +70,12 @@ class NaturalSizes:
         return np.maximum(self.stated, self.rate(length) ** 2)
 
 
+def robot_weight(robot: HybridRobot) -> float:
+    """Return the weight of all bodies [N]."""
+    mass = sum(body.mass for body in robot.bodies.bodies)
+    return mass * float(np.linalg.norm(robot.gravity))
+
+
 def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
     """Compute the reference size of forces, as work per scaled coordinate.
 

@@ -8,7 +8,7 @@ from ..effects.choice import Effects
 from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .articulation import accelerate, articulate
+from .direct_recursion import accelerate, articulate
 from .forward import base_motion, forward
 from .loads import Loads
 from .state_checks import check_closed

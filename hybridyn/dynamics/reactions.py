@@ -12,7 +12,7 @@ import numpy as np
 from ..linkage.closures import TreeClosure
 from ..linkage.tree import Motion
 from ..spatial import Array, Mask, cross, rotate, rotate_back
-from .lost_rank import LOST_PIVOT
+from .guards import LOST_PIVOT
 
 if TYPE_CHECKING:
     from ..structure.mechanism import Mechanism

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..assembly.residual import closure_residual
 from ..compiled.library.laws import Law
-from ..dynamics.articulation import accelerate, articulate
+from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.forward import base_motion as base_of
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
+
 from ..linkage.tree import Motion
 from ..spatial import Array
 from .mechanism import Mechanism
@@ -73,3 +75,26 @@ class ModuleState:
         """Return the placement (R, p) of an output in the base, shapes (T, 3, 3), (T, 3)."""
         body = self.mechanism.spec.outputs[output]
         return self.motion.R[:, body], self.motion.p[:, body]
+
+    def spanning_accelerations(
+        self, q: Array, v: Array, x_ddot: Array, unforced: Motion | None = None
+    ) -> Array:
+        """Compute accelerations of the module's spanning tree from those of the tree after the cuts.
+
+        Args:
+            q: Positions of the robot, shape (T, nq).
+            v: Rates of the robot, shape (T, nv).
+            x_ddot: Accelerations of the tree after the cuts, shape (T, n).
+            unforced: Motion of this tree at x_ddot = 0, if it is known.
+
+        Returns:
+            Shape (T, nv of the module). The joints of wrists that were cut follow the bodies they connect.
+        """
+        m = self.mechanism
+        out = np.zeros((len(x_ddot), m.spanning.nv))
+        m.cut.to_spanning(x_ddot, out)
+        if m.spec.wrists:
+            target = m.tree.sweep(self.q, self.v, x_ddot, unforced)
+            own = q[:, self.module.q_index], v[:, self.module.v_index]
+            m.wrists.recover_accelerations(*own, out, target, self.spanning)
+        return out

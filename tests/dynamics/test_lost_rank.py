@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics.lost_rank import check_motor_map
+from hybridyn.dynamics.guards import check_motor_map
 
 TOLERANCE = 1e-13  # rounding of a closed form with terms of order twenty
 

@@ -1,4 +1,4 @@
-"""Write the direct model of one module: Eqs. (38)-(53) in the form of `hybridyn.dynamics.articulation`.
+"""Write the direct model of one module: Eqs. (38)-(53) in the form of `hybridyn.dynamics.direct_recursion`.
 
 One graph is cut into four stages: outwards (motion), inwards (articulated inertia), outwards (accelerations),
 wrists. The module's quadratic form over s = [V_dot_base; y] is M, b. Its closures give y = Psi u_dot + Psi_b

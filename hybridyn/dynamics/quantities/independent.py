@@ -23,7 +23,7 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.state import ModuleState
 from ..actuation import SINGULAR_MOTOR_MAP
-from ..lost_rank import check_closure_rank
+from ..guards import check_closure_rank
 from .coordinates import Coordinates
 
 
@@ -88,7 +88,7 @@ def module_motions(
         return ModuleMotions(Basis(Psi, np.zeros_like(basis.drift), basis.pivot), E, np.zeros(E.shape[:2]))
     idle, drift = np.matmul(Q, Z), basis.drift / unit
     drift = (drift - np.einsum("tij,tkj,tk->ti", idle, idle, drift, optimize=True)) * unit
-    E_drift = _spanning_accelerations(s, q, v, drift)
+    E_drift = s.spanning_accelerations(q, v, drift)
     miss = E_drift[:, freedoms].copy()
     drift = drift - np.einsum("tij,tj->ti", Psi, miss)
     E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
@@ -111,17 +111,6 @@ def spanning_rates(s: ModuleState, X: Array) -> Array:
     m.cut.to_spanning(X, out)
     for number in range(len(m.spec.wrists)):
         out[:, m.wrists.columns(number)] = m.wrists.rates_of(s.spanning, s.motion, number, X)
-    return out
-
-
-def _spanning_accelerations(s: ModuleState, q: Array, v: Array, x_ddot: Array) -> Array:
-    """Compute accelerations of a module's spanning tree from those of its tree after the cuts, (T, nv)."""
-    m = s.mechanism
-    out = np.zeros((len(x_ddot), m.spanning.nv))
-    m.cut.to_spanning(x_ddot, out)
-    if m.spec.wrists:
-        own = q[:, s.module.q_index], v[:, s.module.v_index]
-        m.wrists.recover_accelerations(*own, out, m.tree.sweep(s.q, s.v, x_ddot), s.spanning)
     return out
 
 

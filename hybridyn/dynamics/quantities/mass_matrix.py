@@ -1,7 +1,7 @@
 """The mass matrix of a closed robot: composite inertias of modules, one walk to the root for each module.
 
 The composite inertia of an output is its own and that of all modules on it, their motions held. With a_o,
-Psi and X of the direct model (`dynamics/articulation.py`) and D, A of the legs (Eqs. (63)-(75)):
+Psi and X of the direct model (`dynamics/direct_recursion.py`) and D, A of the legs (Eqs. (63)-(75)):
 
     M_kk = Psi^T A Psi + sum_o a_o^T Ic_o a_o                      Eq. (43) with composite inertias
     F_k  = Psi^T D + sum_o a_o^T Ic_o X_o                          Eq. (42): the base wrench, transposed
@@ -21,7 +21,7 @@ from ...spatial import Array, motion_matrix
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from ...structure.state import ModuleState
-from ..balance import congruence
+from ..inertia_solve import congruence
 from ..loads import Loads
 from ..passive import needs_inertia
 from .coordinates import Coordinates, independent_coordinates
@@ -77,9 +77,7 @@ def composite_inertia(
     M = np.zeros((T, u.size, u.size))
     for k in reversed(range(len(states))):
         s, Psi, own = states[k], motions[k].basis.Psi, u.own[k]
-        legs = on.leg_matrix(s)
-        if (rotor := loads.rotor_diagonal(s)) is not None:
-            legs[:, 6:, 6:] += np.diag(rotor)
+        legs = loads.leg_matrix(s)
         H = congruence(Psi, legs[:, 6:, 6:])
         F = np.matmul(np.swapaxes(Psi, 1, 2), legs[:, 6:, :6])
         for o, (a_map, X) in enumerate(outputs[k]):

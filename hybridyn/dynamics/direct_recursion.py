@@ -1,0 +1,199 @@
+"""Equations (38)-(53) of the direct model: articulated inertias inwards, accelerations outwards.
+
+A module whose base accelerates with V_dot moves with u_dot, and its outputs o with V_dot_o:
+
+    A_t u_dot = Q_0 - E V_dot,      V_dot_o = X_o V_dot + a_o u_dot + c_o
+
+`articulate` is the backward sweep, `accelerate` the forward one. Inertias have the congruence form of
+Eqs. (45), (47), which keeps them positive semidefinite; the paper's S2, S3, K and alpha are not needed.
+`inertia_rounding` computes, from what a module keeps here, what rounding feigns in A_t; `guards` says what is
+refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..linkage.reduction import Basis
+from ..linkage.tree import Motion
+from ..spatial import Array, motion_matrix
+from ..structure.robot import HybridRobot
+from ..structure.state import ModuleState
+from .guards import check_acceleration_digits, check_closure_rank, check_massless_forces
+from .inertia_rounding import (
+    force_of_slips,
+    largest_term,
+    largest_term_of,
+    rounding_of,
+    seeming,
+    seeming_at_base,
+)
+from .inertia_solve import InertiaFactor, congruence, factor_inertia
+from .loads import LegTerms, Loads
+from .possible_motions import least_norm, motions_of
+
+
+@dataclass(eq=False)
+class ArticulatedModule:
+    """One module in the backward sweep: its equation of motion, and what it was made of.
+
+    Attributes:
+        state: The module's state.
+        basis: Basis of its motions and drift.
+        unforced: Motion of its tree at x_ddot = 0.
+        legs: Inertia and forces of its legs.
+        I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
+        beta_star: Biases of its outputs, shape (T, outputs, 6).
+        tau: Efforts of its motors, shape (T, motors).
+        a_maps: For each output, a_o, shape (T, 6, N), Eq. (2).
+        X: For each output, the motion matrix from the base, shape (T, 6, 6), Eq. (26).
+        c: For each output, v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
+        b: For each output, the wrench that it needs at u_dot = 0 and V_dot = 0, shape (T, 6).
+        f: Generalised force along x at x_ddot = drift, shape (T, n).
+        A_t, E, Q_0: Shapes (T, N, N), (T, N, 6), (T, N).
+        inertia: Cholesky factor of A_t.
+        size: Largest term in the sum Q_0, shape (T,), [N m].
+        G, y: A_t^-1 E and A_t^-1 Q_0, shapes (T, N, 6), (T, N).
+    """
+
+    state: ModuleState
+    basis: Basis
+    unforced: Motion
+    legs: LegTerms
+    I_star: Array
+    beta_star: Array
+    tau: Array
+    a_maps: list[Array]
+    X: list[Array]
+    c: list[Array]
+    b: list[Array]
+    f: Array
+    A_t: Array
+    E: Array
+    Q_0: Array
+    inertia: InertiaFactor = field(init=False)
+    size: Array = field(init=False)
+    G: Array = field(init=False)
+    y: Array = field(init=False)
+
+
+def articulate(
+    robot: HybridRobot, states: list[ModuleState], loads: Loads, tau: Array, prescribed: Array | None,
+    *, passing: bool = False,
+) -> list[ArticulatedModule]:  # fmt: skip
+    """Run the backward sweep: compute articulated inertias and biases, the outermost modules first.
+
+    Args:
+        states: States of the robot's modules.
+        loads: External wrenches and effects.
+        tau: Motor efforts, shape (T, motors).
+        prescribed: Accelerations, shape (T, nv), whose entries for motors are prescribed, or None.
+        passing: At postures of lost rank, use the motions of the branch that the velocity belongs to.
+
+    Raises:
+        SingularityError: Closures lose rank, or a force acts on a motion without inertia.
+    """
+    T = len(tau)
+    out: list[ArticulatedModule] = []
+    I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
+    beta_star = [_own_bias(s, loads, k) for k, s in enumerate(states)]
+    noise = [np.zeros_like(x) for x in I_star]  # bounds on the rounding of I_star, as inertias
+    for k in reversed(range(len(states))):
+        s, module = states[k], states[k].module
+        basis, unforced = motions_of(s, prescribed, passing)
+        check_closure_rank(module, basis)
+        noise[k] += rounding_of(I_star[k])
+        legs, efforts = loads.leg_terms(k, s), tau[:, module.motor_index]
+        x = _equation_of_motion(s, basis, unforced, legs, I_star[k], beta_star[k], efforts)
+        x.inertia = factor_inertia(x.A_t, seeming(x, noise[k]))
+        solved, left = x.inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
+        x.size = largest_term_of(x)
+        check_massless_forces(module, basis, left[..., 6], x.size, force_of_slips(x))
+        x.G, x.y = solved[..., :6], solved[..., 6]
+        out.insert(0, x)
+        if module.parent >= 0:
+            inertia, bias = _onto_base(x)
+            I_star[module.parent][:, module.parent_output] += inertia
+            beta_star[module.parent][:, module.parent_output] += bias
+            noise[module.parent][:, module.parent_output] += seeming_at_base(x, noise[k])
+    return out
+
+
+def _own_bias(s: ModuleState, loads: Loads, k: int) -> Array:
+    """Compute crf(V)(I V) + F_e of every output, shape (T, outputs, 6)."""
+    out = np.zeros_like(s.outputs)
+    for o, inertia in enumerate(s.mechanism.inertias):
+        out[:, o] = loads.on.body_bias(s.outputs[:, o], inertia) - loads.modules[k].on_output(
+            s, o
+        )  # Eq. (38)
+    return out
+
+
+def _equation_of_motion(
+    s: ModuleState, basis: Basis, unforced: Motion, legs: LegTerms, I_star: Array, beta_star: Array,
+    tau: Array,
+) -> ArticulatedModule:  # fmt: skip
+    """Compute A_t, E and Q_0 of one module, summed over its legs and outputs."""
+    Psi, A, D = basis.Psi, legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
+    f = legs.f - legs.h - np.einsum("tij,tj->ti", A, basis.drift)
+    f[:, s.module.motor_columns] += tau
+    A_t = congruence(Psi, A)
+    E = np.einsum("tij,tik->tjk", Psi, D)
+    Q_0 = np.einsum("tij,ti->tj", Psi, f)
+    x = ArticulatedModule(s, basis, unforced, legs, I_star, beta_star, tau, [], [], [], [], f, A_t, E, Q_0)
+    for o, body in enumerate(s.mechanism.spec.outputs):
+        J, I_o = s.mechanism.jacobian(s.motion, body), I_star[:, o]
+        a, X = np.matmul(J, Psi), motion_matrix(*s.placement(o))
+        c = np.einsum("tij,tj->ti", J, basis.drift) + unforced.acceleration(body) + s.convective[:, o]
+        b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]
+        x.A_t += congruence(a, I_o)  # Eq. (43)
+        x.E += np.einsum("tij,tik,tkl->tjl", a, I_o, X, optimize=True)  # Eq. (42)
+        x.Q_0 -= np.einsum("tij,ti->tj", a, b)  # Eq. (44)
+        for kept, value in ((x.a_maps, a), (x.X, X), (x.c, c), (x.b, b)):
+            kept.append(value)
+    return x
+
+
+def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
+    """Compute what a module adds to the inertia, shape (T, 6, 6), and the bias, shape (T, 6), of its base."""
+    Psi, G, legs = x.basis.Psi, x.G, x.legs
+    with_base = np.concatenate([np.tile(np.eye(6), (len(G), 1, 1)), -np.matmul(Psi, G)], axis=1)
+    inertia = congruence(with_base, legs.M)  # Eqs. (45), (47)
+    held = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], x.basis.drift) + legs.p
+    bias = held + np.einsum("tij,ti->tj", G, x.Q_0)  # Eqs. (46), (48)
+    for o, (X, a, b) in enumerate(zip(x.X, x.a_maps, x.b, strict=True)):
+        inertia += congruence(X - np.matmul(a, G), x.I_star[:, o])
+        bias += np.einsum("tij,ti->tj", X, b)
+    return inertia, bias
+
+
+def accelerate(
+    robot: HybridRobot, modules: list[ArticulatedModule], root: Array, q: Array, v: Array, a: Array
+) -> None:
+    """Run the forward sweep: compute the accelerations of the spanning tree.
+
+    Args:
+        modules: The robot's modules after `articulate`.
+        root: Acceleration of the base of the first modules minus gravity, shape (T, 6).
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv), filled in place.
+    """
+    outputs: list[list[Array]] = []
+    for x in modules:
+        s, module = x.state, x.state.module
+        V_dot = root if module.parent < 0 else outputs[module.parent][module.parent_output]
+        carried = np.einsum("tij,tj->ti", x.G, V_dot)
+        u_dot = x.y - carried  # Eqs. (40), (51)
+        least_norm(module, x.basis, x.inertia, u_dot)
+        outputs.append(
+            [
+                np.einsum("tij,tj->ti", X, V_dot) + np.einsum("tij,tj->ti", a_map, u_dot) + c  # Eq. (53)
+                for X, a_map, c in zip(x.X, x.a_maps, x.c, strict=True)
+            ]
+        )
+        x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eq. (36)
+        check_acceleration_digits(module, x_ddot, largest_term(x, carried), robot.gravity)
+        a[:, module.v_index] = s.spanning_accelerations(q, v, x_ddot, x.unforced)
