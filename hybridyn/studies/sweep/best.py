@@ -63,6 +63,8 @@ def find_best(folder: str | PathLike[str], objectives: str, where: str | None = 
         rows = _chosen(found, shard, aims, condition, about.measures)
         best = _ranked(np.concatenate([best, rows]), len(aims))[:top]
         front = _front(np.concatenate([front, rows]), len(aims))
+    # The most frequent reason first: which shard has one first depends on computing times.
+    found.left_out = dict(sorted(found.left_out.items(), key=lambda reason: (-reason[1], reason[0])))
     if not found.considered:
         why = ", ".join(f"{count:,} {what}" for what, count in found.left_out.items() if count)
         raise HybridynError(f"{folder}: no design is left to compare ({why or 'there are no rows'})")
