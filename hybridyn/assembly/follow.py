@@ -26,6 +26,9 @@ SMALL_STEP = 1e-7
 MOST_TURNING = 0.5
 #: Strides at which samples are solved: first every eighth, then all.
 STRIDES = (8, 1)
+#: Longest step of a given joint [rad, module lengths] that the checks can judge: different branches may look
+#: alike at the ends of a longer one.
+FARTHEST = 1.0
 #: A guess whose loops are open by more than this [module lengths] is no posture, and has no branch.
 NEARLY_CLOSED = 1e-3
 #: Largest number of parts into which a step is divided.
@@ -258,6 +261,9 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP
+    if problem.closures.rows:
+        given = tree.difference(q[samples], start) / problem.col_scale
+        out &= np.abs(given).max(axis=1, initial=0.0) <= FARTHEST
     rest = np.flatnonzero(out & (size > SMALL_STEP))
     if len(rest):
         there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)

@@ -63,6 +63,17 @@ def test_a_step_that_straight_motions_cannot_make_is_an_error() -> None:
         hybridyn.assemble(robot, motors=dict(zip(robot.motors, target, strict=True)), guess=q)
 
 
+def test_a_step_whose_ends_look_alike_ends_on_its_branch() -> None:
+    """Newton's method goes straight to another branch here, and both checks of the whole step hold."""
+    robot = hybridyn.load("five_bar")
+    q = np.array([2.2748787687703027, -2.17463662079532, -0.8852704267081961, 1.7001928700739788])
+    x, target = q[[0, 2]], np.array([0.24282016420201735, 0.43762760946090973])
+    wanted = end_of_fine_motion(robot, q, x, target)
+    assert wanted is not None
+    found = hybridyn.assemble(robot, motors=dict(zip(robot.motors, target, strict=True)), guess=q)[0]
+    assert far_apart(robot, found[None], wanted[None]) < SAME
+
+
 @pytest.mark.parametrize(
     ("name", "steps", "largest"), [("five_bar", 25, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
 )

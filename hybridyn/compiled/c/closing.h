@@ -1,6 +1,6 @@
 /* Rows of a table closed one after the other on the branch of the row before, as `assembly.follow` does it.
    Needs NQ, NP, NV, NG, NR, MODULES, the constants of `closing_source`, KINDS (the kind of each prescribed
-   position, then -1), and the single calls of "newton", "settle" and "branch". */
+   position, then -1), FAR (the longest step of each), and the single calls of "newton", "settle" and "branch". */
 #define TURN (S)6.283185307179586
 typedef struct {
     S q[NQ], p[NP], step[MODULES], wrist[MODULES], open[MODULES];
@@ -80,11 +80,23 @@ static int surely_same(const Moved *first, const Closed *out, S later) {
     return 1;
 }
 
-/* Close the loops at the given positions on the branch of (q, p); 0 where that is certain. */
-static int advanced(const S *q, const S *p, const S *const *given, Closed *out) {
+/* Whether a joint moves further than the checks of one step can judge. */
+static int is_far(const S *g_0, const S *g_1) {
+    for (int k = 0, i = 0; KINDS[k] >= 0; k++) {
+        S way = g_1[i] - g_0[i];
+        if (KINDS[k] == 1) way -= TURN * SCALAR(floor)(way / TURN + (S)0.5);
+        if (!(way <= FAR[k]) || !(-way <= FAR[k])) return 1;
+        i += KINDS[k] == 2 ? 7 : 1;
+    }
+    return 0;
+}
+
+/* Close the loops at the given positions on the branch of (q, p), where g_0 holds; 0 where that is certain. */
+static int advanced(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
     static Moved first;
     static Branch about;
     S later;
+    if (is_far(g_0, given[0])) return 1;
     if (closed(q, p, given, &first, out, &later)) return 1;
     if (surely_same(&first, out, later)) return 0;
     const S *in[7] = {q, p, first.q, first.p, out->q, out->p, given[0]};
@@ -122,19 +134,21 @@ static void between(const S *g_0, const S *g_1, S f, S *g) {
 
 /* Follow the branch from (q, p), where g_0 holds, in steps as long as predictions hold; 0 where it leads on. */
 static int walked(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
-    static S here[NQ], pose[NP], g[NG];
+    static S here[NQ], pose[NP], g[NG], at[NG];
     static const S still[NR];
     S done = 0, step = (S)0.25;
     memcpy(here, q, sizeof(here));
     memcpy(pose, p, sizeof(pose));
+    memcpy(at, g_0, sizeof(at));
     while (done < 1) {
         if (step >= 1 - done) step = 1 - done;
         const int last = done + step >= 1;
         if (!last) between(g_0, given[0], done + step, g);
         const S *way[3] = {g, still, still};
-        if (!advanced(here, pose, last ? given : way, out)) {
+        if (!advanced(here, pose, at, last ? given : way, out)) {
             memcpy(here, out->q, sizeof(here));
             memcpy(pose, out->p, sizeof(pose));
+            memcpy(at, g, sizeof(at));
             done += step, step *= 2;
         } else if (step <= SHORTEST) {
             return 1;
@@ -155,7 +169,7 @@ EXPORT Long closed_rows(Long rows, int first, const S *g, const S *g_dot, const 
     for (Long k = 0; k < rows; k++) {
         const S *given[3] = {g + k * NG, g_dot + k * NR, g_ddot + k * NR};
         if (first && !k && reaches(q, p, given)) return 0;
-        if (advanced(q, p, given, &out) && walked(q, p, g_0, given, &out)) return k;
+        if (advanced(q, p, g_0, given, &out) && walked(q, p, g_0, given, &out)) return k;
         memcpy(q, out.q, sizeof(out.q));
         memcpy(p, out.p, sizeof(out.p));
         memcpy(g_0, given[0], sizeof(S[NG]));
@@ -204,7 +218,7 @@ EXPORT int close_row(const Array *const *a, S *result) {
     }
     const S *in[3] = {given[0], given[1], given[2]};
     if (memcmp(last, kept.q, sizeof(kept.q)) && (kept_at(last) || reaches(kept.q, kept.p, in))) return 2;
-    if (advanced(kept.q, kept.p, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return 2;
+    if (advanced(kept.q, kept.p, kept.g, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return 2;
     keep_place(out.q, out.p, given[0]);
     memcpy(result, out.q, sizeof(out.q));
     memcpy(result + NQ, out.v, sizeof(out.v));

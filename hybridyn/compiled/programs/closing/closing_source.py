@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ....assembly.follow import MOST_TURNING, SAME_BRANCH, SMALL_STEP
+from ....assembly.follow import FARTHEST, MOST_TURNING, SAME_BRANCH, SMALL_STEP
 from ....linkage.newton import LONGEST_STEP
+from ....spatial import LARGEST
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import Scalar, text_of
@@ -36,6 +37,7 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
     """
     programs = closing_programs(robot, parts)
     kinds = [str(kind) for part in parts for kind in part.given.all_kinds]
+    far = [repr(step) for part in parts for step in farthest_steps(part)]
     names = constants_of(programs) | {"SHORTEST": SHORTEST}
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     order = motors_given(robot, parts)
@@ -43,8 +45,17 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
     if order:
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
         written.append(place_program(robot, parts))
-    lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", text_of("closing.h")]
+    lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};"]
+    lines += [f"static const S FAR[] = {{{', '.join([*far, '0'])}}};", text_of("closing.h")]
     return library_source(written, scalar, "\n".join(lines))
+
+
+def farthest_steps(part: Part) -> list[float]:
+    """Return the longest step of each prescribed position: of joints [rad or m], without limit for others."""
+    m = part.module.mechanism
+    units = [float(m.reduction.col_scale[m.tree.v_slices[joint].start]) for joint in part.given.joints]
+    others = len(part.given.all_kinds) - len(units)
+    return [*(FARTHEST * unit for unit in units), *(others * [LARGEST])]
 
 
 def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
