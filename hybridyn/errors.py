@@ -9,7 +9,8 @@
     `-- CompileError        a compiled model cannot be built: no compiler, or one that fails
 
 Each message states what is wrong, where by name, the number against its threshold, and how to mend it. Each
-error has its data as attributes, so that a program can act on it.
+error has its data as attributes, so that a program can act on it. Who catches an error may change its data;
+the sentence is composed of them when it is read.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from __future__ import annotations
 LONGEST = 1000
 #: Number of characters kept at the end of a long message, where the advice is.
 END = 300
+#: Stands in the text of an error for its sample: " at sample 7", or nothing if the place names the row.
+AT_SAMPLE = "{at its sample}"
 
 
 def shortened(message: str) -> str:
@@ -41,11 +44,33 @@ class PerformanceWarning(UserWarning):
 
 
 class HybridynError(Exception):
-    """Base class of all errors that hybridyn raises deliberately."""
+    """Base class of all errors that hybridyn raises deliberately.
+
+    Attributes:
+        place: Where it is wrong, before the message: file, line or row, outermost first. Empty if unknown.
+        sample: Index of the sample in the batch (from 0), or None.
+        row_named: Whether `place` names the row of the sample.
+        advice: How to mend it, after the message, if who catches the error knows more.
+    """
+
+    def __init__(self, text: str = "", *, place: str = "", sample: int | None = None) -> None:
+        super().__init__(text)
+        self.place, self.sample, self.row_named, self.advice = place, sample, False, ""
+
+    def within(self, place: str, *, row_named: bool = False) -> None:
+        """Add the place in which it was caught, such as the file of a table, or a row of it."""
+        self.place = f"{place}: {self.place}" if self.place else place
+        self.row_named = self.row_named or row_named
+
+    @property
+    def message(self) -> str:
+        """The message without its place."""
+        at = "" if self.sample is None or self.row_named else f" at sample {self.sample}"
+        return super().__str__().replace(AT_SAMPLE, at) + self.advice
 
     def __str__(self) -> str:
-        """Return the message, shortened where it is long."""
-        return shortened(super().__str__())
+        """Return place and message, shortened where they are long."""
+        return shortened(f"{self.place}: {self.message}" if self.place else self.message)
 
 
 class ModelError(HybridynError):
@@ -60,14 +85,8 @@ class ModelError(HybridynError):
     def __init__(
         self, message: str, *, file: str | None = None, line: int | None = None, element: str | None = None
     ) -> None:
-        where = f"{file}:{line}: " if file and line else f"{file}: " if file else ""
-        super().__init__(where + message)
+        super().__init__(message, place=f"{file}:{line}" if file and line else file or "")
         self.file, self.line, self.element = file, line, element
-
-    @property
-    def message(self) -> str:
-        """The message without file and line."""
-        return str(self).removeprefix(f"{self.file}:{self.line}: ").removeprefix(f"{self.file}: ")
 
 
 class TrajectoryError(HybridynError):
@@ -77,7 +96,6 @@ class TrajectoryError(HybridynError):
         file: Path of the table, or None for arrays.
         row: Number of the data row (from 1, the header not counted), or None.
         column: Name of the column, or None.
-        sample: Index of the sample in arrays (from 0), or None.
     """
 
     def __init__(
@@ -92,8 +110,8 @@ class TrajectoryError(HybridynError):
         parts = [str(file)] if file else []
         parts += [f"row {row}"] if row is not None else []
         parts += [f"column '{column}'"] if column else []
-        super().__init__((", ".join(parts) + ": " if parts else "") + message)
-        self.file, self.row, self.column, self.sample = file, row, column, sample
+        super().__init__(message, place=", ".join(parts), sample=sample)
+        self.file, self.row, self.column = file, row, column
 
 
 class AssemblyError(HybridynError):
@@ -102,7 +120,6 @@ class AssemblyError(HybridynError):
     Attributes:
         module: Name of the module, or None.
         leg: Name of the leg with the worst closure, or None.
-        sample: Index of the sample in the batch (from 0), or None.
         residual: Closure residual reached, relative to the module's length, or None.
         iterations: Newton iterations spent, or None.
         open_freedoms: Number of freedoms that the given positions and poses do not determine, or None.
@@ -119,8 +136,8 @@ class AssemblyError(HybridynError):
         iterations: int | None = None,
         open_freedoms: int | None = None,
     ) -> None:
-        super().__init__(message)
-        self.module, self.leg, self.sample = module, leg, sample
+        super().__init__(message, sample=sample)
+        self.module, self.leg = module, leg
         self.residual, self.iterations, self.open_freedoms = residual, iterations, open_freedoms
 
 
@@ -131,7 +148,6 @@ class SingularityError(HybridynError):
         module: Name of the module, or None.
         what: What lost rank ("legs", "motors", "inertia", ...), or None.
         condition: Its condition number (scaled), or None.
-        sample: Index of the sample in the batch (from 0), or None.
     """
 
     def __init__(
@@ -143,8 +159,8 @@ class SingularityError(HybridynError):
         condition: float | None = None,
         sample: int | None = None,
     ) -> None:
-        super().__init__(message)
-        self.module, self.what, self.condition, self.sample = module, what, condition, sample
+        super().__init__(message, sample=sample)
+        self.module, self.what, self.condition = module, what, condition
 
 
 class ActuationError(HybridynError):
@@ -154,7 +170,6 @@ class ActuationError(HybridynError):
         module: Name of the module, or None.
         direction: Text that names the missing direction, or None.
         size: Missing effort along it [N or N m], or None.
-        sample: Index of the sample in the batch (from 0), or None.
     """
 
     def __init__(
@@ -166,8 +181,8 @@ class ActuationError(HybridynError):
         size: float | None = None,
         sample: int | None = None,
     ) -> None:
-        super().__init__(message)
-        self.module, self.direction, self.size, self.sample = module, direction, size, sample
+        super().__init__(message, sample=sample)
+        self.module, self.direction, self.size = module, direction, size
 
 
 class CompileError(HybridynError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 import subprocess
 import sys
@@ -13,7 +14,15 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import ModelError, TrajectoryError, install_advice
+from hybridyn.dynamics.in_blocks import samples_counted_from
+from hybridyn.errors import (
+    AT_SAMPLE,
+    HybridynError,
+    ModelError,
+    SingularityError,
+    TrajectoryError,
+    install_advice,
+)
 from tests.command_line import call
 from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, read_text
@@ -135,3 +144,20 @@ def test_what_is_no_number_is_named(wrong: Any) -> None:
             run()
     with pytest.raises(TrajectoryError, match="coordinate 'x' needs numbers of shape"):
         hybridyn.assemble(robot, platforms={link: {"x": np.zeros((2, 2))}})
+
+
+def test_the_sentence_of_an_error_is_composed_of_its_data() -> None:
+    def says(error: HybridynError) -> str:
+        return str(pickle.loads(pickle.dumps(error)))  # as a pool of processes hands it on
+
+    error = SingularityError(f"module 'a{{b}}': its legs lose rank{AT_SAMPLE} (limit 1)", sample=3)
+    assert says(error) == "module 'a{b}': its legs lose rank at sample 3 (limit 1)"
+    with pytest.raises(SingularityError) as caught, samples_counted_from(100):
+        raise error
+    assert caught.value.sample == 103
+    assert says(error) == "module 'a{b}': its legs lose rank at sample 103 (limit 1)"
+    error.advice += ", or more"
+    error.within("t.csv, row 104", row_named=True)
+    error.within("scene.toml:7")
+    assert error.message == "module 'a{b}': its legs lose rank (limit 1), or more"
+    assert says(error) == f"scene.toml:7: t.csv, row 104: {error.message}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import AssemblyError, SingularityError
+from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import LoopProblem
 from ..linkage.reduction import Block, decide_rank
 from ..spatial import Array, Mask
@@ -98,7 +98,7 @@ def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, want
     lost, kind, mend = _what_is_singular(module, problem, K[t])
     joint = module.freedom_names()[int(np.argmax(np.abs(x[t])))]
     raise SingularityError(
-        f"module '{module.name}': the {what} given at sample {t} cannot be followed, those of {joint} would "
+        f"module '{module.name}': the {what} given{AT_SAMPLE} cannot be followed, those of {joint} would "
         f"have no bound ({kind}; condition number {condition:.1e}, limit {1 / SINGULAR_ROWS:.0e}). Move the "
         f"motion away from there{mend}",
         module=module.name,

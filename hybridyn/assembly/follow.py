@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import AssemblyError
+from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.newton import Closed, close
 from ..linkage.targets import pairwise
 from ..spatial import Array, Index, Mask
@@ -164,9 +164,9 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
         if not closed:
             raise unreachable(task, result, 0, result.iterations) from error
         raise AssemblyError(
-            f"module '{task.module}': no continuous motion leads straight from the guess to sample 0: the "
-            "posture would jump to another assembly branch. Go there in steps that avoid the singularity "
-            "between them",
+            f"module '{task.module}': no continuous motion leads straight from the guess to the "
+            f"posture{AT_SAMPLE}: it would jump to another assembly branch. Go there in steps that "
+            "avoid the singularity between them",
             module=task.module,
             sample=0,
             residual=float(result.residual[0]),
@@ -185,7 +185,7 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
     else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     return AssemblyError(
-        f"module '{task.module}', {worst}: the loops do not close at sample {sample}: {why} after "
+        f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why} after "
         f"{iterations} iterations. The target is out of reach, or contradicts another one; move it, or give "
         "a better guess",
         module=task.module,
@@ -310,7 +310,7 @@ def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
     if not task.closed(result)[0]:
         return unreachable(task, result, sample + 1, result.iterations)
     return AssemblyError(
-        f"module '{task.module}': no continuous motion leads from sample {sample} to sample {sample + 1}: "
+        f"module '{task.module}': no continuous motion leads to the posture{AT_SAMPLE} from the one before: "
         "the posture would jump to another assembly branch. Move the trajectory away from the singularity "
         "between them",
         module=task.module,

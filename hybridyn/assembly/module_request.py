@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..errors import AssemblyError
+from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 from ..spatial import Array, cross, quaternion_from_rotation, rotate_back
@@ -250,7 +250,7 @@ def _check_range(name: str, position: Array, limit: float, unit: str) -> None:
     bad = np.flatnonzero(np.abs(position) > limit)
     if len(bad):
         raise AssemblyError(
-            f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit "
+            f"joint '{name}' is out of reach{AT_SAMPLE}: {position[bad[0]]:.4g} {unit} (limit "
             f"{limit:.4g} {unit}); positions are in m and rad",
             sample=int(bad[0]),
         )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..errors import AssemblyError
+from ..errors import AT_SAMPLE, AssemblyError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
@@ -28,7 +28,7 @@ def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[
         if len(jumps):
             i = int(jumps[0])
             raise AssemblyError(
-                f"joint '{name}' goes by {step[i]:.3g} rad at sample {i + 1}, its velocity by "
+                f"joint '{name}' goes by {step[i]:.3g} rad{AT_SAMPLE}, its velocity by "
                 f"{turned[i]:.3g}: it is in a gear, so its position counts whole turns. Give positions that "
                 "do (numpy.unwrap), or rows less than half a turn apart",
                 sample=i + 1,

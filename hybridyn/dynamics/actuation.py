@@ -12,7 +12,7 @@ import numpy as np
 
 from ..assembly.free_motions import free_motions, idle_motions
 from ..description.names import listed
-from ..errors import ActuationError, SingularityError
+from ..errors import AT_SAMPLE, ActuationError, SingularityError
 from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ..linkage.tree import Motion
 from ..spatial import Array, Index
@@ -133,7 +133,7 @@ def _least_norm(
         sample = t if samples is None else int(samples[t])
         worst = module.motors[module.moving_motors[int(np.argmax(np.abs(Vt[t, -1])))]]
         raise SingularityError(
-            f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; "
+            f"module '{module.name}': its motors lose a direction{AT_SAMPLE} (parallel singularity; "
             f"condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; motor '{worst}' is "
             'affected most). Move the trajectory away from it, or pass on_singular="least-norm"',
             module=module.name,
@@ -196,7 +196,7 @@ def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharin
     but = f" (the closures lock {listed(locked)})" if locked else ""
     raise ActuationError(
         f"module '{module.name}': {len(module.motors)} motors{but} for {module.mobility} freedoms; no motor "
-        f"can produce the {force:.3g} {unit} that the motion of {joint} needs at sample {t} (largest term "
+        f"can produce the {force:.3g} {unit} that the motion of {joint} needs{AT_SAMPLE} (largest term "
         f"{need.size[t] / m.reduction.col_scale[at]:.3g} {unit}). "
         + (sharing.passive_hint or "Add a motor there"),
         module=module.name,

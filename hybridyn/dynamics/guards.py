@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import HybridynError, SingularityError
+from ..errors import AT_SAMPLE, HybridynError, SingularityError
 from ..linkage.reduction import Basis
 from ..spatial import Array
 from ..structure.module import Module
@@ -55,7 +55,7 @@ CLOSURES = Guard(
     1 / LOST_PIVOT,
     SingularityError,
     SINGULAR,
-    "its closures lose rank at sample {sample} (constraint singularity; condition number {ratio:.1e}, limit "
+    "its closures lose rank{at} (constraint singularity; condition number {ratio:.1e}, limit "
     "{limit:.0e}): more motions than its {mobility} freedoms are instantaneously possible there. Move the "
     'posture away from it, or, for the inverse model, pass on_singular="least-norm"',
 )
@@ -63,7 +63,7 @@ EFFORT_DIGITS = Guard(
     1.0,
     SingularityError,
     SINGULAR,
-    "its efforts have no correct digit at sample {sample}, next to a constraint singularity (condition "
+    "its efforts have no correct digit{at}, next to a constraint singularity (condition "
     "number {condition:.1e}): terms of {size:.1e} N m cancel. The accelerations there are not those of a "
     "smooth motion; take q, v, a from a smooth motion, or move the posture away",
 )
@@ -71,7 +71,7 @@ MOTOR_ACCELERATIONS = Guard(
     1 / SINGULAR_ACCELERATION_MAP,
     SingularityError,
     SINGULAR,
-    "its motors lose a direction at sample {sample} (parallel singularity), and their accelerations alone do "
+    "its motors lose a direction{at} (parallel singularity), and their accelerations alone do "
     "not determine the motion there (squared condition number {ratio:.1e}, limit {limit:.0e}). Give all "
     'accelerations and passive="given", or move the trajectory away',
 )
@@ -79,7 +79,7 @@ MASSLESS = Guard(
     FORCED,
     SingularityError,
     SINGULAR,
-    "the motion of {freedom} has no inertia, and a force of {force:.3g} N m acts on it at sample {sample}: "
+    "the motion of {freedom} has no inertia, and a force of {force:.3g} N m acts on it{at}: "
     "its acceleration is not defined. Give a mass to the bodies that it moves, or drive it by position",
 )
 DIGITS = Guard(
@@ -106,8 +106,9 @@ def check(
         module: The module that it is about.
         value: What is compared, shape (T,).
         scale: What it is compared with, in the same unit, shape (T,).
-        words: Words of the sentence for sample t; besides them, these are known: sample, samples (how many
-            are refused), ratio and condition (of value to scale), limit, mobility of the module.
+        words: Words of the sentence for sample t; besides them, these are known: at (the words " at
+            sample 7"), sample, samples (how many are refused), ratio and condition (of value to scale),
+            limit, mobility of the module.
 
     Raises:
         HybridynError: The guard's error, at the first sample that is refused.
@@ -119,7 +120,7 @@ def check(
     least = float(np.broadcast_to(scale, value.shape)[t])
     ratio = float(value[t]) / least if least > 0 else np.inf
     known = {
-        "sample": t, "samples": len(refused), "ratio": ratio,
+        "at": AT_SAMPLE, "sample": t, "samples": len(refused), "ratio": ratio,
         "condition": ratio, "limit": guard.limit, "mobility": module.mobility,
     } | words(t)  # fmt: skip
     message = f"module '{module.name}': {guard.says.format(**known)}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -51,12 +50,10 @@ def efforts_in_blocks(
 
 @contextlib.contextmanager
 def samples_counted_from(start: int) -> Iterator[None]:
-    """Shift the sample numbers in error messages, so that they count from the start of the motion."""
+    """Shift the sample of an error, so that it counts from the start of the motion."""
     try:
         yield
     except HybridynError as error:
-        if (sample := getattr(error, "sample", None)) is not None:
-            vars(error)["sample"] = sample + start
-        shifted = re.sub(r"\bsample (\d+)", lambda found: f"sample {start + int(found[1])}", str(error))
-        error.args = (shifted,)
+        if error.sample is not None:
+            error.sample += start
         raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import AssemblyError
+from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.gimbal_lock import is_locked
 from ..spatial import Array, cross, select
 from ..structure.module import Module
@@ -106,7 +106,7 @@ def _check_limit(module: Module, value: Array, limit: Array, what: str, how: str
         index = next(i for i, at in enumerate(closures.row_slices) if at.start <= row < at.stop)
         name = f", closure '{module.closures[index]}'"
     raise AssemblyError(
-        f"module '{module.name}'{name}: the {what} do not close the loops at sample {sample}: {how} by "
+        f"module '{module.name}'{name}: the {what} do not close the loops{AT_SAMPLE}: {how} by "
         f"{value[sample, row]:.2g} (limit {limit[sample]:.2g}, relative to the module's length "
         f"{module.mechanism.length:g} m). Take q, v, a from hybridyn.assemble",
         module=module.name,

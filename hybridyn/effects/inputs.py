@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..errors import ActuationError, ModelError, TrajectoryError
+from ..errors import AT_SAMPLE, ActuationError, ModelError, TrajectoryError
 from ..spatial import Array, cross, rotate_back, rotation_from_quaternion
 from ..tables.rates import FEWEST_ROWS, aligned, angular_rates
 from ..tables.spline import Spline
@@ -67,7 +67,7 @@ class Limits:
             return
         t, motor = np.unravel_index(int(np.argmax(excess)), excess.shape)
         raise ActuationError(
-            f"motor '{robot.motors[motor]}' would need {abs(tau[t, motor]):.6g} at sample {t}, limit "
+            f"motor '{robot.motors[motor]}' would need {abs(tau[t, motor]):.6g}{AT_SAMPLE}, limit "
             f"{self.bounds(robot)[motor]:.6g}. Slow the motion down, or leave the effect 'limits' out",
             direction=robot.motors[motor], size=float(excess[t, motor]), sample=int(t),
         )  # fmt: skip

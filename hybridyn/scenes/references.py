@@ -165,7 +165,7 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
         try:
             q, row = _posture(robot, axes, point, q)
         except AssemblyError as error:
-            error.args = (f"the point at {point.time:g} s: {error}",)
+            error.within(f"the point at {point.time:g} s")
             raise
         times.append(point.time)
         rows.append(row if not rows else rows[-1] + _shortest(axes, row - rows[-1]))
@@ -244,7 +244,7 @@ def _of_table(robot: HybridRobot, path: str) -> Reference:
     try:
         q, v, a = TableAssembler(robot)(motors=motion.joints, platforms=motion.platforms)
     except AssemblyError as error:
-        error.args = (f"{path}: {error}",)
+        error.within(path)
         raise
     x = np.stack([np.array([axes.positions(row) for row in q]), v[:, axes.columns], a[:, axes.columns]])
     x[0][:, axes.turns] = np.unwrap(x[0][:, axes.turns], axis=0)

@@ -41,12 +41,13 @@ class TomlSource:
 
 @contextmanager
 def naming(source: TomlSource, keys: Keys) -> Iterator[None]:
-    """Prefix the message of an error with file, line and key."""
+    """Give an error file, line and key as its place."""
     try:
         yield
     except HybridynError as error:
-        if not str(error).startswith(f"{source.file}:"):
-            error.args = (str(source.error(keys, str(error))),)
+        if not f"{error.place}:".startswith(f"{source.file}:"):
+            here = source.error(keys, "")
+            error.within(f"{here.place}: '{here.element}'")
         raise
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,7 +19,7 @@ HISTORY = (
     "The motion of joints without a motor depends on what came before: give the position and velocity of "
     "every joint, or let 'hybridyn simulate' compute them"
 )
-
+INSTEAD = ", or leave the passive joints out of the table: the posture is then assembled"
 
 #: Assembles rows like `hybridyn.assemble`, but for the robot: `CompiledRobot.assemble`.
 Assemble = Callable[..., tuple["Array", "Array", "Array"]]
@@ -143,20 +142,17 @@ def _assembled(
 
 @contextlib.contextmanager
 def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
-    """Prefix errors that have a sample with file, row and time, and replace sample numbers by rows."""
+    """Give errors that have a sample the file, row and time of it as their place."""
     try:
         yield
     except HybridynError as error:
-        sample = getattr(error, "sample", None)
-        message = str(error)
         if isinstance(error, AssemblyError) and error.open_freedoms:
-            message = f"{message}. {HISTORY}"
-            error.args = (f"{layout.file}: {message}",)
-        if sample is not None:
-            time = "" if motion.time is None else f" (t = {motion.time[sample]:.6g} s)"
-            message = re.sub(rf" at sample {sample}\b", "", message)
-            message = re.sub(r"\bsample (\d+)", lambda m: f"row {motion.first_row + int(m[1])}", message)
+            error.advice += f". {HISTORY}"
+        if error.sample is not None:
+            time = "" if motion.time is None else f" (t = {motion.time[error.sample]:.6g} s)"
             if layout.full_state and isinstance(error, AssemblyError):
-                message += ", or leave the passive joints out of the table: the posture is then assembled"
-            error.args = (f"{layout.file}, row {motion.first_row + sample}{time}: {message}",)
+                error.advice += INSTEAD
+            error.within(f"{layout.file}, row {motion.first_row + error.sample}{time}", row_named=True)
+        elif error.advice:
+            error.within(str(layout.file))
         raise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import TrajectoryError
+from ..errors import AT_SAMPLE, TrajectoryError
 from ..linkage.joints import NQ
 from ..spatial import LARGEST, Array
 from .named_columns import is_table, of_joints, of_motors
@@ -48,12 +48,12 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
         raise TrajectoryError(f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width})")
     bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(bad):
-        raise TrajectoryError(f"{name} is not finite at sample {bad[0]}", sample=int(bad[0]))
+        raise TrajectoryError(f"{name} is not finite{AT_SAMPLE}", sample=int(bad[0]))
     large = np.argwhere(np.abs(out) > LARGEST)
     if len(large):
         t, i = large[0]
         raise TrajectoryError(
-            f"{name} has the number {out[t, i]:g} at sample {t} (at most {LARGEST:.0e})", sample=int(t)
+            f"{name} has the number {out[t, i]:g}{AT_SAMPLE} (at most {LARGEST:.0e})", sample=int(t)
         )
     return out, single
 
@@ -84,7 +84,7 @@ def as_positions(
             joint = next(j for j, at in enumerate(robot.q_slices) if at.stop > columns[i, 0])
             what = "quaternion" if columns.shape[1] == 4 else "cosine and sine"
             raise TrajectoryError(
-                f"{name}: the {what} of joint '{robot.joints[joint]}' at sample {t} has length "
+                f"{name}: the {what} of joint '{robot.joints[joint]}'{AT_SAMPLE} has length "
                 f"{length[t, i]:.9g} (must be 1 to {UNIT:g}); divide it by its length",
                 sample=int(t),
             )

@@ -6,7 +6,6 @@ The inverse model is run separately for each set of effects: all of them, all bu
 
 from __future__ import annotations
 
-import re
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -96,7 +95,8 @@ class EffectSets:
             try:
                 self.models[on.names] = compile(self._robot, on)
             except HybridynError as error:  # e.g. no direct model to verify it against
-                self.refused[on.names] = re.sub(r" at sample \d+\b", "", str(error))  # the sample is random
+                error.sample = None  # it is random
+                self.refused[on.names] = str(error)
         return self.models.get(on.names)
 
 

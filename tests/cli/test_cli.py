@@ -17,7 +17,7 @@ import hybridyn
 from hybridyn.cli import COMMANDS, main
 from hybridyn.cli.common.progress import Progress
 from hybridyn.cli.common.text import aligned_rows
-from hybridyn.errors import AssemblyError
+from hybridyn.errors import AT_SAMPLE, AssemblyError
 from hybridyn.streams.blocks import MOST_ROWS
 from hybridyn.tables.opening import open_table
 from tests import ROOT
@@ -355,7 +355,7 @@ class Assembled:
         wrong = np.flatnonzero(z >= self.fail_at)
         if len(wrong):
             at = int(wrong[0])
-            text = f"module 'arm' at sample {at}: no way from sample {at - 1}, pass passive=\"solved\""
+            text = f"module 'arm'{AT_SAMPLE}: no way from the one before, pass passive=\"solved\""
             raise AssemblyError(text, sample=at)
         zero = np.zeros((len(z), 2))
         return np.column_stack([z, 0 * z]), zero, zero
@@ -397,7 +397,7 @@ def test_errors_of_the_core_name_file_row_and_time(run, arm, tmp_path: Path, mon
     path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
     status, _, err = run("idm", arm, path, "--engine", "general")
     assert status == 1
-    message = "module 'arm': no way from row 2500, pass --passive solved"
+    message = "module 'arm': no way from the one before, pass --passive solved"
     assert err == f"error: {path}, row 2501 (t = 2.5 s): {message}\n"
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...assembly.free_motions import are_idle
 from ...description.names import counted
-from ...errors import SingularityError
+from ...errors import AT_SAMPLE, SingularityError
 from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ...linkage.reduction import Basis
 from ...spatial import Array, Index
@@ -156,7 +156,7 @@ def _refuse_dependent(module: Module, S: Array, samples: Index, freedoms: Index,
     worst = int(freedoms[int(np.argmax(np.abs(U[t, :, -1])))])
     joint = next(name for name, at in zip(module.joints, slices, strict=True) if at.start <= worst < at.stop)
     raise SingularityError(
-        f"module '{module.name}': its {u.words} lose a direction at sample {samples[t]} ("
+        f"module '{module.name}': its {u.words} lose a direction{AT_SAMPLE} ("
         + ("they are not independent" if u.chosen else "parallel singularity")
         + f"; condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; "
         f"{'joint' if u.chosen else 'motor'} '{joint}' is affected most). Move the trajectory away from it, "
@@ -182,7 +182,7 @@ def _refuse_open_motions(s: ModuleState, motions: Array, u: Coordinates) -> None
     freedom = module.freedom_names()[int(np.argmax(np.abs(motions[t]).max(axis=1)))]
     raise SingularityError(
         f"module '{module.name}': {module.mobility - motions.shape[2]} {u.words} for "
-        f"{counted(module.mobility, 'freedom')} leave the motion of {freedom} open at sample {t}. "
+        f"{counted(module.mobility, 'freedom')} leave the motion of {freedom} open{AT_SAMPLE}. "
         f"{u.mend}, {module.mobility} in this module",
         module=module.name,
         what="independent coordinates",

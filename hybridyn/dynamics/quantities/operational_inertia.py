@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...effects.choice import Choice, Effects
-from ...errors import SingularityError
+from ...errors import AT_SAMPLE, SingularityError
 from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ...linkage.rigid_motion import RigidMotion
 from ...spatial import Array, Index, rotate_back
@@ -65,8 +65,8 @@ def delassus(
     try:
         twists = _pushed(robot, q, names, axes, on, np.arange(rows))
     except SingularityError as error:
-        if error.sample is not None and error.sample >= T:  # the message needs the number in the batch
-            _pushed(robot, q, names, axes, on, np.array([error.sample // T]))
+        if error.sample is not None:
+            error.sample %= T  # one of the batch, each of which is pushed `rows` times
         raise
     out = np.swapaxes(twists.reshape(rows, T, rows), 0, 1)
     out = (out + np.swapaxes(out, 1, 2)) / 2
@@ -125,7 +125,7 @@ def inverse_of(
         condition = 1 / ratio if ratio > 0 else np.inf
         names = links if isinstance(links, str) else ", ".join(links)
         raise SingularityError(
-            f"links {names}: they cannot be moved in every direction at sample {t} (condition number "
+            f"links {names}: they cannot be moved in every direction{AT_SAMPLE} (condition number "
             f"{condition:.1e}, limit {1 / immovable:.0e}), and have no operational-space inertia. Take "
             "hybridyn.delassus, its inverse, which always exists",
             what="operational inertia",

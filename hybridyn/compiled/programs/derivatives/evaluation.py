@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ....effects.choice import Choice, Effects, choose
-from ....errors import CompileError, ModelError, SingularityError, TrajectoryError
+from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
 from ....spatial import Array
 from ....structure.leg_model import pinocchio_inertia
 from ....structure.robot import HybridRobot
@@ -270,7 +270,7 @@ class Derivatives:
             off = np.maximum(differs, DERIVATIVE_ROUNDED * guard[t])  # nan, if one is
             if not off <= DERIVATIVE_AGREES:
                 raise SingularityError(
-                    f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
+                    f"derivatives of '{self._model}' are not to be trusted{AT_SAMPLE}: the pivots of the "
                     f"compiled model vanish there, and rounding may reach {off:.2g} of the largest entry "
                     f"(limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
