@@ -4,26 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
+from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array
 from ..structure.payload import Payload
+from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
-from .elastic import RotorInertia, Spring, Stop
-from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
+from ..structure.state import ModuleState
 from .inputs import BaseMotion, Limits
+from .joint_laws import (
+    CoulombFriction,
+    Damper,
+    RotorInertia,
+    Spring,
+    Stop,
+    StribeckFriction,
+    ViscousFriction,
+)
 from .joints import OnJoints, placed
 from .links import GroundContact, Wrench
 from .terms import Gravity, Inertia, LegInertia, VelocityTerms
-
-if TYPE_CHECKING:
-    from ..linkage.rigid_motion import RigidMotion
-    from ..structure.robot import HybridRobot
-    from ..structure.state import ModuleState
 
 JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
 LINKS = (Wrench, GroundContact)
@@ -267,14 +272,7 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
 def stated_names(robot: HybridRobot) -> tuple[str, ...]:
     """Return the names of the effects with parameters in the robot's files."""
     joints = [joint for joint in robot.description.joints if joint.kind != "fixed"]
-    numbers = dict(
-        zip(
-            FROM_FILES,
-            ([j.rotor_inertia for j in joints], [j.damping for j in joints], [j.friction for j in joints]),
-            strict=True,
-        )
-    )
-    named = [name for name, values in numbers.items() if any(values)]
+    named = [name for name in FROM_FILES if any(getattr(j, UNITS[name].from_files) for j in joints)]
     return tuple(dict.fromkeys([*named, *(name for name, _ in robot.description.effects)]))
 
 

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import AT_SAMPLE, ActuationError, ModelError, TrajectoryError
 from ..spatial import Array, cross, rotate_back, rotation_from_quaternion
+from ..structure.robot import HybridRobot
 from ..tables.rates import FEWEST_ROWS, aligned, angular_rates
 from ..tables.spline import Spline
 from .joints import Numbers
 from .links import at_times, table
-
-if TYPE_CHECKING:
-    from ..structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)

@@ -1,25 +1,24 @@
 """Effects on joints: efforts tau(q, v), and the rotors' inertia.
 
-Each effect (in `friction` and `elastic`) is one law with its parameters by joint name. `placed` finds the
-joints in a robot once and returns an `OnJoints`, which evaluates the law for a batch. Efforts act along the
-joint's rate. Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s for the others.
+Each effect (in `joint_laws`) is one law with its parameters by joint name. `placed` finds the joints in a
+robot once and returns an `OnJoints`, which evaluates the law for a batch. Efforts act along the joint's rate.
+Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s for the others.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..description.names import did_you_mean, listed
+from ..description.records import Joint
 from ..errors import ModelError
 from ..spatial import LARGEST, Array, Index, Mask
-
-if TYPE_CHECKING:
-    from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot
 
 Numbers = Mapping[str, float]
 Numerals = Sequence[Array]
@@ -29,19 +28,35 @@ WIDTH = 1e-2
 
 
 class JointEffect(ABC):
-    """A law of joint efforts; by default, it neither stores nor dissipates energy.
+    """A law of joint efforts; by default, it has none and stores no energy.
 
     Attributes:
         name: Name of the effect.
+        by_joint: Its fields that hold a number by joint.
+        from_files: Attribute of the files' joints that replaces the first field where this is None.
         any_freedoms: Whether the law applies to joints with several freedoms.
     """
 
     name: ClassVar[str]
+    by_joint: ClassVar[tuple[str, ...]]
+    from_files: ClassVar[str] = ""
     any_freedoms: ClassVar[bool] = False
 
-    @abstractmethod
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return the law's parameters by joint."""
+        """Return the law's parameters by joint.
+
+        Raises:
+            ModelError: They are invalid.
+        """
+        tables = [getattr(self, field) for field in self.by_joint]
+        if tables[0] is not None:
+            return given(self.name, *tables)
+        joints = (j.joint for j in robot.bodies.joints)
+        return {j.name: (self.of_file(j),) for j in joints if self.of_file(j)}
+
+    def of_file(self, joint: Joint) -> float:
+        """Return the parameter that the robot's files state for a joint."""
+        return float(getattr(joint, self.from_files))
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the effort, shape (T, k), from parameters p, positions x and rates v (T, k)."""
@@ -52,8 +67,11 @@ class JointEffect(ABC):
         return np.zeros_like(x)
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Compute the dissipated power, shape (T, k), [W], never negative."""
-        return np.zeros_like(v)
+        """Compute the dissipated power, shape (T, k), [W], never negative.
+
+        It is that of the part of the effort that is zero at rest.
+        """
+        return (self.effort(p, x, np.zeros_like(v)) - self.effort(p, x, v)) * v
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,12 +155,6 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
     return OnJoints(
         effect, tuple(numbers), np.array(columns), np.array(at), np.array(turns, dtype=bool), rows
     )
-
-
-def stated(robot: HybridRobot, attribute: str) -> dict[str, tuple[float, ...]]:
-    """Return the nonzero values of a joint attribute in the robot's files, by joint."""
-    joints = (j.joint for j in robot.bodies.joints)
-    return {j.name: (float(getattr(j, attribute)),) for j in joints if getattr(j, attribute)}
 
 
 def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:

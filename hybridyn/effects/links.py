@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -159,46 +159,47 @@ class GroundContact:
         """The links with points."""
         return tuple(self.points)
 
-    def _touch(self, m: RigidMotion, point: Array) -> tuple[Array, Array, Array, Array]:
-        """Compute arm and velocity of a point, its penetration, and the force on it, world axes."""
-        arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
-        velocity = m.p_dot + cross(m.w, arm)
-        depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
-        normal = self.stiffness * depth * np.maximum(1.0 - self.damping * velocity[:, 2], 0.0)
-        slide = velocity[:, :2]
-        speed = np.linalg.norm(slide, axis=1)
-        moving = np.where(speed > 0, speed, 1.0)
-        grip = self.friction * normal * np.where(speed > 0, np.tanh(speed / self.width) / moving, 0.0)
-        force = np.concatenate([-grip[:, None] * slide, normal[:, None]], axis=1)
-        return arm, velocity, depth, force
+    def _touches(
+        self, motions: Mapping[str, RigidMotion]
+    ) -> Iterator[tuple[str, Array, Array, Array, Array]]:
+        """Yield each point's link, arm, velocity and penetration, and the force on it, world axes."""
+        for link, points in self._points.items():
+            m = motions[link]
+            for point in points:
+                arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
+                velocity = m.p_dot + cross(m.w, arm)
+                depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
+                normal = self.stiffness * depth * np.maximum(1.0 - self.damping * velocity[:, 2], 0.0)
+                slide = velocity[:, :2]
+                speed = np.linalg.norm(slide, axis=1)
+                moving = np.where(speed > 0, speed, 1.0)
+                grip = self.friction * normal * np.where(speed > 0, np.tanh(speed / self.width) / moving, 0.0)
+                yield (
+                    link,
+                    arm,
+                    velocity,
+                    depth,
+                    np.concatenate([-grip[:, None] * slide, normal[:, None]], axis=1),
+                )
 
     def wrenches(
         self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
     ) -> dict[str, Array]:
         """Compute the ground's wrench on each link."""
-        out = {}
-        for link, points in self._points.items():
-            m, W = motions[link], np.zeros((samples, 6))
-            for point in points:
-                arm, _, _, force = self._touch(m, point)
-                W[:, :3] += rotate_back(m.R, force)
-                W[:, 3:] += rotate_back(m.R, cross(arm, force))
-            out[link] = W
+        out = {link: np.zeros((samples, 6)) for link in self.points}
+        for link, arm, _, _, force in self._touches(motions):
+            out[link][:, :3] += rotate_back(motions[link].R, force)
+            out[link][:, 3:] += rotate_back(motions[link].R, cross(arm, force))
         return out
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
         """Compute the sum of k d^2 / 2."""
-        touches = [
-            self._touch(motions[link], point) for link, points in self._points.items() for point in points
-        ]
-        out: Array = np.sum([0.5 * self.stiffness * depth**2 for _, _, depth, _ in touches], axis=0)
-        return out
+        stored = [0.5 * self.stiffness * depth**2 for _, _, _, depth, _ in self._touches(motions)]
+        return np.asarray(np.sum(stored, axis=0))
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
         """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""
         lost = np.zeros(())
-        for link, points in self._points.items():
-            for point in points:
-                _, velocity, depth, force = self._touch(motions[link], point)
-                lost = lost + self.stiffness * depth * velocity[:, 2] - np.sum(force * velocity, axis=1)
+        for _, _, velocity, depth, force in self._touches(motions):
+            lost = lost + self.stiffness * depth * velocity[:, 2] - np.sum(force * velocity, axis=1)
         return lost

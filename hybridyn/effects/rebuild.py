@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from ..errors import ModelError
+from ..structure.building import build_robot
 from ..structure.payload import Payload
+from ..structure.robot import HybridRobot
 from .choice import JOINTS, Choice, Effects, listed_units
 from .inputs import BaseMotion
-
-if TYPE_CHECKING:
-    from ..structure.robot import HybridRobot
 
 
 def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
@@ -25,9 +23,6 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
     Raises:
         ModelError: An effect or a link is unknown, or a floating base is prescribed.
     """
-    from ..errors import ModelError
-    from ..structure.building import build_robot
-
     if effects is None or isinstance(effects, Effects):
         return robot
     units = listed_units(robot, effects)

@@ -6,15 +6,13 @@ Each effect contains the code of its term, which a recursion calls only if the e
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..spatial import Array, crf, rotate_back, rotation_from_quaternion
-
-if TYPE_CHECKING:
-    from ..structure.robot import HybridRobot
-    from ..structure.state import ModuleState
+from ..structure.robot import HybridRobot
+from ..structure.state import ModuleState
 
 
 @dataclass(frozen=True)

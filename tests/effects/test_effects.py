@@ -130,8 +130,8 @@ def test_an_effect_that_is_off_runs_none_of_its_code(name: str, monkeypatch: pyt
     on = {key: unit or key for key, unit in units.items() if key != name}
     if name == "inertia":
         on = {key: unit for key, unit in on.items() if key not in ("velocity", "rotor_inertia")}
-    for method, value in vars(UNITS[name]).items():
-        if callable(value) and not method.startswith("__"):
+    for method in dir(UNITS[name]):
+        if callable(getattr(UNITS[name], method)) and not method.startswith("__"):
             monkeypatch.setattr(UNITS[name], method, raising)
     tau = idm(robot, q, v, a, effects=on.values(), time=0.7)
     if name != "inertia":

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects.elastic import RotorInertia
+from ...effects.joint_laws import RotorInertia
 from ...errors import SingularityError
 from ...spatial import Array
 from ...structure.robot import HybridRobot

@@ -6,15 +6,12 @@ from dataclasses import replace
 
 from ....description.records import StatedSpring
 from ....effects.choice import Effects
-from ....effects.elastic import Spring
+from ....effects.joint_laws import Spring
 from ....effects.joints import JointEffect, OnJoints, placed
 from ....errors import ModelError
 from ....structure.parameters.entries import OF_EFFECTS
 from ....structure.parameters.slots import Slot
 from ....structure.robot import HybridRobot
-
-#: Field of an effect that is None where its coefficients are those of the robot's files.
-STATED = {"viscous_friction": "coefficient", "coulomb_friction": "level"}
 
 
 def slots_of(robot: HybridRobot, law: OnJoints, i: int) -> list[Slot | None]:
@@ -24,7 +21,7 @@ def slots_of(robot: HybridRobot, law: OnJoints, i: int) -> list[Slot | None]:
         joint = _joint_of(robot, law, i)
         return [Slot("springs", joint, "stiffness"), Slot("springs", joint, "rest"), *none[2:]]
     field = OF_EFFECTS.get(law.effect.name)
-    if field is None or getattr(law.effect, STATED[law.effect.name]) is not None:
+    if field is None or getattr(law.effect, law.effect.by_joint[0]) is not None:
         return none
     return [Slot("joints", _joint_of(robot, law, i), field), *none[1:]]
 

@@ -19,7 +19,7 @@ from ....dynamics.quantities.mass_matrix import mass_matrix
 from ....dynamics.quantities.motion_map import motion_map, rate_of_map, refuse_idle
 from ....dynamics.quantities.states import checked_state
 from ....effects.choice import Effects
-from ....effects.elastic import Spring, Stop
+from ....effects.joint_laws import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot

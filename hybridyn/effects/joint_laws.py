@@ -1,18 +1,17 @@
-"""Effects on joints that store energy: rotors, springs and stops."""
+"""Laws of joint efforts: rotors, friction, dampers, springs and stops."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from ..description.records import Joint
 from ..errors import ModelError
 from ..spatial import LARGEST, Array
-from .joints import JointEffect, Numbers, Numerals, given
-
-if TYPE_CHECKING:
-    from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot
+from .joints import WIDTH, JointEffect, Numbers, Numerals, positive
 
 
 @dataclass(frozen=True)
@@ -27,13 +26,104 @@ class RotorInertia(JointEffect):
 
     inertia: Numbers | None = None
     name: ClassVar[str] = "rotor_inertia"
+    by_joint = ("inertia",)
+    from_files = "rotor_inertia"
+
+    def of_file(self, joint: Joint) -> float:
+        """Return J n^2 of a joint of the robot's files."""
+        return joint.rotor_inertia * joint.gear_ratio**2
+
+
+class _Viscous(JointEffect):
+    """tau = -c v."""
+
+    by_joint = ("coefficient",)
+    any_freedoms = True
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Return -c v."""
+        return -p[0] * v
+
+
+@dataclass(frozen=True)
+class ViscousFriction(_Viscous):
+    """tau = -c v.
+
+    `coefficient`: c by joint [N s/m or N m s/rad]; None uses the damping of the robot's files.
+    """
+
+    coefficient: Numbers | None = None
+    name: ClassVar[str] = "viscous_friction"
+    from_files = "damping"
+
+
+@dataclass(frozen=True)
+class Damper(_Viscous):
+    """tau = -c v, in addition to the viscous friction of the robot's files.
+
+    `coefficient`: c by joint [N s/m or N m s/rad].
+    """
+
+    coefficient: Numbers = field(default_factory=dict)
+    name: ClassVar[str] = "damper"
+
+
+@dataclass(frozen=True)
+class CoulombFriction(JointEffect):
+    """tau = -f tanh(v / width): smoothed dry friction without stiction; a joint creeps under a load below f.
+
+    `level`: f by joint [N or N m]; None uses the friction of the robot's files. `width` [m/s or rad/s].
+    Source: the usual smoothing, e.g. Andersson, Soderberg & Bjorklund (2007), Tribology Int. 40.
+    """
+
+    level: Numbers | None = None
+    width: float = WIDTH
+    name: ClassVar[str] = "coulomb_friction"
+    by_joint = ("level",)
+    from_files = "friction"
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return J n^2 by joint."""
-        if self.inertia is not None:
-            return given(self.name, self.inertia)
-        joints = (j.joint for j in robot.bodies.joints)
-        return {j.name: (j.rotor_inertia * j.gear_ratio**2,) for j in joints if j.rotor_inertia}
+        """Return f by joint."""
+        positive(self.name, "width", self.width)
+        return super().numbers(robot)
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Compute -f tanh(v / width)."""
+        return -p[0] * np.tanh(v / self.width)
+
+
+@dataclass(frozen=True)
+class StribeckFriction(JointEffect):
+    """tau = -(f + (s - f) exp(-(v / v_s)^2)) tanh(v / width): dry friction that is larger near rest.
+
+    `level`: f at speed, `static`: s near rest (s >= f), both [N or N m], `speed`: v_s [m/s or rad/s], by
+    joint; `width` [m/s or rad/s], well below v_s. It replaces Coulomb friction: do not name both for one
+    joint. Source: Armstrong-Helouvry, Dupont & Canudas de Wit (1994), Automatica 30.
+    """
+
+    level: Numbers = field(default_factory=dict)
+    static: Numbers = field(default_factory=dict)
+    speed: Numbers = field(default_factory=dict)
+    width: float = WIDTH
+    name: ClassVar[str] = "stribeck_friction"
+    by_joint = ("level", "static", "speed")
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Return f, s, v_s by joint."""
+        positive(self.name, "width", self.width)
+        out = super().numbers(robot)
+        for joint, (level, static, speed) in out.items():
+            positive(self.name, f"speed of '{joint}'", speed)
+            if static < level:
+                raise ModelError(
+                    f"{self.name}: joint '{joint}': static {static:g} is less than level {level:g}",
+                    element=joint,
+                )
+        return out
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Compute the friction effort."""
+        return -(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2))) * np.tanh(v / self.width)
 
 
 @dataclass(frozen=True)
@@ -46,6 +136,7 @@ class Spring(JointEffect):
     stiffness: Numbers = field(default_factory=dict)
     rest: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "spring"
+    by_joint = ("stiffness",)
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, rest and whether the joint is continuous (1 or 0) by joint."""
@@ -60,7 +151,7 @@ class Spring(JointEffect):
                 element=far,
             )
         endless = {name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "continuous"}
-        known = given(self.name, self.stiffness)
+        known = super().numbers(robot)
         return {n: (k, float(self.rest.get(n, 0.0)), float(n in endless)) for n, (k,) in known.items()}
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
@@ -92,6 +183,7 @@ class Stop(JointEffect):
     lower: Numbers = field(default_factory=dict)
     upper: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "stop"
+    by_joint = ("stiffness",)
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, lower and upper limit by joint."""
@@ -99,7 +191,7 @@ class Stop(JointEffect):
             raise ModelError(f"{self.name}: damping must be finite and not negative, not {self.damping:g}")
         record = {j.joint.name: j.joint for j in robot.bodies.joints}
         out: dict[str, tuple[float, ...]] = {}
-        for joint, (stiffness,) in given(self.name, self.stiffness).items():
+        for joint, (stiffness,) in super().numbers(robot).items():
             files = record.get(joint)
             lower = self.lower.get(joint, files.lower if files else -np.inf)
             upper = self.upper.get(joint, files.upper if files else np.inf)
@@ -121,10 +213,4 @@ class Stop(JointEffect):
     def energy(self, p: Numerals, x: Array) -> Array:
         """Compute k d^2 / 2."""
         out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
-        return out
-
-    def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""
-        elastic = p[0] * (np.maximum(p[1] - x, 0.0) - np.maximum(x - p[2], 0.0))
-        out: Array = (elastic - self.effort(p, x, v)) * v
         return out
