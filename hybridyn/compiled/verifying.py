@@ -266,7 +266,7 @@ def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) 
     pull, opening = manifold.retraction.pull, manifold.opening
     off = [
         max(
-            manifold.residual(moved[t]),
+            manifold.residual(moved[t])[0],
             opening(moved[t], rates[t])[0],
             float(np.abs(manifold.retraction.move(q[t], xi[t]) - moved[t]).max()),
             float(np.abs(pull(before[t], rates[t]) - pulled[t]).max() / np.abs(rates[t]).max()),

@@ -10,9 +10,13 @@ import numpy as np
 
 from ..linkage.closures import TreeClosure
 from ..linkage.couplings import coupling_residual, coupling_rows
+from ..linkage.retraction import Retraction
 from ..spatial import Array, rotation_vector
 from ..structure.leg_model import pinocchio_joint
 from ..structure.mechanism import Mechanism
+
+#: Largest residual of closed loops (relative to the module's length), in addition to rounding of the file.
+CHART_CLOSED = 1e-11
 
 
 class LoopRows:
@@ -21,6 +25,7 @@ class LoopRows:
     Attributes:
         unit: Unit of each freedom, shape (nv,): xi = unit * scaled xi.
         rank: Number of independent rows.
+        closed: Largest scaled residual of an assembled posture.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -29,6 +34,8 @@ class LoopRows:
         tree, closures = mechanism.spanning, mechanism.spanning_closures
         self.unit = mechanism.spanning_col_scale
         self.rank = tree.nv - mechanism.mobility
+        self.closed = CHART_CLOSED + mechanism.rounding
+        self._retraction = Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)
         self._tree, self._closures = tree, closures
         self._scale = mechanism.spanning_row_scale
         self.model = pin.Model()
@@ -48,6 +55,10 @@ class LoopRows:
         import pinocchio as pin
 
         return int(self.model.addFrame(pin.Frame(where, body, pin.SE3(R, p), pin.FrameType.OP_FRAME)))
+
+    def moved(self, q: Array, x: Array) -> Array:
+        """Compute the posture at a scaled displacement x from q, shapes (nq,), (nv,)."""
+        return self._retraction.move(q, self.unit * x)
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Compute scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""

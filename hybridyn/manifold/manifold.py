@@ -1,21 +1,36 @@
-"""The constraint manifold of a robot: assembled postures and independent velocities.
+"""The manifold of a robot's assembled postures, and its charts: independent coordinates about one posture.
 
-Charts provide its coordinates (`chart.py`).
+A chart is built at the start of a time step and kept during it. With the scaled closure rows K of a module
+there, K = U_1 s V_1^T on their rank, and Z the null space:
+
+    xi = unit (Z y + V_1 w),    U_1^T residual(move(q_0, xi)) = 0      positions, solved for w by Newton
+    v  = unit (Z u - V_1 G^-1 U_1^T K Z u),    G = U_1^T K V_1         rates: K v = 0 and Z^T v / unit = u
+
+so y and u are the module's independent coordinates and velocities, and the paper's Psi is the matrix that
+multiplies u. A module without loops has Z = 1. The prescribed base of a "moving" robot is not in the chart.
+
+Where closures lose rank, branches of assembled postures meet, and G is singular. A chart built there belongs
+to the branch of the velocity (`branch.py`). Near such postures, Newton starts from the extrapolated motion
+and must contract from its first step on, which shows that it converges to the branch of the motion. Else the
+posture is ambiguous, and the caller has to change the step.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..linkage.elimination import least_squares
 from ..linkage.joints import TRANSLATIONS
 from ..linkage.retraction import Retraction
-from ..spatial import Array
-from ..structure.mechanism import Mechanism
+from ..spatial import Array, slices
 from ..structure.robot import HybridRobot
-from .chart import Chart, Space
 from .loop_rows import LoopRows
-from .module_chart import LoopedModule
+from .module_chart import LoopedModule, ModuleChart
+
+#: Closures are close to losing rank if their least singular value is below this part of its generic value.
+CLOSE = 1.0
 
 
 class Manifold:
@@ -23,11 +38,10 @@ class Manifold:
 
     Attributes:
         looped: Modules with loops.
+        free: Indices of the freedoms of modules without loops, shape (k,).
         retraction: Moves on the whole spanning tree.
         unit: Unit of each freedom, shape (nv,).
-        space: Data shared by its charts.
         position_unit: Unit of each position coordinate, shape (nq,).
-        mobility: Number of independent velocities.
     """
 
     def __init__(self, robot: HybridRobot) -> None:
@@ -35,29 +49,21 @@ class Manifold:
         self.retraction = Retraction(robot.kinds, robot.q_slices, robot.v_slices)
         self.unit = robot.unit
         self.looped: list[LoopedModule] = []
-        self._shared: dict[int, LoopRows] = {}
-        free = []
+        shared: dict[int, LoopRows] = {}
+        free: list[int] = []
         for module in robot.modules:
-            m, tree = module.mechanism, module.mechanism.spanning
-            if m.spanning_closures.rows:
-                own = Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)
-                self.looped.append(LoopedModule(module, self._rows(m), own))
-            else:
+            m = module.mechanism
+            if not m.spanning_closures.rows:
                 free += list(module.v_index)
+                continue
+            if id(m) not in shared:
+                shared[id(m)] = LoopRows(m)
+            self.looped.append(LoopedModule(module, shared[id(m)]))
         self.free = np.array(sorted(free), dtype=int)
         self.position_unit = np.ones(robot.nq)
         for kind, q, v in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
             slides = q.start + TRANSLATIONS.get(kind, 0)
             self.position_unit[q.start : slides] = self.unit[v.start]
-        self.mobility = robot.mobility
-        prescribed = 6 if robot.base == "moving" else 0
-        self.space = Space(self.looped, self.free, self.unit, self.retraction, prescribed)
-
-    def _rows(self, mechanism: Mechanism) -> LoopRows:
-        """Return the rows of a module; equal modules share them."""
-        if id(mechanism) not in self._shared:
-            self._shared[id(mechanism)] = LoopRows(mechanism)
-        return self._shared[id(mechanism)]
 
     def chart(self, q: Array, v: Array | None = None, *, bound: bool = True) -> Chart:
         """Build a chart about a posture.
@@ -70,14 +76,10 @@ class Manifold:
         Raises:
             SingularityError: The rates are on none of the branches that meet at the posture.
         """
-        return Chart(self.space, q, v, bound)
+        return Chart(self, q, v, bound)
 
-    def residual(self, q: Array) -> float:
-        """Compute the largest scaled closure residual of a posture, shape (nq,)."""
-        return self.worst(q)[0]
-
-    def worst(self, q: Array) -> tuple[float, str]:
-        """Compute the largest scaled closure residual of a posture, and the name of its module."""
+    def residual(self, q: Array) -> tuple[float, str]:
+        """Compute the largest scaled closure residual of a posture, shape (nq,), and its module's name."""
         each = [(float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()), m.module.name) for m in self.looped]
         return max(each, default=(0.0, ""))
 
@@ -121,3 +123,109 @@ class Manifold:
         if self.robot.base == "moving":
             moved[:6] = v[:6]
         return moved
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """A point of the manifold with its rates, computed by a chart.
+
+    Attributes:
+        q: Positions, shape (nq,).
+        xi: Displacement from the chart's origin, shape (nv,).
+        v: Rates, shape (nv,).
+    """
+
+    q: Array
+    xi: Array
+    v: Array
+
+
+class Chart:
+    """Independent coordinates about one posture.
+
+    Attributes:
+        q: The origin, shape (nq,).
+        size: Number of independent coordinates.
+        pivot: Smallest relative singular value within the rank: near zero, the closures are close to losing
+            rank.
+    """
+
+    def __init__(self, manifold: Manifold, q: Array, v: Array | None, bound: bool) -> None:
+        self._manifold, self.q = manifold, q.copy()
+        looped = manifold.looped if bound else []
+        self._held = [m.module.v_index for m in looped]
+        prescribed = 6 if manifold.robot.base == "moving" else 0
+        self._free = manifold.free if bound else np.arange(prescribed, manifold.robot.nv)
+        self._parts = [
+            ModuleChart(m, q[m.module.q_index], None if v is None else v[at])
+            for m, at in zip(looped, self._held, strict=True)
+        ]
+        _, *self._at = own = slices([len(self._free), *(p.Z.shape[1] for p in self._parts)])
+        self.size = own[-1].stop
+        self.pivot = min((p.pivot for p in self._parts), default=1.0)
+
+    def independent(self, x: Array) -> Array:
+        """Project rates, accelerations or displacements, (nv,) or (nv, k), on the independent coordinates."""
+        unit = self._manifold.unit if x.ndim == 1 else self._manifold.unit[:, None]
+        scaled = x / unit
+        return np.concatenate(
+            [scaled[self._free]] + [p.Z.T @ scaled[i] for p, i in zip(self._parts, self._held, strict=True)]
+        )
+
+    def at_origin(self, u: Array) -> Array:
+        """Compute the rates at the chart's origin, shape (nv,) or (nv, k)."""
+        return self._spread(u, [p.Z @ u[at] for p, at in zip(self._parts, self._at, strict=True)])
+
+    @property
+    def close_to_lost_rank(self) -> bool:
+        """Whether the closures are closer to losing rank than at generic postures."""
+        return any(part.pivot < CLOSE * part.module.mechanism.reduction.report.kept for part in self._parts)
+
+    @property
+    def narrow(self) -> bool:
+        """Whether another branch may be near the posture of the last `lift`."""
+        return any(part.narrow for part in self._parts)
+
+    def close(self) -> Array:
+        """Compute a closed posture near the origin, shape (nq,).
+
+        Raises:
+            AssemblyError: There is none.
+        """
+        q = self.q.copy()
+        for part in self._parts:
+            q[part.module.q_index] = part.close()
+        return q
+
+    def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
+        """Compute posture and rates at independent coordinates and velocities.
+
+        Args:
+            y: Coordinates, shape (N,).
+            u: Velocities, shape (N,).
+            near: Initial guess of the displacement, shape (nv,); that of the last posture by default.
+
+        Raises:
+            AssemblyError: The loops do not close there.
+            AmbiguousBranchError: Another branch is too near.
+        """
+        unit = self._manifold.unit
+        xi = np.zeros(len(unit))
+        xi[self._free] = y[: len(self._free)] * unit[self._free]
+        q = self._manifold.retraction.move(self.q, xi)
+        for part, index, at in zip(self._parts, self._held, self._at, strict=True):
+            guess = None if near is None else near[index] / part.rows.unit
+            xi[index], q[part.module.q_index] = part.lift(y[at], guess)
+        return Posture(q, xi, self.rates(u))
+
+    def rates(self, u: Array) -> Array:
+        """Compute the rates of u at the posture of the last `lift`, shape (nv,) or (nv, k)."""
+        return self._spread(u, [p.rates(u[at]) for p, at in zip(self._parts, self._at, strict=True)])
+
+    def _spread(self, u: Array, held: list[Array]) -> Array:
+        """Assemble the scaled parts into rates of the whole robot."""
+        out = np.zeros((len(self._manifold.unit), *u.shape[1:]))
+        out[self._free] = u[: len(self._free)]
+        for index, x in zip(self._held, held, strict=True):
+            out[index] = x
+        return out * (self._manifold.unit if u.ndim == 1 else self._manifold.unit[:, None])

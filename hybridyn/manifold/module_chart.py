@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import AssemblyError
-from ..linkage.retraction import Retraction
 from ..spatial import Array
 from ..structure.module import Module
 from .branch import LOST_RATES, Branch, branch_of, derivative
@@ -15,8 +14,6 @@ from .loop_rows import LoopRows
 
 #: Newton has converged after a step of at most this (rad, module lengths); the next one would be rounding.
 LAST_STEP = 1e-12
-#: Largest residual of closed loops (relative to the module's length), in addition to rounding of the file.
-CHART_CLOSED = 1e-11
 #: Maximum number of Newton steps; if more are needed, the time step has to be shorter.
 MOST_STEPS = 20
 #: Largest displacement of dependent coordinates within a chart (rad, module lengths).
@@ -35,35 +32,23 @@ class AmbiguousBranchError(AssemblyError):
     """Another branch of assembled postures is too near to identify the branch of a motion."""
 
 
-@dataclass(frozen=True)
-class LoopedModule:
-    """A module with loops.
-
-    Attributes:
-        rows: Its closures.
-        retraction: Moves on its spanning tree.
-    """
+class LoopedModule(NamedTuple):
+    """A module with loops, and its closures, which equal modules share."""
 
     module: Module
     rows: LoopRows
-    retraction: Retraction
-
-    @property
-    def closed(self) -> float:
-        """Largest scaled residual of an assembled posture."""
-        return CHART_CLOSED + self.module.mechanism.rounding
 
 
 class ModuleChart:
     """The part of a chart that belongs to one looped module."""
 
     def __init__(self, looped: LoopedModule, q: Array, v: Array | None) -> None:
-        self.looped, self.q = looped, q
-        self.unit = looped.rows.unit
-        _, K = looped.rows.at(q)
-        r = looped.rows.rank
+        self.module, self.rows = looped
+        self.q = q
+        _, K = self.rows.at(q)
+        r = self.rows.rank
         parts = U, s, Vt = np.linalg.svd(K)
-        branch = None if v is None else self._branch(K, v / self.unit, parts)
+        branch = None if v is None else self._branch(K, v / self.rows.unit, parts)
         if branch is None:
             self.U, self.V, self.Z = U[:, :r], Vt[:r].T, Vt[r:].T
         else:
@@ -76,13 +61,13 @@ class ModuleChart:
 
     def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch | None:
         """Compute the branch of scaled rates where closures lose rank; None elsewhere."""
-        rows, move = self.looped.rows, self.looped.retraction.move
+        rows = self.rows
 
         def along(direction: Array) -> Array:
             """Differentiate the rows along a direction of scaled rates."""
-            return derivative(lambda s: rows.at(move(self.q, s * direction * self.unit))[1])
+            return derivative(lambda s: rows.at(rows.moved(self.q, s * direction))[1])
 
-        return branch_of(K, rows.rank, v, along, self.looped.module.name, parts)
+        return branch_of(K, rows.rank, v, along, self.module.name, parts)
 
     def lift(self, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Solve for displacement and positions at independent coordinates y, from a scaled guess `near`.
@@ -91,33 +76,33 @@ class ModuleChart:
             AssemblyError: The loops do not close there.
             AmbiguousBranchError: Another branch is too near.
         """
-        looped, w, lengths = self.looped, self.w.copy() if near is None else self.V.T @ near, [np.inf]
+        rows, w, lengths = self.rows, self.w.copy() if near is None else self.V.T @ near, [np.inf]
         along = self.Z @ y
         for _ in range(MOST_STEPS):
-            q = looped.retraction.move(self.q, self.unit * (along + self.V @ w))
-            residual, K = looped.rows.at(q)
+            q = rows.moved(self.q, along + self.V @ w)
+            residual, K = rows.at(q)
             open_by = float(np.abs(residual).max())
             G = self.U.T @ K @ self.V
             step = self._newton_step(G, residual)
             lengths.append(float(np.abs(step).max(initial=0.0)))
             if open_by <= CHART_ROUNDING and lengths[-1] > LAST_STEP:
                 step, lengths[-1] = 0.0 * w, 0.0
-            if lengths[-1] <= LAST_STEP or (lengths[-1] >= lengths[-2] and open_by <= looped.closed):
-                if open_by > looped.closed:
+            if lengths[-1] <= LAST_STEP or (lengths[-1] >= lengths[-2] and open_by <= rows.closed):
+                if open_by > rows.closed:
                     break
                 self._check_branch(G, lengths)
                 self.w, self.G, self.K = w - step, G, K
-                xi = self.unit * (along + self.V @ self.w)
-                return xi, looped.retraction.move(self.q, xi)
+                x = along + self.V @ self.w
+                return rows.unit * x, rows.moved(self.q, x)
             w = w - step
             if not np.isfinite(lengths[-1]) or np.abs(w).max() > FARTHEST:
                 break
         raise AssemblyError(
-            f"module '{looped.module.name}': its loops do not close {np.abs(along).max(initial=0.0):.2g} "
+            f"module '{self.module.name}': its loops do not close {np.abs(along).max(initial=0.0):.2g} "
             f"(rad or module lengths) away along its free motions; {len(lengths) - 1} Newton steps left a "
-            f"residual of {open_by:.2g} (limit {looped.closed:.0e}). The posture is out of reach, or the "
+            f"residual of {open_by:.2g} (limit {rows.closed:.0e}). The posture is out of reach, or the "
             "step too long",
-            module=looped.module.name,
+            module=self.module.name,
             residual=open_by,
             iterations=len(lengths) - 1,
         )
@@ -136,13 +121,13 @@ class ModuleChart:
     def _check_branch(self, G: Array, lengths: list[float]) -> None:
         """Check that Newton stayed on the branch; update `narrow` and `lost`."""
         s = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
-        usual = self.looped.module.mechanism.reduction.report.kept
+        usual = self.module.mechanism.reduction.report.kept
         self.narrow, self.lost = s[-1] <= NARROW * usual * s[0], s[-1] <= LOST_RATES * s[0]
         if self.narrow and len(lengths) > 2 and lengths[2] > CONTRACTION * lengths[1]:
             raise self._ambiguous()
 
     def _ambiguous(self) -> AmbiguousBranchError:
-        name = self.looped.module.name
+        name = self.module.name
         return AmbiguousBranchError(
             f"module '{name}': its closures lose rank (constraint singularity) so near that its branch "
             "cannot be distinguished from the others that meet there",
@@ -158,14 +143,14 @@ class ModuleChart:
         if self.pivot <= HELD:
             q = self.q
             for _ in range(MOST_STEPS):
-                residual, K = self.looped.rows.at(q)
+                residual, K = self.rows.at(q)
                 step = self.V @ (np.linalg.pinv(self.U.T @ K @ self.V, rcond=HELD) @ (self.U.T @ residual))
-                q = self.looped.retraction.move(q, -self.unit * step)
+                q = self.rows.moved(q, -step)
                 if np.abs(step).max() <= LAST_STEP:
                     break
-            if np.abs(residual).max() <= self.looped.closed:
+            if np.abs(residual).max() <= self.rows.closed:
                 return q
-        return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.unit)))[1]
+        return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.rows.unit)))[1]
 
     def rates(self, u: Array) -> Array:
         """Compute the scaled rates at the posture of the last `lift`, u of shape (N,) or (N, k).

@@ -34,7 +34,7 @@ import pinocchio as pin
 
 from ..dynamics.energy import effective_model
 from ..errors import ModelError, SingularityError
-from ..manifold.chart import Chart
+from ..manifold.manifold import Chart
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array
 from .motion_law import MotionLaw

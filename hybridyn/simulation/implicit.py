@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AssemblyError
-from ..manifold.chart import Posture
+from ..manifold.manifold import Posture
 from ..manifold.module_chart import HELD, AmbiguousBranchError
 from ..spatial import Array
 from .system import Coordinates, State, StepError, Stepped, System, in_quickest_chart, weighted

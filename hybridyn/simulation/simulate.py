@@ -193,7 +193,7 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
     q, v = as_positions(robot, q0, "q0")[0][0].copy(), as_rates(robot, v0, "v0")[0][0].copy()
     law.place_base(t, q, v)
     rounding = max((m.module.mechanism.rounding for m in manifold.looped), default=0.0)
-    residual, name = manifold.worst(q)
+    residual, name = manifold.residual(q)
     if residual > STATE_CLOSED + rounding:
         raise AssemblyError(
             f"module '{name}': q0 does not close the loops: open by {residual:.2g} of the module's length "

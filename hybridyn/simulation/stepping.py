@@ -265,7 +265,7 @@ class Stepper:
     def _projected(self, stepped: Stepped) -> Stepped:
         """Project position and velocity on the closures where they deviate by more than `DRIFT`."""
         manifold, state = self._system.manifold, stepped.state
-        if manifold.residual(state.q) <= DRIFT and manifold.opening(state.q, state.v)[0] <= DRIFT:
+        if manifold.residual(state.q)[0] <= DRIFT and manifold.opening(state.q, state.v)[0] <= DRIFT:
             return stepped
         self.counters.projections += 1
         q, v = manifold.project(state.q, state.v)

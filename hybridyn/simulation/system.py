@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..errors import HybridynError
-from ..manifold.chart import Chart, Posture
-from ..manifold.manifold import Manifold
+from ..manifold.manifold import Chart, Manifold, Posture
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import LARGEST, Array
 from .motion_law import MotionLaw

@@ -52,7 +52,7 @@ def lifted(robot: HybridRobot, seed: int) -> float:
     retraction, speed = manifold.retraction, np.abs(v).max()
     assert pivot.min() > 1e-3
     off = [
-        manifold.residual(q) / CLOSED,
+        manifold.residual(q)[0] / CLOSED,
         manifold.opening(q, rates)[0] / CLOSED,
         np.abs(retraction.move(q_0, xi) - q).max() / ROUNDING,
         np.abs(retraction.pull(before, rates) - pulled).max() / speed / ROUNDING,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...manifold.chart import Posture
+from ...manifold.manifold import Posture
 from ...manifold.module_chart import AmbiguousBranchError
 from ...spatial import Array, Index
 from .laws import Law
