@@ -142,7 +142,7 @@ def test_what_is_no_number_is_named(wrong: Any) -> None:
     for name, run in calls.items():
         with pytest.raises(TrajectoryError, match=f"{name} not an array of numbers"):
             run()
-    with pytest.raises(TrajectoryError, match="coordinate 'x' needs numbers of shape"):
+    with pytest.raises(TrajectoryError, match=f"coordinate 'x' of '{link}' needs finite numbers of shape"):
         hybridyn.assemble(robot, platforms={link: {"x": np.zeros((2, 2))}})
 
 

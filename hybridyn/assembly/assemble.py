@@ -26,9 +26,8 @@ from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
 from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import follow
-from .guess import first_guess
 from .module_request import ModuleRequest, joined, module_request, on_own_bases
-from .requests import Requests, gather_requests
+from .requests import Requests, first_guess, gather_requests
 from .task import Task
 from .wrist_positions import spanning_positions
 

@@ -11,9 +11,8 @@ from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from .assemble import module_task, place_base
-from .guess import first_guess
 from .module_request import module_request
-from .requests import gather_requests
+from .requests import first_guess, gather_requests
 from .task import Task
 from .wrist_positions import spanning_positions
 

@@ -1,17 +1,17 @@
-"""Checked input of `assemble`: positions of joints, and complete or partial poses of links."""
+"""Checked input of `assemble`: positions of joints, complete or partial poses of links, a guess."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..errors import TrajectoryError
+from ..errors import AssemblyError, TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES
-from ..spatial import Array, rotation_from_quaternion
+from ..spatial import LARGEST, Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT, as_numbers
 
@@ -92,32 +92,48 @@ def gather_requests(
             raise TrajectoryError(
                 f"joint '{name}' is {kind[name]}: it has no single position; give a pose", column=name
             )
-    joints = {name: _three(value, name) for name, value in motors.items()}
-    raw = {key: _triple(value) for key, value in platforms.items()}
-    sizes = {np.shape(x)[-1] for j in joints.values() for x in j if np.ndim(x)}
-    lengths = {n for key, parts in raw.items() for part in parts for n in _lengths(key, part)}
-    sizes |= lengths
+    joints = {name: _three(value, f"joint '{name}'", name) for name, value in motors.items()}
+    places = {key: _link_and_reference(robot, key) for key in platforms}
+    given = {key: _pose(key, value) for key, value in platforms.items()}
+    triples = [joints, *(one for one in given.values() if isinstance(one, dict))]
+    sizes = {len(x) for one in triples for triple in one.values() for x in triple if x.ndim}
+    sizes |= {len(x) for one in given.values() if isinstance(one, list) for x in one if x.ndim == 2}
     if len(sizes) > 1:
         raise TrajectoryError(f"motors and platforms have different numbers of samples: {sorted(sizes)}")
-    T = sizes.pop() if sizes else 1
-    single = not lengths and not any(np.ndim(x) for j in joints.values() for x in j)
-    arrays = {name: np.stack([np.broadcast_to(x, (T,)) for x in parts]) for name, parts in joints.items()}
-    base, quaternion = None, None
-    poses = []
-    for key, parts in raw.items():
-        pose = _pose(robot, key, parts, T)
-        if pose.link == pose.other and robot.bodies.place[pose.link][0] == 0:
-            base = pose.motion
-            quaternion = np.broadcast_to(np.asarray(parts[0], dtype=float)[..., 3:], (T, 4))
+    (T,) = sizes or {1}
+    base, quaternion, poses, root = None, None, [], robot.description.root
+    for key, one in given.items():
+        link, other = places[key]
+        if isinstance(one, dict):
+            if link == root:
+                raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
+            poses.append(PoseRequest(link, other, None, _for_all(one, T)))
+        elif link == other:
+            base, quaternion = _motion(key, one, T), np.broadcast_to(one[0][..., 3:], (T, 4))
         else:
-            poses.append(pose)
-    return Requests(T, single, arrays, tuple(poses), base, quaternion)
+            poses.append(PoseRequest(link, other, _motion(key, one, T), {}))
+    return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion)
 
 
-def _known(name: str, known: Mapping[str, object], what: str) -> None:
+def _known(name: str, known: Collection[str], what: str) -> None:
     """Check that a name is known."""
     if name not in known:
         raise TrajectoryError(f"unknown {what} '{name}'{did_you_mean(name, known)}", column=name)
+
+
+def _link_and_reference(robot: HybridRobot, key: str) -> tuple[str, str]:
+    """Return the two links of a key of `platforms`."""
+    place, root = robot.bodies.place, robot.description.root
+    link, _, other = key.partition("@")
+    _known(link, place, "link")
+    other = other or root
+    _known(other, place, "link")
+    on_root = place[link][0] == 0
+    if on_root and (link != root or robot.base == "fixed"):
+        raise TrajectoryError(f"link '{link}' is part of the base; it cannot be placed", column=key)
+    if place[link][0] == place[other][0] and not on_root:
+        raise TrajectoryError(f"'{link}' and '{other}' are one rigid body", column=key)
+    return link, other
 
 
 def _triple(value: object) -> tuple[object, object, object]:
@@ -129,43 +145,50 @@ def _triple(value: object) -> tuple[object, object, object]:
     return parts[0], parts[1], parts[2]
 
 
-def _three(value: object, name: str) -> list[Array]:
-    """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where omitted."""
-    parts = [as_numbers(0.0 if x is None else x, f"joint '{name}'") for x in _triple(value)]
+def _three(value: object, what: str, column: str) -> list[Array]:
+    """Return position, rate and acceleration of a coordinate, shape () or (T,) each, zero where omitted."""
+    parts = [as_numbers(0.0 if x is None else x, what) for x in _triple(value)]
     for x in parts:
         if x.ndim > 1 or not np.isfinite(x).all():
-            raise TrajectoryError(f"joint '{name}' needs finite numbers of shape () or (T,)", column=name)
+            raise TrajectoryError(f"{what} needs finite numbers of shape () or (T,)", column=column)
     return parts
 
 
-def _lengths(key: str, part: object) -> list[int]:
-    """Return the batch sizes in one part of a pose."""
-    if part is None:
-        return []
-    if isinstance(part, Mapping):
-        values = (as_numbers(x, f"coordinate '{name}' of '{key}'") for name, x in part.items())
-        return [len(x) for x in values if x.ndim]
-    array = as_numbers(part, f"the pose of '{key}'")
-    return [len(array)] if array.ndim > 1 else []
+def _for_all(triples: Mapping[str, list[Array]], T: int) -> dict[str, Array]:
+    """Return positions, rates and accelerations at all samples, shape (3, T), by name."""
+    return {name: np.stack([np.broadcast_to(x, (T,)) for x in parts]) for name, parts in triples.items()}
 
 
-def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> PoseRequest:
-    """Read one entry of `platforms`."""
-    root = robot.description.root
-    link, _, other = key.partition("@")
-    _known(link, robot.bodies.place, "link")
-    other = other or root
-    _known(other, robot.bodies.place, "link")
-    on_root = robot.bodies.place[link][0] == 0
-    if on_root and (link != root or robot.base == "fixed"):
-        raise TrajectoryError(f"link '{link}' is part of the base; it cannot be placed", column=key)
-    if robot.bodies.place[link][0] == robot.bodies.place[other][0] and not on_root:
-        raise TrajectoryError(f"'{link}' and '{other}' are one rigid body", column=key)
-    if isinstance(parts[0], Mapping):
-        if on_root:
-            raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
-        return PoseRequest(link, other, None, _coordinates(key, parts, T))
-    pose, twist, acceleration = (_array(key, x, width, T) for x, width in zip(parts, (7, 6, 6), strict=True))
+def _pose(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
+    """Return pose, twist and acceleration, shape (width,) or (T, width), or the triples of a partial pose."""
+    parts = _triple(value)
+    if not isinstance(parts[0], Mapping):
+        return [_array(key, part, width) for part, width in zip(parts, (7, 6, 6), strict=True)]
+    out = {}
+    for name in parts[0]:
+        _known(name, COORDINATES, "coordinate")
+        levels = tuple(part.get(name) if isinstance(part, Mapping) else None for part in parts)
+        if any(part is not None and x is None for part, x in zip(parts, levels, strict=True)):
+            raise TrajectoryError(
+                f"the rates of '{key}' must name the same coordinates as its pose", column=key
+            )
+        out[name] = _three(levels, f"coordinate '{name}' of '{key}'", key)
+    return out
+
+
+def _array(key: str, value: object, width: int) -> Array:
+    """Return one part of a pose, shape (width,) or (T, width), zero where omitted."""
+    out = as_numbers(np.zeros(width) if value is None else value, f"the pose of '{key}'")
+    if out.shape[-1:] != (width,) or out.ndim > 2 or not np.isfinite(out).all():
+        raise TrajectoryError(
+            f"needs finite numbers of shape ({width},) or (T, {width}), not {out.shape}", column=key
+        )
+    return out
+
+
+def _motion(key: str, parts: list[Array], T: int) -> RigidMotion:
+    """Return the motion of a complete pose at all samples."""
+    pose, twist, acceleration = (np.broadcast_to(x, (T, x.shape[-1])) for x in parts)
     norm = np.linalg.norm(pose[:, 3:], axis=1)
     bad = np.flatnonzero(np.abs(norm - 1) > UNIT)
     if len(bad):
@@ -174,7 +197,7 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
             row=int(bad[0]) + 1,
             column=key,
         )
-    motion = RigidMotion(
+    return RigidMotion(
         rotation_from_quaternion(pose[:, 3:]),
         pose[:, :3],
         twist[:, 3:],
@@ -182,40 +205,28 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
         acceleration[:, 3:],
         acceleration[:, :3],
     )
-    return PoseRequest(link, other, motion, {})
 
 
-def _array(key: str, value: object, width: int, T: int) -> Array:
-    """Return one part of a pose, shape (T, width), zero where omitted."""
-    if value is None:
-        return np.zeros((T, width))
-    out = np.asarray(value, dtype=float)
-    if out.shape not in ((width,), (T, width)) or not np.isfinite(out).all():
-        raise TrajectoryError(
-            f"needs finite numbers of shape ({width},) or ({T}, {width}), not {out.shape}", column=key
-        )
-    return np.broadcast_to(out, (T, width))
+def first_guess(robot: HybridRobot, guess: Array | None) -> Array:
+    """Return the initial posture, shape (nq,); the home posture by default.
+
+    Raises:
+        AssemblyError: It has a wrong size, a number that is not finite or too large, or a joint's cosine and
+            sine, or quaternion, of length zero.
+    """
+    if guess is None:
+        return robot.home
+    guess = as_numbers(guess, "guess").reshape(-1)
+    if guess.shape != (robot.nq,):
+        raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
+    check_guess(robot, guess)
+    return guess
 
 
-def _coordinates(key: str, parts: Sequence[object], T: int) -> dict[str, Array]:
-    """Read a partial pose: for each coordinate its value, rate and acceleration."""
-    values = parts[0]
-    assert isinstance(values, Mapping)
-    out = {}
-    for name in values:
-        _known(name, dict.fromkeys(COORDINATES), "coordinate")
-        triple = []
-        for part in parts:
-            given = part.get(name) if isinstance(part, Mapping) else None
-            if part is not None and given is None:
-                raise TrajectoryError(
-                    f"the rates of '{key}' must name the same coordinates as its pose", column=key
-                )
-            x = np.asarray(0.0 if given is None else given, dtype=float)
-            if x.ndim > 1:
-                raise TrajectoryError(f"coordinate '{name}' needs numbers of shape () or (T,)", column=key)
-            triple.append(np.broadcast_to(x, (T,)))
-        out[name] = np.stack(triple)
-        if not np.isfinite(out[name]).all():
-            raise TrajectoryError(f"coordinate '{name}' is not finite", column=key)
-    return out
+def check_guess(robot: HybridRobot, guess: Array) -> None:
+    """Raise if initial postures, shape (..., nq), are none; the errors are those of `first_guess`."""
+    if not (np.abs(guess) <= LARGEST).all():
+        raise AssemblyError(f"guess has a number that is not finite, or above {LARGEST:.0e}")
+    for columns in robot.unit_coordinates:
+        if not guess[..., columns].any(axis=-1).all():
+            raise AssemblyError("guess has a joint whose cosine and sine, or quaternion, are all zero")

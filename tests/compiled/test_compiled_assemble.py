@@ -12,8 +12,7 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, closure_residual
-from hybridyn.assembly.guess import first_guess
-from hybridyn.assembly.requests import gather_requests
+from hybridyn.assembly.requests import first_guess, gather_requests
 from hybridyn.compiled.equations.expressions import pack, unpack
 from hybridyn.compiled.equations.folding import Folding
 from hybridyn.compiled.model import CompiledRobot

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.assemble import by_name
-from ...assembly.guess import check_guess, first_guess
-from ...assembly.requests import Requests, gather_requests
+from ...assembly.requests import Requests, check_guess, first_guess, gather_requests
 from ...dynamics.quantities.posture import holding, posture_at
 from ...effects.choice import Effects
 from ...errors import TrajectoryError

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ....assembly.assemble import assemble_requests, by_name
-from ....assembly.guess import first_guess
-from ....assembly.requests import gather_requests
+from ....assembly.requests import first_guess, gather_requests
 from ....linkage.threads import one_thread
 from ....spatial import Array
 from ....structure.robot import HybridRobot
