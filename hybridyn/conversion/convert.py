@@ -20,7 +20,7 @@ from ..errors import ModelError
 from .losses import Losses
 from .request import TIGHTNESS, Request, Written
 from .shapes import read_shapes
-from .writers import writer_of
+from .writers import write, writer_of
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
@@ -34,7 +34,7 @@ MARK = "written by hybridyn convert"
 #: Content of a side-car that says nothing.
 NO_SIDE_CAR = "joint_name: []\njoint_type: []\n"
 
-_UNWRITABLE = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_UNWRITABLE = re.compile("^$|[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass(frozen=True)
@@ -86,23 +86,25 @@ def convert(
         OSError: A file cannot be written.
     """
     target = Path(path)
-    writer = writer_of(target)
+    writer_of(target)  # an unknown ending is an error before any file is read
     _check_target(target)
     if not (isfinite(tightness) and tightness > 0):
         raise ModelError(f"the tightness is {tightness:g} m; it must be above zero and finite")
+    losses = Losses()
     if isinstance(robot, str | os.PathLike):
         file = find_robot(robot)
         _refuse_replacing(target, split_model(file)[0])
         description = read(file, xacro_args=xacro_args, package_dirs=package_dirs)
     else:
         description = _as_loaded(robot)
+        if robot.base == "moving" and base is None:
+            losses.add("the base moves as prescribed: written as one at rest")
         _refuse_replacing(target, description.source)
     if base is not None:
         description = replace(description, base=base)
     _refuse_names(description)
-    losses = Losses()
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
-    written = writer(Request(description, target, shapes, tightness))
+    written = write(Request(description, target, shapes, tightness))
     return _write(target, replace(written, losses=(*written.losses, *losses.lines())))
 
 
@@ -114,12 +116,14 @@ def _as_loaded(robot: HybridRobot) -> Description:
 
 
 def _refuse_names(d: Description) -> None:
-    """Refuse names that no text file can hold."""
-    names = [d.name, *(link.name for link in d.links), *(joint.name for joint in d.joints)]
+    """Refuse names that no file can hold, but for a robot without a name."""
+    names = [d.name or "robot", *(link.name for link in d.links), *(joint.name for joint in d.joints)]
     names += [*(closure.name for closure in d.closures), *(coupling.name for coupling in d.couplings)]
     for name in names:
         if _UNWRITABLE.search(name):
-            raise ModelError(f"the name {name!a} has characters that no XML file can hold; rename it")
+            raise ModelError(
+                f"the name {name!a} is empty, or has characters that no XML file can hold; rename it"
+            )
 
 
 def _check_target(target: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..description.names import listed
+from ..description.records import Coupling
 
 
 class Losses:
@@ -27,3 +28,9 @@ class Losses:
         return tuple(
             f"{reason}: {listed(names)}" if names else reason for reason, names in self._names.items()
         )
+
+
+def add_name(coupling: Coupling, follower: str, losses: Losses) -> None:
+    """List the name of a coupling that is written as `<mimic>`, which has that of its joint."""
+    if coupling.name != follower:
+        losses.add("names of couplings, which are read back with those of joints", coupling.name)

@@ -1,4 +1,4 @@
-"""Turn numbers and rotations into text and angles that read back as the same bits, or to rounding."""
+"""Turn numbers, rotations and inertias into what files state; it reads back as the same, or to rounding."""
 
 from __future__ import annotations
 
@@ -60,3 +60,11 @@ def quaternion_of(rotation: Array) -> Array:
     q: Array = products[int(np.argmax(squares))]
     q = q / np.linalg.norm(q)
     return -q if q[3] < 0 else q
+
+
+def principal(inertia: Array) -> tuple[Array, Array]:
+    """Return the principal moments of an inertia, shape (3,), and their axes as columns, shape (3, 3)."""
+    if not np.any(inertia - np.diag(np.diag(inertia))):
+        return np.diag(inertia).copy(), np.eye(3)
+    moments, axes = np.linalg.eigh(inertia)
+    return moments, -axes if np.linalg.det(axes) < 0 else axes

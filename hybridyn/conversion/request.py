@@ -11,6 +11,8 @@ from ..description.urdf.shapes import Shape
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.
 TIGHTNESS = 1e-4
+#: Gravity of a robot whose file states none [m/s^2].
+USUAL_GRAVITY = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True)
@@ -37,14 +39,14 @@ class Written:
 
     Attributes:
         text: The content of the file.
-        losses: What the format cannot say, one line each, with the names of joints, links and closures. What
-            hybridyn reads back from the files beside is not lost.
         notes: Remarks for the user that are no losses.
         beside: Content of the files beside it that hybridyn also reads, by their ending: ".model.toml" after
             the file's name (see `model_file`), ".yaml" in place of its ending.
+        losses: What the format cannot say, one line each, with the names of joints, links and closures. What
+            hybridyn reads back from the files beside is not lost. `writers.write` adds them.
     """
 
     text: str
-    losses: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     beside: Mapping[str, str] = field(default_factory=dict)
+    losses: tuple[str, ...] = ()

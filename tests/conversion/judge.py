@@ -20,7 +20,7 @@ from hybridyn import HybridRobot, assemble, ddm, idm
 from hybridyn.assembly.residual import closure_residual
 from hybridyn.conversion.convert import MODEL, file_beside
 from hybridyn.conversion.request import Request, Written
-from hybridyn.conversion.writers import writer_of
+from hybridyn.conversion.writers import write
 from hybridyn.description import Closure, Description, read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
@@ -68,7 +68,7 @@ def bodily(description: Description) -> Description:
 
 def written(description: Description, target: Path) -> Written:
     """Write a robot, and the files beside it."""
-    out = writer_of(target)(Request(description, target))
+    out = write(Request(description, target))
     target.write_text(out.text)
     for ending, text in out.beside.items():
         file_beside(target, ending).write_text(text)

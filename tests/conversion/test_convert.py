@@ -168,7 +168,7 @@ def test_tightness_is_a_length(tightness: float, tmp_path: Path) -> None:
 def test_names_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, FOUR_BAR))
     robot = replace(robot, description=replace(robot.description, name="four\0bar"))
-    with pytest.raises(ModelError, match=r"the name 'four.x00bar' has characters"):
+    with pytest.raises(ModelError, match=r"the name 'four.x00bar' is empty, or has characters"):
         convert(robot, tmp_path / "out.urdf")
 
 

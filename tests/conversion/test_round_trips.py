@@ -24,7 +24,10 @@ QUICK = ("five_bar",)
 
 
 #: What MuJoCo does not have, and what changes neither motion nor efforts.
-HARMLESS = ("speed limits", "gear ratios", "names ", "dampers are read back as viscous friction")
+HARMLESS = (
+    "speed limits", "gear ratios", "names ", "dampers are read back as viscous friction", "continuous joints",
+    "axes in which hybridyn reports",
+)  # fmt: skip
 #: What changes efforts, but neither joints nor closures.
 HEAVIER = (
     "moving links without mass",

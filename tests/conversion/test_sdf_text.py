@@ -11,7 +11,7 @@ from lxml import etree
 
 from hybridyn.conversion.home import poses_at
 from hybridyn.conversion.request import Request
-from hybridyn.conversion.sdf.sdf import write_sdf
+from hybridyn.conversion.writers import write
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.closure_forms import FORMS
 from hybridyn.description.placement import inverse, placement_from
@@ -101,7 +101,7 @@ def test_shapes_are_visuals(tmp_path: Path) -> None:
         Shape("hand", "cylinder", np.eye(4), (0.5, 2.0)), Shape("base", "sphere", np.eye(4), (0.5,)),
         Shape("upper", "mesh", np.eye(4), (1.0, 1.0, 2.0), "part.stl"),
     )  # fmt: skip
-    text = write_sdf(Request(arm(), tmp_path / "arm.sdf", shapes)).text
+    text = write(Request(arm(), tmp_path / "arm.sdf", shapes)).text
     root = etree.fromstring(text.encode())
     found = {
         visual.get("name"): "".join(visual.find("geometry").itertext()).split()

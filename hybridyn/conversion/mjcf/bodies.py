@@ -108,6 +108,8 @@ class Builder:
             add_inertial(element, self._inertias.links[root], self._inertias, True, self._losses)
         elif root == WORLD:
             element = world
+            if self._inertias.links[root].mass or self._inertias.links[root].inertia.any():
+                self._losses.add("mass and inertia of the world's link, which do not move", root)
         else:
             element = ET.SubElement(world, "body", name=root)
             add_inertial(element, self._inertias.links[root], self._inertias, False, self._losses)

@@ -13,10 +13,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.closure_forms import words_of_rows
 from ...description.mjcf.marks import FOLLOWER, MARK
-from ...description.placement import placement_from
+from ...description.placement import placement_from, turned
 from ...description.records import Array, Closure
+from ..closure_rows import rows_of
+from ..losses import Losses
 from .bodies import Tree, pose
 from .followers import Follower
 
@@ -35,6 +36,7 @@ def add_closures(
     followers: Mapping[str, Follower],
     tree: Tree,
     arm: float,
+    losses: Losses,
 ) -> None:
     """Add sites, equalities and marks.
 
@@ -45,6 +47,7 @@ def add_closures(
         followers: The follower of each closure that needs one, by its name.
         tree: The bodies, which receive sites.
         arm: Distance of the two points that hold an axis [m].
+        losses: Receives closures whose axes are lost.
     """
     for closure in closures:
         ends = {"a": (closure.link_a, closure.frame_a), "b": (closure.link_b, closure.frame_b)}
@@ -53,7 +56,9 @@ def add_closures(
             name = f"{closure.name}:{FOLLOWER}"
             ends["a" if follower.first else "b"] = (name, tree.ends[name])
             word = "weld"
-        _equate(equality, word, closure.name, f"{closure.name}:", ends, tree)
+        rows, turn = rows_of(closure, losses)
+        own = {end: (link, turned(frame, turn.T)) for end, (link, frame) in ends.items()}
+        _equate(equality, word, closure.name, f"{closure.name}:", own, tree)
         if word == "connect" and closure.rotation == "parallel":
             ahead = placement_from(np.eye(3), np.array([0.0, 0.0, arm]))
             second = {end: (link, frame @ ahead) for end, (link, frame) in ends.items()}
@@ -61,7 +66,6 @@ def add_closures(
         if follower or (word, closure.rotation) not in (("weld", "fixed"), ("connect", "free")):
             custom = root.find("custom")
             custom = ET.SubElement(root, "custom") if custom is None else custom
-            rows = " ".join(words_of_rows(closure.translations, closure.rotation))
             ET.SubElement(custom, "text", name=MARK + closure.name, data=rows)
 
 

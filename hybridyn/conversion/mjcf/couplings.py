@@ -30,7 +30,7 @@ def add_couplings(
         taken.add(name)
         offset = coupling.offset - sum(coefficient * refs[joint] for joint, coefficient in coupling.terms)
         (first, factor), *others = coupling.terms
-        if len(others) > 1 or not factor:
+        if len(others) > 1:
             tendon = root.find("tendon")
             tendon = ET.SubElement(root, "tendon") if tendon is None else tendon
             fixed = ET.SubElement(tendon, "fixed", name=name)

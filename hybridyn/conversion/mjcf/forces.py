@@ -41,10 +41,14 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
             losses.add("damping of free joints", joint.name)
         if several and (joint.friction or joint.rotor_inertia):
             losses.add("dry friction and rotors of joints with several freedoms", joint.name)
-        if several and np.isfinite((joint.lower, joint.upper, joint.effort)).any():
+        if several and np.isfinite((joint.lower, joint.upper, joint.effort_limit)).any():
             losses.add("limits of joints with several freedoms", joint.name)
-        if np.isfinite(joint.velocity):
+        if joint.kind == "continuous":
+            losses.add("continuous joints, which MuJoCo does not have: read back as hinges", joint.name)
+        if np.isfinite(joint.speed_limit):
             losses.add("speed limits, which MuJoCo does not have", joint.name)
+        if joint.gear_ratio != 1:
+            losses.add("gear ratios: the rotor's inertia is written as that at the joint", joint.name)
         if joint.name in tree.joints:
             _add_to_single(joint, tree.joints[joint.name], effects, joint.name in driven, losses)
 
@@ -65,8 +69,8 @@ def _add_to_single(
     for word, value in (("frictionloss", friction), ("armature", armature)):
         if value:
             element.set(word, numeral(value))
-    if joint.gear_ratio != 1 and joint.rotor_inertia:
-        losses.add("gear ratios: the rotor's inertia is written as that at the joint", joint.name)
+    if friction != joint.friction:
+        losses.add("levels of coulomb_friction are read back as dry friction, too", joint.name)
     if not driven and joint.effort_limit < np.inf:
         element.set("actuatorfrcrange", numerals((-joint.effort, joint.effort)))
         element.set("actuatorfrclimited", "true")
@@ -78,20 +82,14 @@ def _add_to_single(
             losses.add("springs of continuous joints: MuJoCo counts whole turns", joint.name)
 
 
-def add_motors(root: ET.Element, d: Description, losses: Losses) -> None:
-    """Add a motor without gear for each driven joint: its control is the effort at the joint.
-
-    Args:
-        losses: Receives effort limits of zero.
-    """
+def add_motors(root: ET.Element, d: Description) -> None:
+    """Add a motor without gear for each driven joint: its control is the effort at the joint."""
     if not d.motors:
         return
     actuator = ET.SubElement(root, "actuator")
-    limits = {joint.name: joint.effort for joint in d.joints}
+    limits = {joint.name: joint.effort_limit for joint in d.joints}
     for motor in d.motors:
         element = ET.SubElement(actuator, "motor", name=motor, joint=motor)
-        if 0 < limits[motor] < np.inf:
+        if limits[motor] < np.inf:
             element.set("ctrlrange", numerals((-limits[motor], limits[motor])))
             element.set("ctrllimited", "true")
-        elif not limits[motor]:
-            losses.add("effort limits of zero, which MuJoCo refuses", motor)

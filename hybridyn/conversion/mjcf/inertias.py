@@ -9,7 +9,7 @@ import numpy as np
 
 from ...description.records import Array, Description, Link
 from ..losses import Losses
-from ..numerals import numeral, numerals, quaternion_of
+from ..numerals import numeral, numerals, principal, quaternion_of
 
 #: Mass and inertia of a moving link without any, relative to those of the lightest link. Smaller ones would
 #: change the robot less, but make its closures softer.
@@ -86,7 +86,7 @@ def add_inertial(body: ET.Element, link: Link, inertias: Inertias, moving: bool,
     elif not mass:
         losses.add(f"links with inertia but without mass: {light}", link.name)
     mass = mass or inertias.light.mass
-    moments, axes = _principal(inertia)
+    moments, axes = principal(inertia)
     possible = moments.copy()
     if moving and moments.min() < LEAST_MOMENT:
         losses.add(
@@ -105,13 +105,3 @@ def add_inertial(body: ET.Element, link: Link, inertias: Inertias, moving: bool,
         x, y, z, w = quaternion_of(axes)
         attributes["quat"] = numerals((w, x, y, z))
     ET.SubElement(body, "inertial", attributes)
-
-
-def _principal(inertia: Array) -> tuple[Array, Array]:
-    """Return principal moments, shape (3,), and principal axes, shape (3, 3)."""
-    if not np.any(inertia - np.diag(np.diag(inertia))):
-        return np.diag(inertia).copy(), np.eye(3)
-    moments, axes = np.linalg.eigh(inertia)
-    if np.linalg.det(axes) < 0:
-        axes = -axes
-    return moments, axes

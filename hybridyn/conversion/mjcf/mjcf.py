@@ -12,7 +12,7 @@ from ..home import poses_at
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import numeral, numerals
-from ..request import Request, Written
+from ..request import USUAL_GRAVITY, Request, Written
 from .bodies import Builder, Tree
 from .checks import check_depth, check_names
 from .closures import add_closures, needs_follower
@@ -23,17 +23,14 @@ from .inertias import inertias_of
 from .softness import acceleration, add_softness, softness
 from .visuals import add_visuals
 
-#: Gravity of a robot whose file states none [m/s^2].
-USUAL_GRAVITY = (0.0, 0.0, -9.81)
 
-
-def write_mjcf(request: Request) -> Written:
+def write_mjcf(request: Request, losses: Losses) -> Written:
     """Write a robot as MJCF.
 
     Raises:
         ModelError: The robot is too deep for nested bodies, or names would occur twice.
     """
-    d, losses = request.description, Losses()
+    d = request.description
     check_depth(d)
     root = ET.Element("mujoco", model=d.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
@@ -45,7 +42,7 @@ def write_mjcf(request: Request) -> Written:
     remarks = Losses()
     tree = _add_robot(root, d, losses, remarks)
     add_visuals(root, request, tree, losses)
-    add_motors(root, d, losses)
+    add_motors(root, d)
     if tree.qpos:
         keyframe = ET.SubElement(root, "keyframe")
         ET.SubElement(keyframe, "key", name="home", qpos=numerals(tree.qpos))
@@ -69,7 +66,7 @@ def write_mjcf(request: Request) -> Written:
         notes.append(f"MuJoCo does not see these effects, which the model.toml holds: {', '.join(beside)}")
     model = model_file(d, motors=not d.motors, effects=beside)
     text = ET.tostring(root, encoding="unicode") + "\n"
-    return Written(text, losses.lines(), tuple(notes), {".model.toml": model} if model else {})
+    return Written(text, tuple(notes), {".model.toml": model} if model else {})
 
 
 def _add_robot(root: ET.Element, d: Description, losses: Losses, remarks: Losses) -> Tree:
@@ -86,7 +83,7 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses, remarks: Losses
     add_forces(d, tree, losses)
     if d.closures or d.couplings:
         equality = ET.SubElement(root, "equality")
-        add_closures(root, equality, d.closures, followers, tree, inertias.size)
+        add_closures(root, equality, d.closures, followers, tree, inertias.size, losses)
         add_couplings(root, equality, d.couplings, tree.refs)
     for link, closure in ends.items():
         if link not in tree.bodies:

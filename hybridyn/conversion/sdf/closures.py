@@ -11,14 +11,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.placement import inverse, placement_from, rotation_to_axis, turned
+from ...description.placement import inverse, placement_from, turned
 from ...description.records import Array, Closure, RotationKind
 from ..losses import Losses
 from .joints import add_axis, add_massless, add_pose, start_joint
 from .posture import Posture
-
-#: Difference of two rotations that is rounding.
-SAME_TURN = 1e-14
 
 #: Types of joints that lock every translation, by the locked part of the rotation.
 POINTS: dict[RotationKind, str] = {
@@ -33,9 +30,7 @@ def add_closure(root: ET.Element, closure: Closure, posture: Posture, losses: Lo
         posture: The posture of the file.
         losses: Receives what SDF cannot say.
     """
-    if not closure.translations and closure.rotation == "free":
-        losses.add("closures left out, since they have no row", closure.name)
-    elif closure.translations == (0, 1, 2):
+    if closure.translations == (0, 1, 2):
         _add(root, closure, POINTS[closure.rotation], closure.link_a, closure.frame_a, posture, losses)
     elif closure.translations == (0, 1) and closure.rotation == "fixed":
         _add(root, closure, "prismatic", closure.link_a, closure.frame_a, posture, losses)
@@ -55,8 +50,6 @@ def _add(
 ) -> None:
     """Add a loop joint between a link and the closure's second link."""
     turn = closure.turn
-    if kind in ("fixed", "ball") or np.abs(rotation_to_axis(turn[:, 2]) - turn).max() > SAME_TURN:
-        turn = np.eye(3)
     link_b, frame_b = closure.link_b, closure.frame_b
     if link_b == "world":
         losses.add("closures with their ends exchanged, since SDF has no child 'world'", closure.name)

@@ -6,30 +6,37 @@ from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 from ...description.records import Coupling, Description
+from ..losses import Losses, add_name
 from .joints import add_number
 from .posture import Posture
 
 
-def add_couplings(d: Description, joints: Mapping[str, ET.Element], posture: Posture) -> list[Coupling]:
+def add_couplings(
+    d: Description, joints: Mapping[str, ET.Element], posture: Posture, losses: Losses
+) -> list[Coupling]:
     """Add the couplings of two joints to a model.
 
     Args:
         joints: Element of each joint.
         posture: The posture of the file, from which positions count.
+        losses: Receives names of couplings.
 
     Returns:
         The couplings that SDF cannot say.
     """
-    return [coupling for coupling in d.couplings if not _add_mimic(coupling, joints, posture)]
+    return [coupling for coupling in d.couplings if not _add_mimic(coupling, joints, posture, losses)]
 
 
-def _add_mimic(coupling: Coupling, joints: Mapping[str, ET.Element], posture: Posture) -> bool:
+def _add_mimic(
+    coupling: Coupling, joints: Mapping[str, ET.Element], posture: Posture, losses: Losses
+) -> bool:
     """Add `<mimic>` to one of the two joints of a coupling that follows no other yet; False if none can."""
     if len(coupling.terms) != 2:
         return False
     for (follower, own), (leader, other) in (coupling.terms, coupling.terms[::-1]):
         axis = joints[follower].find("axis")
-        if own and other and axis is not None and axis.find("mimic") is None:
+        if axis is not None and axis.find("mimic") is None:
+            add_name(coupling, follower, losses)
             ratio = -other / own
             mimic = ET.SubElement(axis, "mimic", joint=leader)
             add_number(mimic, "multiplier", ratio)

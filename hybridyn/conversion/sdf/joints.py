@@ -85,14 +85,14 @@ def add_joint(
     element = start_joint(root, joint.name, TYPES[joint.kind], joint.parent, joint.child)
     if joint.name in posture.positions:
         ET.SubElement(element, "hybridyn:position").text = numerals(posture.positions[joint.name])
-    if joint.rotor_inertia and joint.kind != "spherical":
+    if joint.kind == "spherical":
+        _add_lost_numbers(joint, losses)
+    if joint.kind in ("fixed", "spherical"):
+        return element
+    if joint.rotor_inertia:
         add_number(element, "drake:rotor_inertia", joint.rotor_inertia)
     if joint.gear_ratio != 1:
         add_number(element, "drake:gear_ratio", joint.gear_ratio)
-    if joint.kind in ("fixed", "spherical"):
-        if joint.kind == "spherical":
-            _add_lost_numbers(joint, losses)
-        return element
     axis = add_axis(element, joint.axis)
     zero = posture.single(joint.name)
     _add_limit(axis, joint, zero)
@@ -108,7 +108,7 @@ def add_joint(
 
 def _add_lost_numbers(joint: Joint, losses: Losses) -> None:
     """List a joint with several freedoms whose numbers SDF cannot say."""
-    if joint.damping or joint.friction or joint.rotor_inertia:
+    if joint.damping or joint.friction or joint.rotor_inertia or joint.gear_ratio != 1:
         losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
     if np.isfinite((joint.lower, joint.upper, joint.velocity, joint.effort)).any():
         losses.add("limits of joints with several freedoms", joint.name)

@@ -26,9 +26,8 @@ VERSION = "1.11"
 NAMESPACES = {"hybridyn": "urn:hybridyn", "drake": "http://drake.mit.edu"}
 
 
-def write_sdf(request: Request) -> Written:
+def write_sdf(request: Request, losses: Losses) -> Written:
     """Write a robot as SDF."""
-    losses = Losses()
     d = allowed(request.description, losses)
     posture = Posture(d)
     root = ET.Element("sdf", version=VERSION)
@@ -55,7 +54,7 @@ def write_sdf(request: Request) -> Written:
             elements[joint.name] = element
     for closure in d.closures:
         add_closure(model, closure, posture, losses)
-    couplings = add_couplings(d, elements, posture)
+    couplings = add_couplings(d, elements, posture, losses)
     for prefix, address in NAMESPACES.items():
         if any(element.tag.startswith(f"{prefix}:") for element in root.iter()):
             root.set(f"xmlns:{prefix}", address)
@@ -65,7 +64,7 @@ def write_sdf(request: Request) -> Written:
         replace(d, home=_home(d)), motors=True, home=not d.closures, couplings=couplings,
         effects=[name for name in effects if name != "spring" or not springs],
     )  # fmt: skip
-    return Written(text, losses.lines(), tuple(_notes(d, posture, couplings)), {".model.toml": beside})
+    return Written(text, tuple(_notes(d, posture, couplings)), {".model.toml": beside})
 
 
 def _add_link(
@@ -79,7 +78,7 @@ def _add_link(
     """Add a link, where it stands relative to its parent; the link of the world is SDF's own."""
     if link.name == "world":
         if link.mass or link.inertia.any():
-            losses.add("mass and inertia of the world's link, which do not move")
+            losses.add("mass and inertia of the world's link, which do not move", link.name)
         return
     element = ET.SubElement(model, "link", name=link.name)
     if parent is not None and parent != "world":

@@ -6,11 +6,18 @@ from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 from ...description.records import Coupling, Description, Joint
+from ..losses import Losses, add_name
 from ..numerals import numeral
 
 
-def add_couplings(root: ET.Element, d: Description, joints: Mapping[str, ET.Element]) -> list[Coupling]:
+def add_couplings(
+    root: ET.Element, d: Description, joints: Mapping[str, ET.Element], losses: Losses
+) -> list[Coupling]:
     """Add the couplings of a robot to a URDF.
+
+    Args:
+        joints: Element of each joint.
+        losses: Receives names of couplings.
 
     Returns:
         The couplings that URDF cannot say.
@@ -24,17 +31,18 @@ def add_couplings(root: ET.Element, d: Description, joints: Mapping[str, ET.Elem
             ET.SubElement(element, "predecessor", link=link_a)
             ET.SubElement(element, "successor", link=link_b)
             ET.SubElement(element, "ratio", value=numeral(ratio))
-        elif not _add_mimic(coupling, joints):
+        elif not _add_mimic(coupling, joints, losses):
             out.append(coupling)
     return out
 
 
-def _add_mimic(coupling: Coupling, joints: Mapping[str, ET.Element]) -> bool:
+def _add_mimic(coupling: Coupling, joints: Mapping[str, ET.Element], losses: Losses) -> bool:
     """Add `<mimic>` to one of the two joints of a coupling that follows no other yet; False if none can."""
     if len(coupling.terms) != 2:
         return False
     for (follower, own), (leader, other) in (coupling.terms, coupling.terms[::-1]):
-        if own and other and joints[follower].find("mimic") is None:
+        if joints[follower].find("mimic") is None:
+            add_name(coupling, follower, losses)
             mimic = ET.SubElement(joints[follower], "mimic", joint=leader, multiplier=numeral(-other / own))
             if coupling.offset:
                 mimic.set("offset", numeral(coupling.offset / own))

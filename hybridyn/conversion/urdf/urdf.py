@@ -16,19 +16,15 @@ from ...description.urdf.urdf import UNLIMITED
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import angles_of, numeral, numerals
-from ..request import Request, Written
+from ..request import USUAL_GRAVITY, Request, Written
 from .closures import add_closure
 from .couplings import add_couplings
 from .visuals import add_visual
 
-#: Gravity of a robot whose file states none [m/s^2].
-USUAL_GRAVITY = (0.0, 0.0, -9.81)
 
-
-def write_urdf(request: Request) -> Written:
+def write_urdf(request: Request, losses: Losses) -> Written:
     """Write a robot as URDF."""
     d = request.description
-    losses = Losses()
     root = ET.Element("robot", name=d.name)
     for link in d.links:
         element = _add_link(root, link)
@@ -38,14 +34,14 @@ def write_urdf(request: Request) -> Written:
     elements = {j.name: _add_joint(root, j, endless=j.name in d.endless_gears) for j in d.joints}
     for closure in d.closures:
         add_closure(root, closure, losses)
-    couplings = add_couplings(root, d, elements)
+    couplings = add_couplings(root, d, elements, losses)
     for motor in d.motors:
         _add_transmission(root, motor)
     _add_losses(d, losses)
     ET.indent(root)
     beside = {".model.toml": _model_file(d, couplings), ".yaml": _side_car(d)}
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
-    return Written(text, losses.lines(), tuple(_notes(d)), {key: out for key, out in beside.items() if out})
+    return Written(text, tuple(_notes(d)), {key: out for key, out in beside.items() if out})
 
 
 def add_origin(element: ET.Element, placement: Array) -> None:

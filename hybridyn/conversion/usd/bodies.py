@@ -8,7 +8,7 @@ from ...description.records import Array, Link
 from ...description.urdf.shapes import Shape
 from ...description.usd.masses import POINT
 from ..losses import Losses
-from ..numerals import numeral
+from ..numerals import numeral, principal
 from .prims import Prim, turned_quaternion
 
 
@@ -32,14 +32,6 @@ def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
     if not np.array_equal(axes, np.eye(3)):
         body.single("quatf", "physics:principalAxes", turned_quaternion(axes))
     return body
-
-
-def principal(inertia: Array) -> tuple[Array, Array]:
-    """Return the principal moments, shape (3,), and axes as columns of a rotation, shape (3, 3)."""
-    if not np.any(inertia - np.diag(np.diag(inertia))):
-        return np.diag(inertia), np.eye(3)
-    moments, axes = np.linalg.eigh(inertia)
-    return moments, axes * np.array([1.0, 1.0, np.linalg.det(axes)]).round()
 
 
 def add_shape(body: Prim, shape: Shape, losses: Losses) -> None:

@@ -8,7 +8,6 @@ from ...description.placement import turned
 from ...description.records import Closure
 from ...description.usd.joints import AXES
 from ...description.usd.trees import SECOND_AXIS
-from ..losses import Losses
 from ..numerals import numeral
 from .joints import add_ends, lock
 from .prims import Prim
@@ -25,11 +24,8 @@ TYPES = {
 TURNS = {"free": (), "perpendicular": ("rotX",), "parallel": ("rotX", "rotY"), "fixed": AXES[3:]}
 
 
-def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losses: Losses) -> None:
-    """Add a closure. `losses`: receives a closure that locks nothing."""
-    if not closure.translations and closure.rotation == "free":
-        losses.add("closures left out, since they have no row", closure.name)
-        return
+def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim]) -> None:
+    """Add a closure."""
     kind = TYPES.get((closure.translations, closure.rotation), "")
     out = parent.child(f"Physics{kind}Joint", closure.name)
     far = closure.frame_b

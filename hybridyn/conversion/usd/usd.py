@@ -5,29 +5,29 @@ Lengths are metres, z points up. What USD cannot say goes to the model file besi
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from ...description.mjcf.naming import unique
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.usd.joints import DEGREES
 from ..home import free_pose, poses_at
 from ..losses import Losses
 from ..model_file import model_file
-from ..request import Request, Written
+from ..request import USUAL_GRAVITY, Request, Written
 from .bodies import add_body, add_shape
 from .closures import add_closure
 from .joints import add_ends, add_joint, axis_of
 from .prims import Prim, quoted
 
-#: Gravity of a robot whose file states none [m/s^2].
-USUAL_GRAVITY = (0.0, 0.0, -9.81)
 
-
-def write_usd(request: Request) -> Written:
+def write_usd(request: Request, losses: Losses) -> Written:
     """Write a robot as USD."""
-    d, losses = request.description, Losses()
+    d = request.description
     top = Prim("", "", "")
-    robot = top.child("Xform", d.name or "robot")
+    robot = top.child("Xform", d.name)
     base_home = d.base_home if d.base == "floating" else None
     poses = poses_at(d, d.home, None if base_home is None else free_pose(base_home))
     bodies = {link.name: add_body(robot, link, poses[link.name]) for link in d.links}
@@ -49,15 +49,20 @@ def write_usd(request: Request) -> Written:
         for joint in d.joints
     }  # fmt: skip
     closing = robot.child("Scope", "closures") if d.closures else robot
+    taken = {joint.name for joint in d.joints}
     for closure in d.closures:
-        add_closure(closing, closure, (bodies[closure.link_a], bodies[closure.link_b]), losses)
+        name = unique(closure.name, taken)
+        taken.add(name)
+        if name != closure.name:
+            losses.add("names of closures that a joint has, too, are changed", f"{closure.name} -> {name}")
+        add_closure(closing, replace(closure, name=name), (bodies[closure.link_a], bodies[closure.link_b]))
     by_name = {joint.name: joint for joint in d.joints}
     left = [coupling for coupling in d.couplings if not _add_mimic(coupling, by_name, joints)]
     _add_scene(top, d)
     _add_losses(d, losses)
     model = _model_file(d, left)
     beside = {".model.toml": model} if model else {}
-    return Written(_text(robot, top), losses.lines(), tuple(_notes(d)), beside)
+    return Written(_text(robot, top), tuple(_notes(d)), beside)
 
 
 def _text(robot: Prim, top: Prim) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, SIDEWAYS, RowsForm, form_of_rows
 from ..names import did_you_mean
-from ..placement import inverse, placement_from
+from ..placement import inverse, placement_from, turned
 from ..records import Array, Closure, Joint, JointKind, Link
 from ..robot_file import RobotFile
 from .document import Document
@@ -102,6 +102,9 @@ def apply_marks(robot: RobotFile, marks: Marks) -> None:
                 file=robot.file, element=name,
             )  # fmt: skip
         closure = robot.closures[names.index(name)]
+        turn = rows.rotation_of_frames
+        at_a, at_b = turned(closure.frame_a, turn), turned(closure.frame_b, turn)
+        closure = replace(closure, frame_a=at_a, frame_b=at_b, turn=turn)
         prefix = f"{name}:"
         own = {joint.child: joint for joint in robot.joints if joint.name.startswith(prefix)}
         closure, follower = _unfollowed(closure, own, rows)
