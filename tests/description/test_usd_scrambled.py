@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.home import poses_at
-from hybridyn.conversion.losses import Losses
 from hybridyn.conversion.usd.bodies import add_body
 from hybridyn.conversion.usd.closures import add_closure
 from hybridyn.conversion.usd.joints import add_ends, axis_of
@@ -84,7 +83,7 @@ def scrambled(d: Description, seed: int) -> str:
             longer(back[closure.link_b] @ closure.frame_b),
         )
         moved_closure = replace(closure, frame_a=end_a, frame_b=end_b)
-        add_closure(robot, moved_closure, (bodies[closure.link_a], bodies[closure.link_b]), Losses())
+        add_closure(robot, moved_closure, (bodies[closure.link_a], bodies[closure.link_b]))
     units = 'metersPerUnit = 0.01\nkilogramsPerUnit = 0.5\nupAxis = "Z"'
     head = f'#usda 1.0\n(\ndefaultPrim = "{robot.name}"\n{units}\n)\n'
     return head + "\n".join(robot.lines()) + "\n"
