@@ -6,6 +6,7 @@ import csv
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +24,25 @@ class Said(NamedTuple):
     err: str
 
 
-def call(capsys: pytest.CaptureFixture[str], *words: object) -> Said:
-    """Run the command line in this process."""
-    status = main([str(word) for word in words])
-    return Said(status, *capsys.readouterr())
+def call(
+    capsys: pytest.CaptureFixture[str], *words: object, status: int = 0, says: str | Iterable[str] = ()
+) -> Said:
+    """Run the command line in this process.
+
+    Args:
+        capsys: Takes what it says.
+        words: Its words.
+        status: The exit status that it must have.
+        says: Of a refusal, words that its one line on standard error must have; nothing else is said.
+    """
+    found = main([str(word) for word in words])
+    said = Said(found, *capsys.readouterr())
+    assert found == status, said.err
+    if says:
+        assert (said.out, said.err.count("\n")) == ("", 1), said
+    for words_of_it in [says] if isinstance(says, str) else says:
+        assert words_of_it in said.err
+    return said
 
 
 def program(*words: object, **options: object) -> subprocess.Popen[str]:

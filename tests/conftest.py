@@ -9,6 +9,7 @@ import signal
 import tempfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -115,3 +116,11 @@ def kept(expand: Callable[..., tuple[bytes, list[str]]]) -> Callable[..., tuple[
         return text, list(notes)
 
     return expanded
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Give the command line as a function of its words: `tests.command_line.call`."""
+    from tests.command_line import call
+
+    return partial(call, capsys)

@@ -5,6 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from hybridyn.description import Description, read
+from tests.files import save
+
+__all__ = [
+    "DOOR", "FOUR_BAR", "INERTIAL", "LOOP", "SECOND_HINGE", "TREE", "door", "line_of", "read_text", "robot",
+    "save",
+]  # fmt: skip
 
 INERTIAL = (
     '<inertial><origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="2"/>'
@@ -65,14 +71,6 @@ def robot(*parts: str) -> str:
 def door(hinges: int) -> str:
     """Return the door with one hinge or with two."""
     return f'<robot name="door">{DOOR}{SECOND_HINGE if hinges == 2 else ""}\n</robot>\n'
-
-
-def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:
-    """Write a text to a file in a folder and give its path."""
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
 
 
 def read_text(folder: Path, text: str | bytes, **options: object) -> Description:

@@ -13,6 +13,7 @@ from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.files import save
 from tests.mechanisms import random_mechanism, random_states
 from tests.shipped import shipped
 
@@ -42,8 +43,7 @@ def begin(of: Swing, **acting: object) -> tuple[System, State]:
 
 def chain(folder: Path, bodies: str, joints: str, **options: object) -> HybridRobot:
     """Load a robot from the links and joints of a URDF, a link 'base' included."""
-    path = folder / "robot.urdf"
-    path.write_text(f'<robot name="robot"><link name="base"/>{bodies}{joints}</robot>')
+    path = save(folder, f'<robot name="robot"><link name="base"/>{bodies}{joints}</robot>', "robot.urdf")
     return load(path, **options)  # type: ignore[arg-type]
 
 

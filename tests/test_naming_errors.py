@@ -68,8 +68,8 @@ OWN = {"effects": ["five_bar/traj.csv"]}
 
 
 def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    said = call(capsys, "idm", "five_bar", "-o", "/dev/full", "-q")
-    assert (said.status, said.err) == (1, "error: /dev/full: No space left on device\n")
+    said = call(capsys, "idm", "five_bar", "-o", "/dev/full", "-q", status=1)
+    assert said.err == "error: /dev/full: No space left on device\n"
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_the_extra_that_installs_a_package_is_named(
     monkeypatch.setattr("hybridyn.description.urdf.xacro._share_dirs", list)
     with pytest.raises(ModelError, match=f", or {re.escape(install_advice('robots'))}"):
         hybridyn.load("stewart_ur5")
-    assert "name the folder that holds it with --package-dir, or" in call(capsys, "info", "stewart_ur5").err
+    call(capsys, "info", "stewart_ur5", status=1, says="name the folder that holds it with --package-dir, or")
 
 
 def test_tables_with_named_columns() -> None:

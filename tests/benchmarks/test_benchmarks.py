@@ -55,6 +55,7 @@ from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from tests.clocks import Clock
 from tests.extras import needs
+from tests.files import save
 from tests.samples import slow
 from tests.shipped import shipped
 
@@ -158,8 +159,9 @@ def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_closures_in_space_that_are_no_points_are_refused(tmp_path: Path) -> None:
     needs("bench")
     text = (load(APPROACHES["slider-crank, dead centre"]).description.source or "").strip()
-    path = tmp_path / "sleeve.urdf"
-    path.write_text(Path(text).read_text().replace('type="spherical"', 'type="revolute"'))
+    path = save(
+        tmp_path, Path(text).read_text().replace('type="spherical"', 'type="revolute"'), "sleeve.urdf"
+    )
     robot = hybridyn.load(path, rank_tolerance=1e-6)
     for method in peers.METHODS:
         if method.name in ("pin.lcaba", "pin.constraintDynamics", "MuJoCo") and method.model == "ddm":

@@ -9,18 +9,14 @@ import hybridyn
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.signals import TWIST, WRENCH
 from tests import ROOT
-from tests.command_line import Said, call, read_table, table_text
+from tests.command_line import read_table, table_text
 from tests.comparing import SOLVED, close_to
 from tests.extras import needs
+from tests.files import save
 
 ROUND_TRIP = 1e-9  # two solutions of the loops and of the inertia, relative to the largest acceleration
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
 RPS3 = ROOT / "urdf/rps3.urdf.xacro"
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]):
-    return lambda *words: call(capsys, *words)
 
 
 class FiveBar:
@@ -51,10 +47,8 @@ def five_bar() -> FiveBar:
 @pytest.mark.parametrize("full", [True, False])
 def test_a_five_bar_from_its_motors_or_its_full_state(run, tmp_path: Path, five_bar: FiveBar, full) -> None:
     joints = five_bar.robot.joints if full else five_bar.robot.motors
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(*five_bar.columns(joints)))
+    path = save(tmp_path, table_text(*five_bar.columns(joints)), "states.csv")
     said = run("ddm", FIVE_BAR, path)
-    assert said.status == 0
     table = read_table(said.out)
     assert list(table) == ["time", *(f"{name}/acceleration" for name in five_bar.robot.joints)]
     assert np.array_equal(table.pop("time"), five_bar.time)
@@ -86,7 +80,6 @@ def test_the_table_of_the_inverse_model_may_come_back_with_its_efforts(run, tmp_
         header = [*(columns[i] for i in chosen), *tau]
         path.write_text(table_text(header, np.column_stack([rows[:, chosen], *tau.values()])))
         said = run("ddm", FIVE_BAR, path)
-        assert said.status == 0
         found = read_table(said.out)["m1_left_drive/acceleration"]
         close_to(found[50:-50], rows[50:-50, columns.index("m1_left_drive/acceleration")], tolerance)
         assert ("velocity of 'm1_left_drive'" in said.err) == (chosen is keep)
@@ -122,10 +115,8 @@ def test_bases_and_wrenches(run, tmp_path: Path, base) -> None:
         *tau,
         *wrench,
     ]
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(header, np.array([values])))
+    path = save(tmp_path, table_text(header, np.array([values])), "states.csv")
     said = run("ddm", RPS3, path, "--base", base)
-    assert said.status == 0, said.err
     table = read_table(said.out)
     joints = np.array([table[f"{name}/acceleration"][0] for name in robot.joints[1:]])
     close_to(joints, expected[6:], SOLVED)
@@ -164,27 +155,21 @@ def without(columns: tuple[list[str], np.ndarray], name: str, instead: str | Non
     ],
 )
 def test_bad_headers(run, tmp_path: Path, five_bar: FiveBar, name, instead, words) -> None:
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(*without(five_bar.columns(five_bar.robot.motors), name, instead)))
-    said = run("ddm", FIVE_BAR, path)
-    assert (said.status, said.out) == (1, "")
-    assert said.err.count("\n") == 1
-    assert str(path) in said.err
-    assert all(word in said.err for word in words), said.err
+    path = save(
+        tmp_path, table_text(*without(five_bar.columns(five_bar.robot.motors), name, instead)), "states.csv"
+    )
+    run("ddm", FIVE_BAR, path, status=1, says=[str(path), *words])
 
 
 def test_states_that_do_not_close_name_file_row_and_closure(run, tmp_path: Path, five_bar: FiveBar) -> None:
     header, rows = five_bar.columns(five_bar.robot.joints)
     rows = rows.copy()
     rows[7, 1 + five_bar.robot.joints.index("m1_left_elbow")] += 1e-3
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(header, rows))
-    said = run("ddm", FIVE_BAR, path, "-o", tmp_path / "out.csv")
-    assert said.status == 1
+    path = save(tmp_path, table_text(header, rows), "states.csv")
+    said = run("ddm", FIVE_BAR, path, "-o", tmp_path / "out.csv", status=1)
     assert said.err.startswith(
         f"error: {path}, row 8 (t = {rows[7, 0]:.6g} s): module 'm1_right_lower', closure '"
     )
-    assert said.err.count("\n") == 1
     assert not (tmp_path / "out.csv").exists()
 
 
@@ -194,29 +179,31 @@ def test_motors_alone_do_not_say_how_passive_joints_move(run, tmp_path: Path, fi
     header, rows = without((header, rows), "m1_right_drive/effort")
     if command == "idm":
         header, rows = without((header, rows), "m1_left_drive/effort")
-    path = tmp_path / "motors.csv"
-    path.write_text(table_text(header, rows))
+    path = save(tmp_path, table_text(header, rows), "motors.csv")
     options = ["--passive", "solved"] if command == "idm" else []
-    said = run(command, FIVE_BAR, path, "--motors", "m1_left_drive", *options)
-    assert said.status == 1
-    assert said.err.count("\n") == 1
-    assert all(word in said.err for word in (str(path), "hybridyn simulate", "every joint")), said.err
+    words = [FIVE_BAR, path, "--motors", "m1_left_drive", *options, "-o", tmp_path / "out.csv"]
+    run(command, *words, status=1, says=(str(path), "hybridyn simulate", "every joint"))
 
 
 def test_a_free_base_without_its_motion_leads_to_simulate(run) -> None:
     path = ROOT / "models/five_bar/traj.csv"
-    said = run("idm", FIVE_BAR, path, "--base", "floating", "--passive", "solved")
-    assert said.status == 1
-    assert "m1_base/pose/x" in said.err
-    assert "hybridyn simulate" in said.err
+    run(
+        "idm",
+        FIVE_BAR,
+        path,
+        "--base",
+        "floating",
+        "--passive",
+        "solved",
+        status=1,
+        says=["m1_base/pose/x", "hybridyn simulate"],
+    )
 
 
 def test_motions_without_a_motor_are_named(run, tmp_path: Path, five_bar: FiveBar) -> None:
     header, rows = without(five_bar.columns(five_bar.robot.joints), "m1_right_drive/effort")
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(header, rows))
+    path = save(tmp_path, table_text(header, rows), "states.csv")
     said = run("ddm", FIVE_BAR, path, "--motors", "m1_left_drive")
-    assert said.status == 0
     assert "no motor drives the motion of joint m1_right" in said.err
 
 
@@ -241,7 +228,6 @@ def test_reactions_are_a_second_table(run, tmp_path: Path, five_bar: FiveBar, co
     path, target = tmp_path / "states.csv", tmp_path / f"inner.{ending}"
     path.write_text(table_text(header, rows))
     said = run(command, FIVE_BAR, path, "--reactions", target)
-    assert said.status == 0, said.err
     frame = pl.read_csv(target) if ending == "csv" else pl.read_parquet(target)
     table = {name: frame[name].to_numpy() for name in frame.columns}
     robot = five_bar.robot
@@ -262,7 +248,7 @@ def test_the_ground_carries_a_robot_at_rest(run, tmp_path: Path) -> None:
     header = [f"{n}/{r}" for n in robot.motors for r in ("position", "velocity", "acceleration")]
     path, target = tmp_path / "rest.csv", tmp_path / "inner.csv"
     path.write_text(table_text(header, np.zeros((1, len(header)))))
-    assert run("idm", RPS3, path, "--reactions", target).status == 0
+    run("idm", RPS3, path, "--reactions", target)
     mass = sum(link.mass for link in robot.description.links)
     found = wrench(read_table(target.read_text()), f"{robot.description.root}/reaction")[0]
     assert found[:3] == pytest.approx([0.0, 0.0, 9.81 * mass], abs=1e-9 * 9.81 * mass)
@@ -278,11 +264,9 @@ def test_the_ground_carries_a_robot_at_rest(run, tmp_path: Path) -> None:
     ],
 )
 def test_targets_that_cannot_be(run, tmp_path: Path, five_bar: FiveBar, words, message) -> None:
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(*five_bar.columns(five_bar.robot.joints)))
-    said: Said = run("ddm", FIVE_BAR, path, *(word.format(folder=tmp_path, source=path) for word in words))
-    assert said.status == 2
-    assert message in said.err
+    path = save(tmp_path, table_text(*five_bar.columns(five_bar.robot.joints)), "states.csv")
+    given = (word.format(folder=tmp_path, source=path) for word in words)
+    run("ddm", FIVE_BAR, path, *given, status=2, says=message)
     assert [entry.name for entry in tmp_path.iterdir()] == ["states.csv"]
 
 
@@ -290,8 +274,6 @@ def test_an_error_leaves_neither_table(run, tmp_path: Path, five_bar: FiveBar) -
     header, rows = five_bar.columns(five_bar.robot.joints)
     rows = rows.copy()
     rows[-1, 1] += 0.1
-    path = tmp_path / "states.csv"
-    path.write_text(table_text(header, rows))
-    said = run("ddm", FIVE_BAR, path, "-o", tmp_path / "a.csv", "--reactions", tmp_path / "b.csv")
-    assert said.status == 1
+    path = save(tmp_path, table_text(header, rows), "states.csv")
+    run("ddm", FIVE_BAR, path, "-o", tmp_path / "a.csv", "--reactions", tmp_path / "b.csv", status=1)
     assert [entry.name for entry in tmp_path.iterdir()] == ["states.csv"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,11 +14,15 @@ import hybridyn
 import hybridyn.cli.common.engine as engine
 import hybridyn.compiled.programs.closing.assembling as assembling
 import hybridyn.streams.blocks as blocks
-from hybridyn.cli import main
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.tables.columns import Layout
-from tests.command_line import read_table, table_text
+from tests import ROOT
+from tests.command_line import Said, read_table, table_text
 from tests.robot_texts import door, save
+
+Run = Callable[..., Said]
+TRAJECTORY = ROOT / "models/five_bar/traj.csv"
+FALL = 'duration = 0.2\n[robot]\nfile = "{}"\n[solver]\nmethod = "rk4"\nstep = 5e-3\n'
 
 #: Both engines are exact to rounding; the table's numbers have 17 digits.
 AGREE = 1e-10
@@ -31,50 +37,71 @@ GAP = 1e-3
 SLIGHTLY_OPEN = 1e-8
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """Run a command that succeeds; gives what it says."""
-    assert main(list(words)) == 0
-    return capsys.readouterr().err
+def numbers(path: Path) -> np.ndarray:
+    """Return a table without the remarks before its header and without its first column, the time."""
+    text = "\n".join(line for line in path.read_text().splitlines() if not line.startswith("#"))
+    return np.column_stack([*read_table(text).values()][1:])
 
 
-def numbers(path: Path) -> Any:
-    return np.loadtxt(path, delimiter=",", skiprows=1)
+def same(one: Path, other: Path, tolerance: float = AGREE) -> bool:
+    """Compare two tables."""
+    a, b = numbers(one), numbers(other)
+    return bool(np.abs(a - b).max() <= tolerance * np.abs(a).max())
 
 
-def plain(path: Path) -> str:
-    """Return a table without the remarks before its header."""
-    return "\n".join(line for line in path.read_text().splitlines() if not line.startswith("#"))
+def by_both(run: Run, folder: Path, *words: object) -> list[Path]:
+    """Run a command by each engine, as asked; gives both tables."""
+    tables = [folder / "general.csv", folder / "compiled.csv"]
+    for table in tables:
+        said = run(*words, "--engine", table.stem, "-o", table)
+        assert f"engine: {table.stem} (as asked)" in said.err
+    return tables
 
 
-def same(one: Path, other: Path) -> bool:
-    """Compare two tables, the first column of which is the time."""
-    a, b = numbers(one)[:, 1:], numbers(other)[:, 1:]
-    return bool(np.abs(a - b).max() <= AGREE * np.abs(a).max())
+@pytest.fixture
+def worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile for tables of 2,000 samples times freedoms."""
+    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
+    monkeypatch.setattr(engine, "WORTH", 2_000)
 
 
-def test_both_engines_give_the_same_tables(tmp_path: Path, capsys: Any) -> None:
-    tables = {}
-    for name in ("general", "compiled"):
-        tables[name] = tmp_path / f"{name}.csv"
-        said = run(capsys, "idm", "five_bar", "--engine", name, "-o", str(tables[name]))
-        assert f"engine: {name} (as asked)" in said
-    assert same(tables["general"], tables["compiled"])
+@pytest.mark.parametrize("command", ["idm", "ddm", "simulate"])
+def test_both_engines_give_the_same_tables(run: Run, tmp_path: Path, command: str) -> None:
+    """The direct model gets a motion's own states and efforts."""
+    words: list[object] = ["five_bar"]
+    if command == "ddm":
+        run("idm", "five_bar", "-o", tmp_path / "efforts.csv")
+        left = TRAJECTORY.read_text().splitlines()
+        right = [line.split(",", 1)[1] for line in (tmp_path / "efforts.csv").read_text().splitlines()]
+        rows = [f"{a},{b}" for a, b in zip(left, right, strict=True)]
+        words.append(save(tmp_path, "\n".join(rows) + "\n", "states.csv"))
+    if command == "simulate":
+        joints = "joints = { m1_left_drive = 0.5, m1_right_drive = 0.2 }"
+        words = [
+            save(
+                tmp_path,
+                FALL.format(shipped_robots()["five_bar"].file) + f"[initial]\n{joints}\n",
+                "fall.toml",
+            )
+        ]
+    tables = by_both(run, tmp_path, command, *words)
+    assert same(*tables, METHOD if command == "simulate" else AGREE)
+    if command == "simulate":
+        assert "\n# engine: compiled (as asked)\n" in tables[1].read_text()
+        said = run(command, *words, "-o", tables[0])
+        assert "engine: general (640 samples times freedoms; compiled from 40,000 on)" in said.err
 
 
-def test_compiled_engines_close_the_loops_of_a_table(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
-    def refuse(*_: object) -> None:
-        raise AssertionError("the general path assembled a row")
-
-    monkeypatch.setattr(assembling, "assemble_requests", refuse)
-    said = run(capsys, "idm", "five_bar", "--engine", "compiled", "-o", str(tmp_path / "efforts.csv"))
-    assert "worst closure residual: " in said
+def test_compiled_engines_close_the_loops_of_a_table(run: Run, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr(assembling, "assemble_requests", lambda *_: pytest.fail("the general path assembled"))
+    said = run("idm", "five_bar", "--engine", "compiled", "-o", tmp_path / "efforts.csv")
+    assert "worst closure residual: " in said.err
 
 
-def test_several_processes_share_what_was_built(tmp_path: Path, capsys: Any) -> None:
+def test_several_processes_share_what_was_built(run: Run, tmp_path: Path) -> None:
     one, two = tmp_path / "one.csv", tmp_path / "two.csv"
-    run(capsys, "idm", "five_bar", "--engine", "compiled", "-o", str(one))
-    said = run(capsys, "idm", "five_bar", "--engine", "compiled", "-j", "2", "-o", str(two))
-    assert "in 2 processes" in said
+    run("idm", "five_bar", "--engine", "compiled", "-o", one)
+    assert "in 2 processes" in run("idm", "five_bar", "--engine", "compiled", "-j", "2", "-o", two).err
     assert same(one, two)
 
 
@@ -93,8 +120,7 @@ class Motion(NamedTuple):
         if efforts is not None:
             header += [f"{motor}/effort" for motor in self.robot.motors]
             columns.append(efforts)
-        file.write_text(table_text(header, np.column_stack(columns)))
-        return str(file)
+        return str(save(file.parent, table_text(header, np.column_stack(columns)), file.name))
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +146,7 @@ def near_singular() -> Motion:
 
 @pytest.mark.parametrize("command", ["idm", "ddm"])
 def test_samples_by_the_general_path_are_counted_in_every_process(
-    near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any, command: str
+    near_singular: Motion, run: Run, tmp_path: Path, monkeypatch: Any, command: str
 ) -> None:
     robot, q, v, a = near_singular
     compiled = hybridyn.compile(robot)
@@ -137,175 +163,112 @@ def test_samples_by_the_general_path_are_counted_in_every_process(
     assert 4 <= compiled.recomputed < len(q) / 4
     monkeypatch.setattr(blocks, "MOST_ROWS", 25)
     for jobs in "13":
-        output = str(tmp_path / f"{jobs}.csv")
-        said = run(capsys, command, "five_bar", table, "--engine", "compiled", "-j", jobs, "-o", output)
+        output = tmp_path / f"{jobs}.csv"
+        said = run(command, "five_bar", table, "--engine", "compiled", "-j", jobs, "-o", output).err
         assert (f"in {jobs} processes" in said) == (jobs != "1")
         told = f"; {compiled.recomputed} samples by the general path (near "
         assert f"{told}lost rank, or loops open by more than rounding)\n" in said
 
 
-def test_small_tables_are_not_worth_it(tmp_path: Path, capsys: Any) -> None:
-    said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"))
+def test_small_tables_are_not_worth_it(run: Run, tmp_path: Path) -> None:
+    said = run("idm", "five_bar", "-o", tmp_path / "efforts.csv").err
     assert "engine: general (" in said
     assert "compiled from 8,000 on)" in said
 
 
-def test_large_tables_are(tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
-    monkeypatch.setattr(engine, "WORTH", 2_000)
-    said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"))
-    assert "engine: compiled (" in said
-    reactions = str(tmp_path / "reactions.csv")
-    said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"), "--reactions", reactions)
-    assert "engine: general (compiled models cannot do: --reactions)" in said
+def test_large_tables_are(run: Run, tmp_path: Path, worth_it: None) -> None:
+    words = ["idm", "five_bar", "-o", tmp_path / "efforts.csv"]
+    assert "engine: compiled (" in run(*words).err
+    said = run(*words, "--reactions", tmp_path / "reactions.csv")
+    assert "engine: general (compiled models cannot do: --reactions)" in said.err
 
 
 @pytest.mark.parametrize("command", ["idm", "ddm", "simulate"])
 def test_a_looped_module_of_one_freedom_is_compiled_of_its_own_accord(
-    command: str, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+    command: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A door with two hinges: a long table crashed where a short one worked."""
-    robot, table = str(save(tmp_path, door(2), "door.urdf")), tmp_path / "table.csv"
-    t = np.linspace(0.0, 1.0, 40)
+    robot, t = save(tmp_path, door(2), "door.urdf"), np.linspace(0.0, 1.0, 40)
     x = 0.4 * np.sin(3 * t)
     columns = {"time": t, "hinge/position": x, "hinge/velocity": 1.2 * np.cos(3 * t)}
     columns |= {"hinge/effort": x} if command == "ddm" else {"hinge/acceleration": -9.0 * x}
-    table.write_text(table_text([*columns], np.column_stack([*columns.values()])))
-    scene = tmp_path / "fall.toml"
-    scene.write_text(f'duration = 0.2\n[robot]\nfile = "{robot}"\n[solver]\nmethod = "rk4"\nstep = 5e-3\n')
-    words = ["simulate", str(scene)] if command == "simulate" else [command, robot, str(table)]
-    tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
-    assert "engine: general (" in run(capsys, *words, "-o", str(tables["general"]))
+    table = save(tmp_path, table_text([*columns], np.column_stack([*columns.values()])), "table.csv")
+    scene = save(tmp_path, FALL.format(robot), "fall.toml")
+    words = ["simulate", scene] if command == "simulate" else [command, robot, table]
+    tables = [tmp_path / "general.csv", tmp_path / "compiled.csv"]
+    assert "engine: general (" in run(*words, "-o", tables[0]).err
     monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 20 // 4)
     monkeypatch.setattr(engine, "WORTH", 20)
     monkeypatch.setattr("hybridyn.cli.simulate.WORTH_IN_TIME", 20)
-    assert "engine: compiled (" in run(capsys, *words, "-o", str(tables["compiled"]))
-    a, b = (np.array([*read_table(plain(name)).values()]) for name in tables.values())
-    assert np.abs(a - b).max() <= (METHOD if command == "simulate" else AGREE) * np.abs(a).max()
+    assert "engine: compiled (" in run(*words, "-o", tables[1]).err
+    assert same(*tables, METHOD if command == "simulate" else AGREE)
 
 
 @pytest.mark.parametrize("asked", [[], ["--engine", "compiled"]])
 def test_what_goes_wrong_inside_leaves_the_general_path(
-    asked: list[str], tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+    asked: list[str], run: Run, tmp_path: Path, worth_it: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An exception that is not ours: the summary says so; where the models were asked for, it is an error."""
-
-    def broken(*_: Any, **__: Any) -> Any:
-        raise ZeroDivisionError("float division by zero")
-
+    broken = Mock(side_effect=ZeroDivisionError("float division by zero"))
     monkeypatch.setattr("hybridyn.compiled.compiling.library_of", broken)
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
-    monkeypatch.setattr(engine, "WORTH", 2_000)
-    status = main(["idm", "five_bar", *asked, "-o", str(tmp_path / "efforts.csv")])
-    said = capsys.readouterr().err
+    said = run("idm", "five_bar", *asked, "-o", tmp_path / "efforts.csv", status=1 if asked else 0).err
     assert "the models of the robot 'five_bar' cannot be compiled (ZeroDivisionError" in said
-    assert status == (1 if asked else 0)
     assert ("engine: general (not compiled: " in said) == (not asked)
 
 
-def test_what_compiled_models_cannot_do_is_refused(tmp_path: Path, capsys: Any) -> None:
-    output = str(tmp_path / "efforts.csv")
-    assert main(["idm", "five_bar", "--engine", "compiled", "--passive", "solved", "-o", output]) == 1
-    assert "cannot do: --passive solved; use --engine general" in capsys.readouterr().err
+def test_what_compiled_models_cannot_do_is_refused(run: Run, tmp_path: Path) -> None:
+    words = ["idm", "five_bar", "--engine", "compiled", "--passive", "solved", "-o", tmp_path / "efforts.csv"]
+    run(*words, status=1, says="cannot do: --passive solved; use --engine general")
 
 
 def test_without_a_compiler_the_general_path_works(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+    run: Run, tmp_path: Path, worth_it: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def none() -> Any:
-        raise engine.HybridynError("no C compiler was found: install gcc")
-
+    none = Mock(side_effect=engine.HybridynError("no C compiler was found: install gcc"))
     monkeypatch.setattr("hybridyn.compiled.compiling.find_compiler", none)
-    output = str(tmp_path / "efforts.csv")
-    assert main(["idm", "five_bar", "--engine", "compiled", "-o", output]) == 1
-    assert "install gcc" in capsys.readouterr().err
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
-    monkeypatch.setattr(engine, "WORTH", 2_000)
-    said = run(capsys, "idm", "five_bar", "-o", output)
-    assert "engine: general (not compiled: no C compiler was found" in said
-
-
-def test_the_direct_model_too(tmp_path: Path, capsys: Any) -> None:
-    """A motion's own states and efforts give its accelerations back, by both engines."""
-    efforts, states = tmp_path / "efforts.csv", tmp_path / "states.csv"
-    run(capsys, "idm", "five_bar", "-o", str(efforts))
-    trajectory = shipped_robots()["five_bar"].trajectory
-    assert trajectory
-    left = Path(trajectory).read_text().splitlines()
-    right = [line.split(",", 1)[1] for line in efforts.read_text().splitlines()]
-    states.write_text("\n".join(f"{a},{b}" for a, b in zip(left, right, strict=True)) + "\n")
-    tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
-    for name, table in tables.items():
-        said = run(capsys, "ddm", "five_bar", str(states), "--engine", name, "-o", str(table))
-        assert f"engine: {name} (as asked)" in said
-    assert same(tables["general"], tables["compiled"])
+    words = ["idm", "five_bar", "-o", tmp_path / "efforts.csv"]
+    run(*words, "--engine", "compiled", status=1, says="install gcc")
+    assert "engine: general (not compiled: no C compiler was found" in run(*words).err
 
 
 @pytest.mark.slow
-def test_effects_too(near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+def test_effects_too(near_singular: Motion, run: Run, tmp_path: Path, monkeypatch: Any) -> None:
     """What they add is the same, to all digits that are printed; samples count in each of five runs."""
     robot, q, v, a = near_singular
-    compiled, out = hybridyn.compile(robot), {}
+    compiled = hybridyn.compile(robot)
     compiled.idm(q, v, a)
     table = near_singular.table(tmp_path / "motion.csv", "position", "velocity", "acceleration")
     asked = ["effects", "five_bar", table, "--effects", "default,rotor_inertia"]
-    said = run(capsys, *asked)
+    said = run(*asked).err
     assert "engine: general (244 samples times freedoms; compiled from 2,000,000 on)\n" in said
     monkeypatch.setattr("hybridyn.cli.effects.WORTH_OF_EFFECTS", 200)
-    for words in ([], ["--engine", "general"]):
-        assert main([*asked, *words]) == 0
-        told, said = capsys.readouterr()
-        out[not words] = told.split("time per sample")[0]
-        why = "as asked" if words else "244 samples times freedoms"
-        assert f"engine: {'general' if words else 'compiled'} ({why})" in said
-        if not words:
-            assert f"; {5 * compiled.recomputed} samples by the general path (near lost rank" in said
-            assert "5 sets of effects compiled, each of which counts its samples\n" in said
-            assert "1 set of effects left to the general path; gravity, leg_inertia: " in said
-    assert out[True] == out[False]
+    own, general = run(*asked), run(*asked, "--engine", "general")
+    assert own.out.split("time per sample")[0] == general.out.split("time per sample")[0]
+    assert "engine: general (as asked)" in general.err
+    for told in (
+        "engine: compiled (244 samples times freedoms)",
+        f"; {5 * compiled.recomputed} samples by the general path (near lost rank",
+        "5 sets of effects compiled, each of which counts its samples\n",
+        "1 set of effects left to the general path; gravity, leg_inertia: ",
+    ):
+        assert told in own.err
 
 
-def test_effects_tell_what_compiled_models_cannot_do(tmp_path: Path, capsys: Any) -> None:
-    trajectory = shipped_robots()["five_bar"].trajectory
-    assert trajectory
-    header, *rows = Path(trajectory).read_text().splitlines()
-    table = tmp_path / "pushed.csv"
+def test_effects_tell_what_compiled_models_cannot_do(run: Run, tmp_path: Path) -> None:
+    header, *rows = TRAJECTORY.read_text().splitlines()
     wrench = ",".join(f"m1_tool/wrench/{word}" for word in ("fx", "fy", "fz", "mx", "my", "mz"))
-    table.write_text("\n".join([f"{header},{wrench}", *(f"{row},1,0,0,0,0,0" for row in rows[:20])]) + "\n")
-    assert main(["effects", "five_bar", str(table), "--engine", "compiled"]) == 1
-    assert "cannot do: wrenches in the table; use --engine general" in capsys.readouterr().err
-    statics = ["effects", "five_bar", str(trajectory), "--effects", "gravity,leg_inertia"]
-    assert main([*statics, "--engine", "compiled"]) == 1
-    assert "models without the effect 'inertia' cannot be compiled" in capsys.readouterr().err
+    pushed = "\n".join([f"{header},{wrench}", *(f"{row},1,0,0,0,0,0" for row in rows[:20])]) + "\n"
+    words = ["effects", "five_bar", save(tmp_path, pushed, "pushed.csv"), "--engine", "compiled"]
+    run(*words, status=1, says="cannot do: wrenches in the table; use --engine general")
+    statics = ["effects", "five_bar", TRAJECTORY, "--effects", "gravity,leg_inertia", "--engine", "compiled"]
+    run(*statics, status=1, says="models without the effect 'inertia' cannot be compiled")
 
 
-def test_simulations_too(tmp_path: Path, capsys: Any) -> None:
-    scene = tmp_path / "fall.toml"
-    scene.write_text(
-        f'duration = 0.2\n[robot]\nfile = "{shipped_robots()["five_bar"].file}"\n'
-        "[initial]\njoints = { m1_left_drive = 0.5, m1_right_drive = 0.2 }\n"
-        '[solver]\nmethod = "rk4"\nstep = 5e-3\n'
-    )
-    tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
-    for name, table in tables.items():
-        said = run(capsys, "simulate", str(scene), "--engine", name, "-o", str(table))
-        assert f"engine: {name} (as asked)" in said
-        head = [line for line in table.read_text().splitlines() if line.startswith("#")]
-        assert f"# engine: {name} (as asked)" in head
-    a, b = (np.genfromtxt(table, delimiter=",", comments="#", skip_header=5) for table in tables.values())
-    assert np.nanmax(np.abs(a - b)) <= METHOD * np.nanmax(np.abs(a))
-    said = run(capsys, "simulate", str(scene), "-o", str(tables["general"]))
-    assert "engine: general (640 samples times freedoms; compiled from 40,000 on)" in said
-
-
-def test_motor_sizing_too(tmp_path: Path, capsys: Any) -> None:
+def test_motor_sizing_too(run: Run) -> None:
     """The loads of the motors agree in all digits that are printed, and the compiled models assemble."""
-    told = {}
-    for name in ("general", "compiled"):
-        assert main(["size", "five_bar", "--engine", name]) == 0
-        told[name], said = capsys.readouterr()
-        assert f"engine: {name} (as asked)" in said
-    assert told["general"] == told["compiled"]
+    told = {name: run("size", "five_bar", "--engine", name) for name in ("general", "compiled")}
+    assert all(f"engine: {name} (as asked)" in said.err for name, said in told.items())
+    assert told["general"].out == told["compiled"].out
 
 
 def test_tables_that_are_assembled_are_worth_it_sooner() -> None:

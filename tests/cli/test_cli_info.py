@@ -10,14 +10,9 @@ from hybridyn.assembly.findings import home_residuals
 from hybridyn.cli.info import _Tree
 from hybridyn.structure.module import Module
 from tests import ROOT
-from tests.command_line import call
+from tests.files import save
 
 SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]):
-    return lambda *words: call(capsys, *words)
 
 
 def test_equal_modules_are_told_once(run) -> None:
@@ -59,8 +54,7 @@ def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
     from hybridyn.description.urdf.xacro import expand
 
     text = expand(str(FIVE_BAR), {}, ())[0].decode()
-    path = tmp_path / "r.urdf"
-    path.write_text(text.replace('<axis xyz="0 1 0"/>', '<axis xyz="1e-7 1 2e-7"/>', 1))
+    path = save(tmp_path, text.replace('<axis xyz="0 1 0"/>', '<axis xyz="1e-7 1 2e-7"/>', 1), "r.urdf")
     out = run("info", path).out
     found = re.search(r"rank +2; relative singular values count from (\S+) up, and not up to\s+(\S+):", out)
     assert found is not None, out

@@ -21,6 +21,7 @@ from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
 from tests.conversion.judge import bodily, open_postures, read_back, same_robot, same_structure, states
 from tests.extras import needs
+from tests.files import save
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
 from tests.mujoco_matrices import mass_matrix
@@ -208,8 +209,7 @@ def test_joints_that_mujoco_does_not_have_come_back(kind: str, tmp_path: Path) -
 @pytest.mark.parametrize("name", some(ROBOTS_OF_MJCF, ("balls", "a foot on the ground")))
 @pytest.mark.parametrize("ending", [".xml", slow(".urdf"), slow(".usda")])
 def test_mjcf_comes_back(name: str, ending: str, tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text(ROBOTS_OF_MJCF[name])
+    file = save(tmp_path, ROBOTS_OF_MJCF[name], "robot.xml")
     description = read(file)
     other, _ = read_back(description, tmp_path / f"other{ending}")
     if ending == ".urdf":  # it says neither; a loss line names them

@@ -11,6 +11,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.errors import ModelError
 from tests.extras import needs
+from tests.files import save
 from tests.mjcf_texts import BAR, HEAD, mjcf
 
 mujoco = needs("mjcf")
@@ -22,16 +23,10 @@ SHAPE = '<body name="a"><joint name="j"/><geom type="mesh" mesh="part"/>{}</body
 ASSET = '<asset><mesh name="part" file="part.obj"/></asset>'
 
 
-def save(file: Path, content: str) -> Path:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(content)
-    return file
-
-
 def test_includes_stand_where_they_are_named(tmp_path: Path) -> None:
-    save(tmp_path / "parts" / "b.xml", PART.format(LINK.format("b", '<include file="c.xml"/>')))
-    save(tmp_path / "parts" / "c.xml", PART.format(LINK.format("c", "")))
-    file = save(tmp_path / "robot.xml", mjcf(world=LINK.format("a", '<include file="parts/b.xml"/>')))
+    save(tmp_path / "parts", PART.format(LINK.format("b", '<include file="c.xml"/>')), "b.xml")
+    save(tmp_path / "parts", PART.format(LINK.format("c", "")), "c.xml")
+    file = save(tmp_path, mjcf(world=LINK.format("a", '<include file="parts/b.xml"/>')), "robot.xml")
     found = read(file)
     assert [link.name for link in found.links] == ["world", "a", "b", "c"]
     assert [link.line is None for link in found.links] == [True, False, True, True]
@@ -40,10 +35,8 @@ def test_includes_stand_where_they_are_named(tmp_path: Path) -> None:
 
 
 def test_an_error_in_an_included_file_names_that_file(tmp_path: Path) -> None:
-    part = save(
-        tmp_path / "b.xml", PART.format('<body name="b"><joint axis="0 0 0"/><geom size="1"/></body>')
-    )
-    file = save(tmp_path / "robot.xml", mjcf(world='<include file="b.xml"/>'))
+    part = save(tmp_path, PART.format('<body name="b"><joint axis="0 0 0"/><geom size="1"/></body>'), "b.xml")
+    file = save(tmp_path, mjcf(world='<include file="b.xml"/>'), "robot.xml")
     with pytest.raises(ModelError, match="axis too small") as caught:
         read(file)
     assert os.path.samefile(str(caught.value.file), part)
@@ -62,29 +55,29 @@ def test_an_error_in_an_included_file_names_that_file(tmp_path: Path) -> None:
 )
 def test_includes_that_are_refused(files: dict[str, str], message: str, tmp_path: Path) -> None:
     for name, content in files.items():
-        save(tmp_path / name, content)
-    file = save(tmp_path / "robot.xml", mjcf(world='<include file="b.xml"/>' + LINK.format("a", "")))
+        save(tmp_path, content, name)
+    file = save(tmp_path, mjcf(world='<include file="b.xml"/>' + LINK.format("a", "")), "robot.xml")
     with pytest.raises(ModelError, match=message):
         read(file)
 
 
 def test_files_outside_the_folders_of_the_robot(tmp_path: Path) -> None:
-    outside = save(tmp_path / "elsewhere" / "b.xml", PART.format(LINK.format("b", "")))
+    outside = save(tmp_path / "elsewhere", PART.format(LINK.format("b", "")), "b.xml")
     named = mjcf(world=f'<include file="{outside}"/>')
-    file = save(tmp_path / "robot" / "robot.xml", named)
+    file = save(tmp_path / "robot", named, "robot.xml")
     with pytest.raises(ModelError, match="is outside the robot's folders"):
         read(file)
     assert read(file, package_dirs=[outside.parent]).joints
-    save(tmp_path / "robot" / ".hidden.xml", PART.format(LINK.format("b", "")))
-    save(file, mjcf(world='<include file=".hidden.xml"/>'))
+    save(tmp_path / "robot", PART.format(LINK.format("b", "")), ".hidden.xml")
+    save(file.parent, mjcf(world='<include file=".hidden.xml"/>'), file.name)
     with pytest.raises(ModelError, match="is hidden"):
         read(file)
 
 
 def test_a_robot_in_a_folder_of_files_reads_the_meshes_beside_it(tmp_path: Path) -> None:
-    save(tmp_path / "meshes" / "part.obj", TETRAHEDRON)
+    save(tmp_path / "meshes", TETRAHEDRON, "part.obj")
     head = HEAD.replace("<compiler", '<compiler meshdir="../meshes"')
-    file = save(tmp_path / "mjcf" / "robot.xml", mjcf(ASSET, world=SHAPE.format(""), head=head))
+    file = save(tmp_path / "mjcf", mjcf(ASSET, world=SHAPE.format(""), head=head), "robot.xml")
     found, m = read(file), mujoco.MjModel.from_xml_path(str(file))
     (link,) = (link for link in found.links if link.name == "a")
     assert link.mass == m.body_mass[1]
@@ -102,9 +95,9 @@ def test_meshes_are_not_read_where_inertia_is_stated(tmp_path: Path) -> None:
     )
     world = SHAPE.format(BAR.format(x=0.1, m=1)).replace("<geom", '<geom material="m"')
     world = '<geom type="hfield" hfield="h"/><geom type="plane" size="1 1 1" material="m"/>' + world
-    file = save(tmp_path / "robot.xml", mjcf(visuals, world=world))
+    file = save(tmp_path, mjcf(visuals, world=world), "robot.xml")
     assert [link.mass for link in read(file).links] == [0, 1]
-    save(tmp_path / "part.obj", "nonsense")
+    save(tmp_path, "nonsense", "part.obj")
     assert [link.mass for link in read(file).links] == [0, 1]
 
 
@@ -118,8 +111,8 @@ def test_meshes_are_not_read_where_inertia_is_stated(tmp_path: Path) -> None:
     ],
 )
 def test_meshes_that_are_needed_must_be_there(asset: str, message: str, tmp_path: Path) -> None:
-    save(tmp_path / "part.obj", TETRAHEDRON)
-    save(tmp_path / "robot" / "broken.obj", "nonsense")
-    file = save(tmp_path / "robot" / "robot.xml", mjcf(asset, world=SHAPE.format("")))
+    save(tmp_path, TETRAHEDRON, "part.obj")
+    save(tmp_path / "robot", "nonsense", "broken.obj")
+    file = save(tmp_path / "robot", mjcf(asset, world=SHAPE.format("")), "robot.xml")
     with pytest.raises(ModelError, match=message):
         read(file)

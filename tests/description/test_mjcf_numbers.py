@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.files import save
 from tests.mjcf_states import Pair
 from tests.mjcf_texts import ROBOTS, random_tree
 
@@ -32,13 +33,11 @@ def compare(pair: Pair, draw: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_robot_has_the_numbers_of_mujoco(name: str, tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text(ROBOTS[name])
+    file = save(tmp_path, ROBOTS[name], "robot.xml")
     compare(Pair(file), np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_random_tree_has_the_numbers_of_mujoco(seed: int, tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text(random_tree(seed))
+    file = save(tmp_path, random_tree(seed), "robot.xml")
     compare(Pair(file), np.random.default_rng(seed))

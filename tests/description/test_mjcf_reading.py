@@ -11,6 +11,7 @@ import hybridyn
 from hybridyn.description import Description, read
 from tests.comparing import close_to
 from tests.extras import needs
+from tests.files import save
 from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, loops, mjcf
 
 mujoco = needs("mjcf")
@@ -27,9 +28,7 @@ ARM = (
 
 
 def text(folder: Path, content: str) -> Path:
-    file = folder / "robot.xml"
-    file.write_text(content)
-    return file
+    return save(folder, content, "robot.xml")
 
 
 def arm(folder: Path, *sections: str, j: str = "", k: str = "", head: str = HEAD) -> Description:

@@ -10,6 +10,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.errors import ModelError
 from tests.extras import needs
+from tests.files import save
 from tests.mjcf_texts import BAR, FLOATING, HEAD, loops, mjcf
 
 mujoco = needs("mjcf")
@@ -101,8 +102,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_refused_by_name(name: str, tmp_path: Path) -> None:
     content, message = CASES[name]
-    file = tmp_path / "robot.xml"
-    file.write_text(content)
+    file = save(tmp_path, content, "robot.xml")
     if name == "couples nothing":  # the joint to itself: MuJoCo's version decides whether it compiles
         with pytest.raises(ModelError):
             read(file)
@@ -114,8 +114,7 @@ def test_refused_by_name(name: str, tmp_path: Path) -> None:
 
 
 def test_a_refused_actuator_can_be_overruled(tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text(CASES["thruster"][0])
+    file = save(tmp_path, CASES["thruster"][0], "robot.xml")
     assert read(file, motors=["j"]).motors == ("j",)
 
 
@@ -124,8 +123,7 @@ def test_a_refused_actuator_can_be_overruled(tmp_path: Path) -> None:
     [('damping="1 2"', "damping that depends"), ('stiffness="1 2"', "stiffness that depends")],
 )
 def test_forces_of_higher_order(joint: str, message: str, tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text(mjcf(world=hinge(joint)))
+    file = save(tmp_path, mjcf(world=hinge(joint)), "robot.xml")
     with pytest.raises(ModelError, match=f"joint 'j': {message}|bad format|MuJoCo"):
         read(file)
 
@@ -142,15 +140,13 @@ def test_lines_are_those_of_the_file(tmp_path: Path) -> None:
 
 
 def test_without_mujoco_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text(mjcf(world=hinge()))
+    file = save(tmp_path, mjcf(world=hinge()), "robot.xml")
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ModelError, match=r"needs the package mujoco; .*'\.\[mjcf\]'"):
         read(file)
 
 
 def test_a_part_of_a_file_is_told(tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    file.write_text("<mujocoinclude><body/></mujocoinclude>")
+    file = save(tmp_path, "<mujocoinclude><body/></mujocoinclude>", "robot.xml")
     with pytest.raises(ModelError, match="name the file that includes it"):
         read(file)

@@ -12,6 +12,7 @@ from hybridyn.description import shipped
 from hybridyn.description.shipped import find_robot, main_names, shipped_robots
 from tests import ROOT
 from tests.command_line import call
+from tests.files import save
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
 
@@ -73,17 +74,12 @@ def test_a_robot_moves_by_its_own_trajectory(
     ],
 )
 def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    said = call(capsys, *words)
-    assert said.status == 2
-    assert message in said.err
-    assert said.err.count("\n") == 1
+    call(capsys, *words, status=2, says=message)
 
 
 def test_a_robot_of_ones_own_has_no_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "mine.urdf"
-    path.write_text('<robot name="mine"><link name="a"/></robot>')
-    said = call(capsys, "idm", path)
-    assert (said.status, "Missing argument 'TRAJECTORY'" in said.err) == (2, True)
+    path = save(tmp_path, '<robot name="mine"><link name="a"/></robot>', "mine.urdf")
+    call(capsys, "idm", path, status=2, says="Missing argument 'TRAJECTORY'")
 
 
 def test_a_scene_by_its_robots_name(capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,7 +103,7 @@ def test_without_data_the_list_says_so(
     monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "hybridyn")
     shipped_robots.cache_clear()
     try:
-        assert "urdf/ and models/ are missing" in call(capsys, "robots").err
+        call(capsys, "robots", status=1, says="urdf/ and models/ are missing")
         with pytest.raises(hybridyn.ModelError, match="no shipped robot of that name"):
             hybridyn.load("lx4")
     finally:

@@ -12,6 +12,7 @@ import pytest
 import hybridyn
 from hybridyn.structure.robot import HybridRobot
 from tests.extras import needs
+from tests.files import save
 from tests.samples import slow
 from tests.sdf_texts import WORLD, joint, link, random_pair, sdf
 
@@ -47,8 +48,7 @@ def drawn(robot: HybridRobot, seed: int) -> tuple[np.ndarray, dict[str, float]]:
 @pytest.mark.parametrize(("seed", "version"), [(30, "1.6"), *(slow(31, version) for version in VERSIONS)])
 def test_poses_and_inertia_are_those_of_drake(seed: int, version: str, tmp_path: Path) -> None:
     pin.seed(seed)
-    file = tmp_path / "robot.sdf"
-    file.write_text(sdf(*random_pair(seed, version).sdf[:-1], version=version))
+    file = save(tmp_path, sdf(*random_pair(seed, version).sdf[:-1], version=version), "robot.sdf")
     robot = hybridyn.load(file)
     q, named = drawn(robot, seed)
     plant, context = plant_of(file)

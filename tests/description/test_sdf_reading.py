@@ -10,6 +10,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
+from tests.files import save
 from tests.sdf_texts import WORLD, joint, link, sdf
 
 EXACT = 1e-14  # some products of matrices
@@ -24,10 +25,8 @@ def se3(text: str) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(np.array(angles)), np.array([x, y, z]))
 
 
-def save(folder: Path, *parts: str, version: str = "1.9") -> Path:
-    file = folder / "robot.sdf"
-    file.write_text(sdf(*parts, version=version))
-    return file
+def written(folder: Path, *parts: str, version: str = "1.9") -> Path:
+    return save(folder, sdf(*parts, version=version), "robot.sdf")
 
 
 def places(file: Path, **positions: float) -> dict[str, pin.SE3]:
@@ -76,7 +75,7 @@ def test_a_joint_moves_its_child_against_its_parent(kind: str, turned_round: boo
     body = pin.SE3.Identity() if turned_round else se3(BODY)
     ends = ("arm", "base") if turned_round else ("base", "arm")
     pose = f"<pose>{AT}</pose>"
-    file = save(
+    file = written(
         tmp_path, link("base"), link("arm", f"<pose>{BODY}</pose>"), WORLD,
         joint("j", kind, *ends, pose, more, axis="" if kind == "fixed" else "1 2 3"),
     )  # fmt: skip
@@ -88,7 +87,9 @@ def test_a_joint_moves_its_child_against_its_parent(kind: str, turned_round: boo
 
 def test_a_ball_turns_about_its_centre(tmp_path: Path) -> None:
     pose = f"<pose>{AT}</pose>"
-    file = save(tmp_path, link("base"), link("arm"), WORLD, joint("j", "ball", "base", "arm", pose, axis=""))
+    file = written(
+        tmp_path, link("base"), link("arm"), WORLD, joint("j", "ball", "base", "arm", pose, axis="")
+    )
     robot = hybridyn.load(file)
     q = pin.Quaternion(pin.exp3(np.array([0.3, -0.5, 0.8])))
     data = robot.model.createData()
@@ -107,7 +108,9 @@ def test_a_ball_turns_about_its_centre(tmp_path: Path) -> None:
     ],
 )
 def test_a_screw_couples_its_slide(stated: str, pitch: float, tmp_path: Path) -> None:
-    found = read(save(tmp_path, link("base"), link("nut"), WORLD, joint("j", "screw", "base", "nut", stated)))
+    found = read(
+        written(tmp_path, link("base"), link("nut"), WORLD, joint("j", "screw", "base", "nut", stated))
+    )
     (coupling,) = found.couplings
     assert coupling.terms == (("j_slide", 1.0), ("j", -pitch))
     assert found.motors == ("j",)
@@ -120,7 +123,7 @@ MIMIC += "<reference>.2</reference></mimic></axis>"
 @pytest.mark.parametrize(("which", "leader"), [("axis", "lead_1"), ("axis2", "lead_2")])
 def test_an_axis_follows_another(which: str, leader: str, tmp_path: Path) -> None:
     second = "<axis2><xyz>1 0 0</xyz></axis2>"
-    file = save(
+    file = written(
         tmp_path, link("base"), link("a"), link("b"), WORLD, joint("lead", "universal", "base", "a", second),
         joint("follow", "revolute", "base", "b", MIMIC.format("lead", which), axis=""), version="1.11",
     )  # fmt: skip
@@ -132,7 +135,7 @@ def test_an_axis_follows_another(which: str, leader: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(("sense", "sign"), [("0 1 0", 1.0), ("0 -2 0", -1.0)])
 def test_a_gearbox_couples_angles_against_its_reference_body(sense: str, sign: float, tmp_path: Path) -> None:
     """theta_2 = -ratio theta_1, both from the reference body, across two joints on one side."""
-    file = save(
+    file = written(
         tmp_path, link("base"), link("a"), link("b"), link("c"), WORLD,
         joint("ja", "revolute", "base", "a", axis="0 1 0"), joint("jb", "revolute", "a", "b", axis=sense),
         joint("jc", "revolute", "base", "c", axis="0 1 0"),
@@ -153,8 +156,7 @@ def test_numbers_of_an_axis(tmp_path: Path) -> None:
     )
     drake = "<drake:rotor_inertia>.02</drake:rotor_inertia><drake:gear_ratio>50</drake:gear_ratio>"
     text = sdf(link("base"), link("a"), WORLD, joint("j", "revolute", "base", "a", axis, drake, axis=""))
-    file = tmp_path / "robot.sdf"
-    file.write_text(text.replace("<sdf", '<sdf xmlns:drake="http://drake.mit.edu"'))
+    file = save(tmp_path, text.replace("<sdf", '<sdf xmlns:drake="http://drake.mit.edu"'), "robot.sdf")
     found = read(file)
     (one,) = [joint for joint in found.joints if joint.name == "j"]
     assert (one.lower, one.upper, one.effort, one.velocity) == (-1, 2, np.inf, 3)
@@ -165,7 +167,7 @@ def test_numbers_of_an_axis(tmp_path: Path) -> None:
 def test_limits_of_1e16_are_none(tmp_path: Path) -> None:
     axis = "<axis><xyz>0 0 1</xyz><limit><lower>-1e16</lower><upper>1e16</upper></limit></axis>"
     found = read(
-        save(
+        written(
             tmp_path,
             link("base"),
             link("a"),
@@ -188,7 +190,7 @@ def test_limits_of_1e16_are_none(tmp_path: Path) -> None:
 def test_a_link_has_the_inertia_that_sdformat_gives_it(
     inertial: str, mass: float, moment: float, tmp_path: Path
 ) -> None:
-    found = read(save(tmp_path, f'<link name="base">{inertial}</link>', WORLD))
+    found = read(written(tmp_path, f'<link name="base">{inertial}</link>', WORLD))
     (body,) = found.links
     assert body.mass == mass
     np.testing.assert_array_equal(body.inertia, moment * np.eye(3))
@@ -212,7 +214,7 @@ def test_an_included_model_stands_by_its_placement_frame(merge: bool, tmp_path: 
     )
     prefix = "" if merge else "left::"
     weld = joint("weld", "fixed", "base", f"{prefix}tip", axis="")
-    file = save(tmp_path, link("base", "<pose>0 3 0 0 0 0.5</pose>"), include, weld, WORLD)
+    file = written(tmp_path, link("base", "<pose>0 3 0 0 0 0.5</pose>"), include, weld, WORLD)
     tip = se3("0 3 0 0 0 0.5") * se3("0 0 2 0 0 0.1")
     expected = tip * se3("0 0.5 0 0 0 0.3").inverse()
     np.testing.assert_allclose(places(file)[f"{prefix}arm"], expected, atol=EXACT)
@@ -228,7 +230,7 @@ def test_a_folder_stands_for_the_file_that_its_config_names(tmp_path: Path) -> N
     (tmp_path / "models" / "robot").mkdir()
     include = "<include><uri>model://part</uri></include>"
     weld = joint("weld", "fixed", "base", "part::arm", axis="")
-    found = read(save(tmp_path / "models" / "robot", link("base"), include, weld, WORLD))
+    found = read(written(tmp_path / "models" / "robot", link("base"), include, weld, WORLD))
     assert [one.name for one in found.links] == ["base", "part::arm"]
 
 
@@ -236,7 +238,7 @@ def test_frames_of_nested_models(tmp_path: Path) -> None:
     inner = '<model name="in"><pose>0 0 1 0.2 0 0</pose>' + link("a", "<pose>1 0 0 0 0 0</pose>")
     inner += joint("j", "revolute", "a", "b", "<pose>0 1 0 0 0 0</pose>")
     inner += link("b", '<pose relative_to="a">0 0 0 0 0 0.7</pose>') + "</model>"
-    file = save(
+    file = written(
         tmp_path, link("base"), inner, WORLD, link("c", '<pose relative_to="in::j">0 2 0 0 0 0</pose>'),
         '<frame name="f" attached_to="in::b"/>', joint("weld", "fixed", "f", "c", axis=""),
         joint("to", "fixed", "base", "in", axis=""),
@@ -255,8 +257,7 @@ def test_a_world_places_its_robot_and_has_gravity(tmp_path: Path) -> None:
     ground = '<model name="ground"><static>true</static><link name="l"/></model>'
     sun = "<include><uri>model://sun</uri></include>"
     text = text.replace("<model", f"<world name='w'><gravity>0 0 -1.62</gravity>{ground}{sun}<model", 1)
-    file = tmp_path / "moon.sdf"
-    file.write_text(text.replace("</sdf>", "</world></sdf>"))
+    file = save(tmp_path, text.replace("</sdf>", "</world></sdf>"), "moon.sdf")
     robot = hybridyn.load(file)
     np.testing.assert_array_equal(robot.gravity, [0, 0, -1.62])
     np.testing.assert_allclose(places(file)["base"], se3("0 0 1 0 0 0.4"), atol=EXACT)
@@ -275,8 +276,7 @@ def test_one_of_several_models_is_chosen_by_name(tmp_path: Path) -> None:
     uri = "<include>{}<uri>model://leg</uri></include>"
     models = uri.format("") + uri.format("<name>two</name>")
     moon = f"<world name='moon'><gravity>0 0 -1.62</gravity>{models}</world>"
-    file = tmp_path / "robots.sdf"
-    file.write_text(arm.replace("</model>", "</model>" + moon))
+    file = save(tmp_path, arm.replace("</model>", "</model>" + moon), "robots.sdf")
     for name, joints, gravity in (("arm", ("j",), -9.81), ("leg", ("k",), -1.62), ("two", ("k",), -1.62)):
         robot = hybridyn.load(f"{file}#{name}")
         assert (robot.joints, robot.gravity[2], robot.description.source) == (joints, gravity, str(file))
@@ -284,8 +284,7 @@ def test_one_of_several_models_is_chosen_by_name(tmp_path: Path) -> None:
     for name, message in (("legs", unknown), ("", "cannot be read")):
         with pytest.raises(hybridyn.ModelError, match=message):
             read(f"{file}#{name}")
-    urdf = tmp_path / "robot.urdf"
-    urdf.write_text('<robot name="r"><link name="l"/></robot>')
+    urdf = save(tmp_path, '<robot name="r"><link name="l"/></robot>', "robot.urdf")
     with pytest.raises(hybridyn.ModelError, match="only an SDF file has several models; remove '#arm'"):
         read(f"{urdf}#arm")
     with pytest.raises(hybridyn.ModelError, match="own file"):
@@ -295,7 +294,7 @@ def test_one_of_several_models_is_chosen_by_name(tmp_path: Path) -> None:
 
 
 def test_a_model_that_nothing_holds_floats(tmp_path: Path) -> None:
-    file = save(
+    file = written(
         tmp_path, "<pose>0 0 1 0 0 0.4</pose>", link("base"), link("a"), joint("j", "revolute", "base", "a")
     )
     robot = hybridyn.load(file)
@@ -305,7 +304,7 @@ def test_a_model_that_nothing_holds_floats(tmp_path: Path) -> None:
 
 
 def test_groups_of_links_float_beside_each_other(tmp_path: Path) -> None:
-    found = read(save(tmp_path, link("base"), link("a", "<pose>1 2 3 0 0 0</pose>"), WORLD))
+    found = read(written(tmp_path, link("base"), link("a", "<pose>1 2 3 0 0 0</pose>"), WORLD))
     (free,) = [joint for joint in found.joints if joint.kind == "floating"]
     assert (free.name, free.parent, free.child) == ("a_free", "world", "a")
     assert found.home["a_free"] == (1, 2, 3, 0, 0, 0, 1)
@@ -327,7 +326,7 @@ LIMITED = "<axis><xyz>0 1 0</xyz><limit><lower>-1</lower></limit></axis>"
     ],
 )  # fmt: skip
 def test_the_joint_that_loses_least_closes_the_loop(about: dict[str, str], cut: str, tmp_path: Path) -> None:
-    found = read(save(tmp_path, *loop(about)))
+    found = read(written(tmp_path, *loop(about)))
     (closure,) = found.closures
     assert closure.name == cut
     assert any("cut at joints" in note and f"'{cut}'" in note for note in found.notes)
@@ -347,12 +346,12 @@ def loop(about: dict[str, str]) -> list[str]:
 
 
 def test_a_loop_of_joints_with_forces_is_cut_behind_one(tmp_path: Path) -> None:
-    found = read(save(tmp_path, *loop(dict.fromkeys(LOOP, DAMPED))))
+    found = read(written(tmp_path, *loop(dict.fromkeys(LOOP, DAMPED))))
     (closure,) = found.closures
     assert (closure.name, closure.kind, closure.link_b) == ("d_closure", "fixed", "l3")
     assert {one.name: one.damping for one in found.joints if one.name in LOOP} == dict.fromkeys(LOOP, 0.3)
-    free = hybridyn.load(save(tmp_path, *loop({})))
-    assert hybridyn.load(save(tmp_path, *loop(dict.fromkeys(LOOP, DAMPED)))).mobility == free.mobility
+    free = hybridyn.load(written(tmp_path, *loop({})))
+    assert hybridyn.load(written(tmp_path, *loop(dict.fromkeys(LOOP, DAMPED)))).mobility == free.mobility
 
 
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
@@ -362,8 +361,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
         link("base"), link("a"), WORLD, joint("j", "revolute", "base", "a", stop, engine, axis=""),
         '<plugin name="control" filename="c.so"/>', "<my:thing/>", link("b"), joint("k", "fixed", "a", "b"),
     ]  # fmt: skip
-    file = tmp_path / "robot.sdf"
-    file.write_text(sdf(*parts).replace("<sdf", '<sdf xmlns:my="urn:my"'))
+    file = save(tmp_path, sdf(*parts).replace("<sdf", '<sdf xmlns:my="urn:my"'), "robot.sdf")
     notes = "\n".join(read(file).notes)
     for words in (
         "stiffness and dissipation",
@@ -377,7 +375,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
 
 def test_an_initial_position_is_home(tmp_path: Path) -> None:
     axis = "<axis><xyz>0 0 1</xyz><initial_position>.4</initial_position></axis>"
-    file = save(
+    file = written(
         tmp_path,
         link("base"),
         link("a"),
@@ -392,7 +390,7 @@ def test_the_motion_does_not_depend_on_the_cut(tmp_path: Path) -> None:
     """Cut elsewhere, joints of the tree run backwards, or a link is welded: the motor feels the same."""
     felt = []
     for about in ({"b": CUT}, {"d": CUT}, dict.fromkeys(LOOP, DAMPED)):
-        robot = hybridyn.load(save(tmp_path, *loop(about)), motors=["a"])
+        robot = hybridyn.load(written(tmp_path, *loop(about)), motors=["a"])
         weight = hybridyn.gravity(robot, robot.home)
         felt.append([hybridyn.mass_matrix(robot, robot.home)[0, 0], weight[0]])
     np.testing.assert_allclose(felt, np.broadcast_to(felt[0], (3, 2)), rtol=1e-11)

@@ -8,6 +8,7 @@ import pytest
 
 from hybridyn.description import read
 from hybridyn.errors import ModelError
+from tests.files import save
 from tests.sdf_texts import WORLD, joint, link, sdf
 
 BODIES = (link("base"), link("a"), link("b"), WORLD)
@@ -20,8 +21,7 @@ GEAR = "<axis2><xyz>0 0 1</xyz></axis2><gearbox_reference_body>{}</gearbox_refer
 
 def told(folder: Path, text: str) -> str:
     """Return the message of a refusal."""
-    file = folder / "robot.sdf"
-    file.write_text(text)
+    file = save(folder, text, "robot.sdf")
     with pytest.raises(ModelError) as caught:
         read(file)
     message = str(caught.value)
@@ -170,7 +170,6 @@ def test_a_long_chain_of_frames_is_read(tmp_path: Path) -> None:
     text = sdf(
         *BODIES, '<frame name="f0" attached_to="base"/>', *frames, joint("j", "fixed", "f1499", "a", axis="")
     )
-    file = tmp_path / "robot.sdf"
-    file.write_text(text)
+    file = save(tmp_path, text, "robot.sdf")
     (found,) = [one for one in read(file).joints if one.name == "j"]
     assert found.parent == "base"

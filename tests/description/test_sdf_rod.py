@@ -13,6 +13,7 @@ from hybridyn.description import read
 from hybridyn.structure.robot import HybridRobot
 from tests.conversion.judge import written
 from tests.extras import needs
+from tests.files import save
 from tests.samples import slow, some
 from tests.sdf_texts import random_pair, sdf
 from tests.shipped import ROBOTS, shipped
@@ -30,8 +31,7 @@ CASES = [(1, "1.7"), *(slow(seed, version) for version in ("1.7", "1.8") for see
 def test_frames_are_those_of_rod(seed: int, version: str, tmp_path: Path) -> None:
     pin.seed(seed)
     texts = random_pair(seed, version)
-    file = tmp_path / "robot.sdf"
-    file.write_text(sdf(*texts.sdf[:-1], version=version))  # rod reads trees
+    file = save(tmp_path, sdf(*texts.sdf[:-1], version=version), "robot.sdf")  # rod reads trees
     compare(hybridyn.load(file), file)
 
 

@@ -17,6 +17,7 @@ from hybridyn.description.usd.masses import Mass, masses
 from hybridyn.description.usd.opening import open_usd
 from tests.comparing import close_to
 from tests.extras import needs
+from tests.files import save
 from tests.shipped import states_near_home
 from tests.usd_texts import FIVE_BAR, FIVE_BAR_URDF, KINDS
 
@@ -31,9 +32,7 @@ TWO_READERS = 1e-11
 
 
 def text(folder: Path, content: str, name: str = "robot.usda") -> Path:
-    file = folder / name
-    file.write_text(content)
-    return file
+    return save(folder, content, name)
 
 
 def parsed(file: Path) -> dict[str, object]:

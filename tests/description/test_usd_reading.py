@@ -14,6 +14,7 @@ from hybridyn.description import Description, read
 from hybridyn.description.files_read import recorded
 from hybridyn.description.placement import rotation_from_quaternion, rotation_from_rpy
 from hybridyn.description.usd import opening
+from tests import files
 from tests.extras import needs
 from tests.usd_texts import BODY, DRIVE, FIVE_BAR, KINDS, at, body, joint, prim, usda
 
@@ -27,9 +28,7 @@ EXCLUDED = "bool physics:excludeFromArticulation = true"
 
 
 def save(folder: Path, content: str, name: str = "robot.usda") -> Path:
-    file = folder / name
-    file.write_text(content)
-    return file
+    return files.save(folder, content, name)
 
 
 def arm(

@@ -11,6 +11,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.errors import ModelError
 from tests.extras import needs
+from tests.files import save
 from tests.samples import some
 from tests.usd_texts import BODY, DRIVE, at, body, joint, prim, usda
 
@@ -207,8 +208,7 @@ CASES = {
 @pytest.mark.parametrize("case", some(CASES, QUICK))
 def test_it_is_refused_by_name(case: str, tmp_path: Path) -> None:
     text, message = CASES[case]
-    file = tmp_path / "robot.usda"
-    file.write_text(text)
+    file = save(tmp_path, text, "robot.usda")
     with pytest.raises(ModelError, match=message) as caught:
         read(file)
     assert "\n" not in str(caught.value)

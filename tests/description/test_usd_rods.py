@@ -12,6 +12,7 @@ import hybridyn
 from hybridyn.description import read
 from tests.comparing import close_to
 from tests.extras import needs
+from tests.files import save
 from tests.usd_texts import DRIVE, at, body, joint, usda
 
 needs("usd")
@@ -42,8 +43,7 @@ def rod(least: float, most: float) -> tuple[str, str]:
 
 def test_accelerations_are_those_of_a_constraint_on_the_distance(tmp_path: Path) -> None:
     """M a + h = tau + J^T f, J a + J_dot v = 0 for half the square of the distance, by Pinocchio's tree."""
-    file = tmp_path / "r.usda"
-    file.write_text(text(*rod(40, 40)))
+    file = save(tmp_path, text(*rod(40, 40)), "r.usda")
     robot = hybridyn.load(file)
     assert (robot.mobility, robot.motors, robot.description.notes[1:]) == (1, ("first",), ())
     q, v, a = hybridyn.assemble(robot, motors={"first": (0.3, 1.2, 0.7)})

@@ -16,6 +16,7 @@ import numpy as np
 
 from hybridyn.description import Description, read
 from tests import ROOT
+from tests.files import save
 from tests.hard.extended_judge import mp
 from tests.oracle import Oracle
 
@@ -39,8 +40,7 @@ def changed_text(name: str, **given: str) -> str:
 def changed(name: str, **given: str) -> Description:
     """Read a shipped robot with other numbers in the call of its module."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{name}.urdf.xacro"
-        path.write_text(changed_text(name, **given))
+        path = save(Path(folder), changed_text(name, **given), f"{name}.urdf.xacro")
         return read(path)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Description, read
+from tests.files import save
 from tests.hard.closed_forms import Values, heading, meet, numbers, towards, wrap
 from tests.hard.extended_judge import mp
 
@@ -76,8 +77,7 @@ def described(*lengths: float, sides: tuple[int, int]) -> tuple[FourBar, Descrip
     """Return a four-bar and its record."""
     bars = FourBar(*lengths, sides=sides)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "four_bar.urdf"
-        path.write_text(bars.text)
+        path = save(Path(folder), bars.text, "four_bar.urdf")
         return bars, read(path)
 
 

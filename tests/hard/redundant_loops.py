@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 import hybridyn
+from tests.files import save
 from tests.hard.one_freedom import Law
 
 GRAVITY = (1.5, -4.0, -8.5)
@@ -96,8 +97,7 @@ def framed(name: str, *parts: str) -> str:
 
 def loaded(folder: Path, linkage: Linkage) -> hybridyn.HybridRobot:
     """Load a linkage, its home close to the posture to look at."""
-    path = folder / "linkage.urdf"
-    path.write_text(linkage.text)
+    path = save(folder, linkage.text, "linkage.urdf")
     home = (f"{name} = {float(x)!r}\n" for name, (x, _) in linkage.law(linkage.s - 0.2).items())
     (folder / "linkage.model.toml").write_text("[home]\n" + "".join(home))
     return hybridyn.load(path, gravity=GRAVITY)

@@ -20,6 +20,7 @@ from hybridyn import SingularityError
 from hybridyn.assembly.findings import SINGULAR_POSTURE, architecturally_singular, findings, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
+from tests.files import save
 from tests.hard.closed_forms import changed, changed_text
 from tests.mechanisms import KINDS, random_mechanism
 from tests.samples import some
@@ -61,8 +62,11 @@ def test_similar_hexagons(angle: float, claim: Claim) -> None:
 @pytest.mark.parametrize("platform", [12, 48])
 def test_load_says_so(platform: float, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """One warning for the robot that it is true of, none for the one with other numbers."""
-    path = tmp_path / "hexagons.urdf.xacro"
-    path.write_text(changed_text("gough_stewart", base_half_angle="12", platform_half_angle=str(platform)))
+    path = save(
+        tmp_path,
+        changed_text("gough_stewart", base_half_angle="12", platform_half_angle=str(platform)),
+        "hexagons.urdf.xacro",
+    )
     with caplog.at_level(logging.WARNING, logger="hybridyn"):
         hybridyn.load(path)
     said = [record.getMessage() for record in caplog.records]

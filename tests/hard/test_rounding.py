@@ -11,6 +11,7 @@ import hybridyn
 from hybridyn import ActuationError, AssemblyError, HybridRobot, TrajectoryError
 from hybridyn.spatial import Array, rotation_from_quaternion
 from tests.comparing import close_to
+from tests.files import save
 
 FALLING = ("lx4", "delta", "snake")
 NOISE = 1e-17
@@ -96,8 +97,7 @@ MASS = (
 
 def test_a_locked_module_may_carry_rounding(tmp_path: Path) -> None:
     """A truss of two bars cannot move; its rates of 1e-17 are no motion, 1e-6 are."""
-    path = tmp_path / "locked.urdf"
-    path.write_text(LOCKED.format(mass=MASS))
+    path = save(tmp_path, LOCKED.format(mass=MASS), "locked.urdf")
     robot = hybridyn.load(path)
     assert robot.mobility == 1
     q, v = robot.home, np.zeros(robot.nv)
@@ -142,10 +142,11 @@ def test_a_quaternion_has_length_one(base: str, length: float) -> None:
 
 
 def test_cosine_and_sine_have_length_one_together(tmp_path: Path) -> None:
-    path = tmp_path / "one.urdf"
-    path.write_text(
+    path = save(
+        tmp_path,
         f'<robot name="one"><link name="a"/><link name="b">{MASS}</link><joint name="turn" type="continuous">'
-        '<parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'
+        '<parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>',
+        "one.urdf",
     )
     robot = hybridyn.load(path)
     with pytest.raises(TrajectoryError, match="cosine and sine of joint 'turn' at sample 0 has length 2"):

@@ -195,7 +195,7 @@ def test_angles_folded_into_one_turn_are_refused(
     time = np.arange(100) / 100
     path = tmp_path / "folded.csv"
     path.write_text(table_text(["time", "drive/position"], np.column_stack([time, folded(20 * time)])))
-    said = call(capsys, "idm", tmp_path / "geared.urdf", "--motors", "drive", path)
+    said = call(capsys, "idm", tmp_path / "geared.urdf", "--motors", "drive", path, status=1)
     assert said.status == 1
     assert "row 17" in said.err
     assert "joint 'drive'" in said.err

@@ -13,6 +13,7 @@ import hybridyn
 from hybridyn.description import Description
 from tests import ROOT
 from tests.extras import needs
+from tests.files import save
 from tests.samples import slow
 from tests.snippets import PAGES, Block, blocks, run_python, stand_where_a_user_does
 
@@ -55,8 +56,7 @@ def load(folder: Path, example: Block) -> hybridyn.HybridRobot:
     """Load the page's four-bar with an example in its place: in the robot, or in a file beside it."""
     robot, pin = blocks(LOOPS)[:2]
     closure = {"xml": example.text, "toml": pin.text, "yaml": ""}[example.language]
-    path = folder / "four_bar.urdf"
-    path.write_text(robot.text.replace("<!-- the loop -->", closure))
+    path = save(folder, robot.text.replace("<!-- the loop -->", closure), "four_bar.urdf")
     if example.language != "xml":
         name = {"yaml": "robot.yaml", "toml": "four_bar.model.toml"}[example.language]
         (folder / example.facts.get("file", name)).write_text(example.text)

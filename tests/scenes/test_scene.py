@@ -16,6 +16,7 @@ from hybridyn.scenes.stage import Stage, identity, play, stage
 from hybridyn.simulation.run_size import NUMBER_BYTES, ROW_BYTES
 from hybridyn.simulation.table import columns_of, rows_of
 from tests import ROOT
+from tests.files import save
 from tests.shipped import ROBOTS
 
 SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name != "model.toml")
@@ -83,9 +84,7 @@ rate = 2000.0
 
 
 def written(folder: Path, text: str, name: str = "scene.toml") -> Path:
-    path = folder / name
-    path.write_text(HEAD + text)
-    return path
+    return save(folder, HEAD + text, name)
 
 
 def first_steps(ready, count: int = FIRST_STEPS):
@@ -314,8 +313,7 @@ def test_rates_that_open_loops_are_projected_where_that_is_wanted(tmp_path: Path
 
 
 def test_identity_knows_what_matters(tmp_path: Path) -> None:
-    table = tmp_path / "traj.csv"
-    table.write_text((ROOT / "models/five_bar/traj.csv").read_text())
+    table = save(tmp_path, (ROOT / "models/five_bar/traj.csv").read_text(), "traj.csv")
     text = '[motion]\ntable = "traj.csv"\n'
     first = identity(stage(written(tmp_path, text)).source)
     assert identity(stage(written(tmp_path, text + '[output]\nfile = "a.csv"\n')).source) == first

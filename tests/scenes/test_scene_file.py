@@ -13,6 +13,7 @@ from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
 from tests import ROOT
+from tests.files import save
 
 HEAD = f'duration = 1.0\n[robot]\nfile = "{ROOT}/urdf/five_bar.urdf.xacro"\n'
 PD = '[controller]\nkind = "pd"\nkp = 1.0\nkd = 1.0\n'
@@ -20,9 +21,7 @@ REFERENCE = "[controller.reference]\n"
 
 
 def written(folder: Path, text: str) -> Path:
-    path = folder / "scene.toml"
-    path.write_text(HEAD + text)
-    return path
+    return save(folder, HEAD + text, "scene.toml")
 
 
 def refusal(folder: Path, text: str) -> ModelError:
@@ -112,8 +111,7 @@ def test_what_the_robot_refuses(tmp_path: Path, text: str, line: int, words: str
 
 def test_no_toml_no_robot_no_text(tmp_path: Path) -> None:
     assert ":4: not readable as TOML" in str(refusal(tmp_path, "x =\n"))
-    path = tmp_path / "other.toml"
-    path.write_bytes(b"\xff")
+    path = save(tmp_path, b"\xff", "other.toml")
     with pytest.raises(ModelError, match="UTF-8"):
         read_scene(path)
     path.write_text('duration = 1.0\n[robot]\nfile = "none.urdf"\n')
@@ -128,8 +126,7 @@ def test_a_shipped_robot_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
     elsewhere.mkdir()
     (elsewhere / "five_bar").write_text("no robot")
     monkeypatch.chdir(elsewhere)
-    path = folder / "scene.toml"
-    path.write_text('duration = 1.0\n[robot]\nfile = "five_bar"\n')
+    path = save(folder, 'duration = 1.0\n[robot]\nfile = "five_bar"\n', "scene.toml")
     ready = stage(path)
     assert Path(ready.source.robot).samefile(ROOT / "urdf/five_bar.urdf.xacro")
     assert ready.robot.name == "five_bar"

@@ -15,7 +15,8 @@ from hybridyn.cli import main
 from hybridyn.scenes.stage import stage
 from hybridyn.simulation.result import Result
 from hybridyn.simulation.run import BLOCK
-from tests.command_line import ROOT, call
+from tests.command_line import ROOT
+from tests.files import save
 
 SCENE = f"""duration = 2.0
 [robot]
@@ -26,15 +27,8 @@ efforts = {{ m1_left_drive = 0.5 }}
 """
 
 
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]):
-    return lambda *words: call(capsys, *words)
-
-
 def written(folder: Path, more: str, text: str = SCENE) -> Path:
-    path = folder / "scene.toml"
-    path.write_text(text + more)
-    return path
+    return save(folder, text + more, "scene.toml")
 
 
 # ---------------------------------------------------------------- rows and steps
@@ -51,11 +45,14 @@ def written(folder: Path, more: str, text: str = SCENE) -> Path:
     ],
 )
 def test_more_than_memory_holds_is_refused_at_once(run, tmp_path: Path, more: str, key: str) -> None:
-    said = run("simulate", written(tmp_path, more), "-o", tmp_path / "x.csv")
-    assert (said.status, said.out) == (1, "")
-    assert said.err.count("\n") == 1
-    assert f"'{key}'" in said.err
-    assert "GB of memory" in said.err
+    run(
+        "simulate",
+        written(tmp_path, more),
+        "-o",
+        tmp_path / "x.csv",
+        status=1,
+        says=[f"'{key}'", "GB of memory"],
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
 
 
@@ -127,11 +124,7 @@ def refused(run, stopped: tuple[Path, Path], text: str) -> None:
     scene, target = stopped
     state = Path(f"{target}.state")
     before = target.read_bytes(), state.read_bytes()
-    said = run("simulate", scene, "--resume", target, "-o", target)
-    assert (said.status, said.out) == (1, "")
-    assert said.err.count("\n") == 1
-    assert "run.csv.state" in said.err
-    assert text in said.err
+    said = run("simulate", scene, "--resume", target, "-o", target, status=1, says=["run.csv.state", text])
     assert "bug" not in said.err
     assert (target.read_bytes(), state.read_bytes()) == before
 
@@ -206,20 +199,25 @@ def test_a_checkpoint_of_a_killed_run_knows_its_scene(
 
 
 def test_simulate_does_not_replace_what_it_reads(run, tmp_path: Path) -> None:
-    table = tmp_path / "efforts.csv"
-    table.write_text("time,m1_left_drive/effort,m1_right_drive/effort\n0,0,0\n2,0.1,0.2\n")
+    table = save(
+        tmp_path, "time,m1_left_drive/effort,m1_right_drive/effort\n0,0,0\n2,0.1,0.2\n", "efforts.csv"
+    )
     head = SCENE.partition("[controller]")[0]
     text = f'{head}[controller]\nkind = "efforts"\ntable = "efforts.csv"\n'
     before = table.read_bytes()
     link = tmp_path / "link.csv"
     link.symlink_to(table)
     for target in (table, link):
-        said = run("simulate", written(tmp_path, "[output]\nrate = 10.0\n", text), "-o", target)
-        assert said.status == 2
-        assert "is read, and would be replaced" in said.err
+        run(
+            "simulate",
+            written(tmp_path, "[output]\nrate = 10.0\n", text),
+            "-o",
+            target,
+            status=2,
+            says="is read, and would be replaced",
+        )
         assert table.read_bytes() == before
-    said = run("simulate", written(tmp_path, '[output]\nfile = "efforts.csv"\n', text))
-    assert said.status == 2
+    run("simulate", written(tmp_path, '[output]\nfile = "efforts.csv"\n', text), status=2)
     assert table.read_bytes() == before
 
 
@@ -228,11 +226,13 @@ def test_a_scene_replaces_nothing_outside_its_folder(run, tmp_path: Path, name: 
     inner = tmp_path / "inner"
     inner.mkdir()
     (inner / "door").symlink_to(tmp_path)
-    mine = tmp_path / "mine.csv"
-    mine.write_text("precious")
-    said = run("simulate", written(inner, f'[output]\nfile = "{name.format(folder=tmp_path)}"\n'))
-    assert said.status == 1
-    assert "outside the scene's folder" in said.err
+    mine = save(tmp_path, "precious", "mine.csv")
+    run(
+        "simulate",
+        written(inner, f'[output]\nfile = "{name.format(folder=tmp_path)}"\n'),
+        status=1,
+        says="outside the scene's folder",
+    )
     assert mine.read_text() == "precious"
 
 
@@ -241,9 +241,7 @@ def test_a_state_file_is_not_written_through_a_link(run, tmp_path: Path) -> None
     inner.mkdir()
     mine.write_text("precious")
     (inner / "run.csv.state").symlink_to(mine)
-    said = run("simulate", written(inner, '[output]\nfile = "run.csv"\n'))
-    assert said.status == 2
-    assert "run.csv.state' is a link" in said.err
+    run("simulate", written(inner, '[output]\nfile = "run.csv"\n'), status=2, says="run.csv.state' is a link")
     assert mine.read_text() == "precious"
     assert not (inner / "run.csv").exists()
 

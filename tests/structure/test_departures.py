@@ -56,7 +56,7 @@ def first(limit: float) -> int:
 def test_a_stroke_that_is_left_is_told_and_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = files(tmp_path, motion())
     efforts = call(capsys, "idm", *paths, "-o", tmp_path / "efforts.csv")
-    sized = call(capsys, "size", *paths, "-o", tmp_path / "report.json")
+    sized = call(capsys, "size", *paths, "-o", tmp_path / "report.json", status=1)
     row = first(UPPER)
     time = motion()[row - 1, 0]
     line = (
@@ -145,7 +145,7 @@ def test_a_robot_without_mass_is_refused(
     text = robot_text()
     inertial = text[text.index("<inertial>") : text.index("</inertial>") + len("</inertial>")]
     robot.write_text(text.replace(inertial, ""))
-    said = call(capsys, command, robot, rows)
+    said = call(capsys, command, robot, rows, status=1)
     assert said.status == 1
     assert said.out == ""
     assert "nothing has mass, so that every effort would be zero" in said.err

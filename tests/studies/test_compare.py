@@ -122,8 +122,7 @@ def test_states_are_closed(two_bars: Path) -> None:
 @pytest.mark.slow
 def test_mujoco_softens_what_it_holds(tmp_path: Path) -> None:
     needs("mjcf")
-    path = tmp_path / "five_bar.xml"
-    path.write_text(FIVE_BAR)
+    path = save(tmp_path, FIVE_BAR, "five_bar.xml")
     found = compare(hybridyn.load(path), ["mujoco"], samples=2)
     (verdict,) = found.verdicts[1:]
     assert verdict.way == "its MJCF reader"
@@ -153,8 +152,7 @@ HEAVY = """<mujoco><worldbody><body name="trunk"><freejoint name="root"/>
 def test_mujoco_does_not_ignore_an_equality_of_light_bodies(tmp_path: Path) -> None:
     """Beside a heavy trunk its solver stops before it holds them, though its simulation does."""
     needs("mjcf")
-    path = tmp_path / "heavy.xml"
-    path.write_text(HEAVY)
+    path = save(tmp_path, HEAVY, "heavy.xml")
     (verdict,) = compare(hybridyn.load(path), ["mujoco"], drift=False).verdicts[1:]
     (belt,) = verdict.closures
     assert belt.fate == "softened"
@@ -230,8 +228,11 @@ def test_command(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.slow
 def test_states_of_a_trajectory(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table = tmp_path / "motion.csv"
-    table.write_text("time,drive/position\n" + "".join(f"{t / 10},{0.1 + t / 50}\n" for t in range(8)))
+    table = save(
+        tmp_path,
+        "time,drive/position\n" + "".join(f"{t / 10},{0.1 + t / 50}\n" for t in range(8)),
+        "motion.csv",
+    )
     words = ["compare", str(two_bars), str(table), "--with", "pinocchio", "--samples", "2", "--no-drift"]
     assert main(words) == 1
     assert "2 closed states" in capsys.readouterr().out

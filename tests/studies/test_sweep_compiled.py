@@ -22,6 +22,7 @@ from hybridyn.studies.sweep.shards import about_of
 from hybridyn.studies.sweep.variants import Variants, scaled
 from tests import ROOT
 from tests.extras import needs
+from tests.files import save
 from tests.studies.test_sweep import SCALES, Here, folder, here, rows_of, written
 
 __all__ = ["folder", "here"]
@@ -120,9 +121,7 @@ def five_bar_in(folder: Path) -> Path:
     header = [f"{side}/{level}" for side in sides for level in ("position", "velocity", "acceleration")]
     rows = np.column_stack([t, *(-x for x in wave), *wave])
     np.savetxt("motors.csv", rows, "%.17g", ",", header=",".join(["time", *header]), comments="")
-    study = folder / "five_bar.toml"
-    study.write_text(FIVE_BAR)
-    return study
+    return save(folder, FIVE_BAR, "five_bar.toml")
 
 
 @pytest.mark.slow
@@ -220,8 +219,7 @@ def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_gene
     t = np.linspace(0, 0.8, 21)
     rows = np.column_stack([t, 0.15 * np.sin(8 * t), np.full(21, -0.48)])
     np.savetxt("tool.csv", rows, "%.17g", ",", header="time,m1_tool/pose/x,m1_tool/pose/z", comments="")
-    study = folder / "five_bar.toml"
-    study.write_text(NUMBERS)
+    study = save(folder, NUMBERS, "five_bar.toml")
     state = hybridyn.sweep(study, "compiled", format="csv")
     assert state.why_general == ""
     assert state.checked + state.statuses["unreachable"] == 12
@@ -275,8 +273,11 @@ def test_each_structure_has_compiled_models_of_its_own(
     np.savetxt("swing.csv", rows, "%.17g", ",", header=header, comments="")
     designs = [(n, 0.8 + 0.05 * k * (n > 1)) for k, n in enumerate([1, 2, 2, 1, 3, 2, 1, 2, 2])]
     np.savetxt("designs.csv", designs, "%.17g", ",", header="n,bar", comments="")
-    study = folder / "four_bars.toml"
-    study.write_text(FOUR_BARS.format(file=ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"))
+    study = save(
+        folder,
+        FOUR_BARS.format(file=ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"),
+        "four_bars.toml",
+    )
     state = hybridyn.sweep(study, "compiled", format="csv")
     assert state.why_general == ""
     assert (state.compiled, state.checked, state.statuses) == (8, 8, {"ok": 9})

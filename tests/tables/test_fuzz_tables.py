@@ -11,6 +11,7 @@ from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import full_state, read_motions
+from tests.files import save
 
 ROUNDS = 2_000
 ROBOT = Description(
@@ -89,8 +90,7 @@ def refused(path: Path) -> str | None:
 @pytest.mark.parametrize("with_pose", [False, True])
 def test_a_mutated_table_is_read_or_refused(tmp_path: Path, with_pose: bool) -> None:
     content = valid_table(with_pose)
-    path = tmp_path / "t.csv"
-    path.write_bytes(content)
+    path = save(tmp_path, content, "t.csv")
     assert refused(path) is None
     draw = random.Random(20_10)
     read = 0

@@ -11,6 +11,7 @@ from hybridyn.errors import TrajectoryError
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import check_target, open_results
 from tests.extras import needs
+from tests.files import save
 
 NUMBERS = np.array([[0.1, -0.0], [1.0 / 3.0, 5e-324], [1.7976931348623157e308, -123456789.123456789]])
 
@@ -38,8 +39,7 @@ def test_an_error_leaves_the_old_file_and_nothing_else(
 ) -> None:
     if name.endswith(".parquet"):
         needs("io")
-    path = tmp_path / name
-    path.write_text("old")
+    path = save(tmp_path, "old", name)
 
     def interrupted() -> None:
         with open_results(path, ["a", "b"]) as write:

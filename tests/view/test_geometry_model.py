@@ -86,10 +86,11 @@ def test_other_kinds_and_formats_are_refused(tmp_path: Path) -> None:
     with pytest.raises(hybridyn.TrajectoryError, match="kind must be 'visual' or 'collision'"):
         hybridyn.geometry_model(hybridyn.load("five_bar"), "mesh")
     needs("mjcf")
-    path = tmp_path / "arm.xml"
-    path.write_text(
+    path = save(
+        tmp_path,
         '<mujoco model="arm"><worldbody><body name="a"><joint name="j"/><geom size="0.1"/></body></worldbody>'
-        "</mujoco>"
+        "</mujoco>",
+        "arm.xml",
     )
     with pytest.raises(ModelError, match="URDF and xacro files only"):
         hybridyn.geometry_model(hybridyn.load(path))

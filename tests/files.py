@@ -1,0 +1,13 @@
+"""Small files of tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:
+    """Write a text to a file in a folder, which is made where it is missing, and give its path."""
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
