@@ -26,7 +26,7 @@ from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
 from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import follow
-from .module_request import ModuleRequest, joined, module_request, on_own_bases
+from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
 from .requests import Requests, first_guess, gather_requests
 from .task import Task
 from .wrist_positions import spanning_positions
@@ -125,9 +125,7 @@ def _one_by_one(robot: HybridRobot, requests: Requests, numbers: range, q: Array
         motion = module.mechanism.spanning.sweep(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
-        base = bodies[robot.bodies.place[module.base][0]]
-        for i, joint in enumerate(module.joints):
-            bodies[robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
+        place_bodies(robot, module, motion, bodies)
 
 
 def by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:

@@ -22,13 +22,16 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .assemble import module_task, place_base, settled
 from .follow import first_posture
-from .marks import SAME_ASSEMBLY, grouped, marks_of, unchanged_by_idle_motions
-from .module_request import module_request
+from .module_request import module_request, on_own_bases, place_bodies
 from .requests import Requests, gather_requests
 from .residual import closure_residual
 from .task import Task
 from .wrist_positions import spanning_positions
 
+#: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
+SAME_ASSEMBLY = 1e-5
+#: A mark that an idle motion of size `NUDGE` changes by `NUDGED` or more does not distinguish postures.
+NUDGE, NUDGED = 1e-3, 1e-5
 #: Longest step of the search [rad, module lengths], maximum number of steps, and the residual of a start
 #: that has converged.
 LONGEST_STEP, MOST_STEPS, CONVERGED = 1.0, 60, 1e-10
@@ -119,8 +122,8 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     return within
 
 
-def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Found:
-    """Find the postures of one module with its motors at their home positions.
+def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Index:
+    """Search the postures of one module with its motors at home; return the starts that led to each.
 
     Raises:
         AssemblyError: The motors do not determine its posture.
@@ -129,22 +132,7 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Found:
     joints = {motor: float(joint_position(robot, robot.home, motor)) for motor in module.motors}
     requests = gather_requests(robot, joints, {})
     task = module_task(robot, module, module_request(requests, robot, number, {}))
-    return postures(robot, module, task, starts, seed=0)
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """The postures found for one module.
-
-    Attributes:
-        x: Postures on the module's tree after the cuts, shape (n, nq).
-        q: The same on its spanning tree.
-        counts: Number of starts that led to each, shape (n,).
-    """
-
-    x: Array
-    q: Array
-    counts: Index
+    return postures(robot, module, task, starts, seed=0)[1]
 
 
 class _Search:
@@ -157,7 +145,7 @@ class _Search:
         self.counts: Index = np.array([starts])
         self.unseen = 0.0
         self._bodies = {0: RigidMotion.at_rest(1)}
-        self._known: dict[tuple[int, bytes], Found] = {}
+        self._known: dict[tuple[int, bytes], tuple[Array, Index]] = {}
 
     def add(self, number: int) -> None:
         """Search a module's postures for each posture of the modules below it.
@@ -166,10 +154,10 @@ class _Search:
             AssemblyError: It has no posture for some of them, or there are too many.
         """
         module = self.robot.modules[number]
-        rows_below = range(len(self.q)) if self._depends(number) else [0] * len(self.q)
-        known: dict[int, Found] = {row: self._module(number, row) for row in set(rows_below)}
-        found = [known[row] for row in rows_below]
-        total = sum(len(f.counts) for f in found)
+        alone = on_own_bases(self.requests, self.robot, number)
+        found = [self._module(number, row) for row in range(1 if alone else len(self.q))]
+        found = found * len(self.q) if alone else found
+        total = sum(len(counts) for _, counts in found)
         if total > MOST_POSTURES:
             raise AssemblyError(
                 f"module '{module.name}': with the modules below it, it has at least {total} postures "
@@ -177,23 +165,18 @@ class _Search:
                 "platforms",
                 module=module.name,
             )
-        rows = np.repeat(np.arange(len(self.q)), [len(f.counts) for f in found])
+        rows = np.repeat(np.arange(len(self.q)), [len(counts) for _, counts in found])
         self.q = self.q[rows]
-        self.q[:, module.q_index] = np.concatenate([f.q for f in found])
-        self.counts = np.minimum(self.counts[rows], np.concatenate([f.counts for f in found]))
-        once = max(float((f.counts == 1).sum()) for f in found) / self.starts
+        self.q[:, module.q_index] = np.concatenate([q for q, _ in found])
+        self.counts = np.minimum(self.counts[rows], np.concatenate([counts for _, counts in found]))
+        once = max(float((counts == 1).sum()) for _, counts in found) / self.starts
         self.unseen = 1 - (1 - self.unseen) * (1 - once)
-        self._place(module, rows)
+        self._bodies = {body: _row(motion, rows) for body, motion in self._bodies.items()}
+        motion = module.mechanism.spanning.sweep(self.q[:, module.q_index])
+        place_bodies(self.robot, module, motion, self._bodies)
 
-    def _depends(self, number: int) -> bool:
-        """Check whether a module's request depends on the posture of the modules below it."""
-        place = self.robot.bodies.place
-        base = place[self.robot.modules[number].base][0]
-        poses = [p for p in self.requests.poses if self.robot.body_owner[place[p.link][0]][0] == number]
-        return any(place[p.other][0] != base for p in poses)
-
-    def _module(self, number: int, row: int) -> Found:
-        """Return a module's postures for one posture of the modules below, searched once per request."""
+    def _module(self, number: int, row: int) -> tuple[Array, Index]:
+        """Return `postures` of a module for one posture of the modules below, searched once per request."""
         robot, module = self.robot, self.robot.modules[number]
         m = module.mechanism
         below = {body: _row(motion, row) for body, motion in self._bodies.items()}
@@ -204,14 +187,6 @@ class _Search:
             self._known[key] = postures(robot, module, task, self.starts, self.seed)
         return self._known[key]
 
-    def _place(self, module: Module, rows: Index) -> None:
-        """Select the given rows of the bodies placed so far, and place the module's bodies."""
-        self._bodies = {body: _row(motion, rows) for body, motion in self._bodies.items()}
-        base = self._bodies[self.robot.bodies.place[module.base][0]]
-        motion = module.mechanism.spanning.sweep(self.q[:, module.q_index])
-        for i, joint in enumerate(module.joints):
-            self._bodies[self.robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
-
 
 def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
     """Return some samples of a frame's motion."""
@@ -219,8 +194,8 @@ def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
     return RigidMotion(*(x[at] for x in motion.arrays))
 
 
-def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> Found:
-    """Find the postures of one module.
+def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> tuple[Array, Index]:
+    """Find the postures of one module, shape (n, nq), and the number of starts that led to each, shape (n,).
 
     Raises:
         AssemblyError: There is none.
@@ -242,7 +217,7 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
     x = x[kept[order]]
     guess = robot.home[module.q_index]
     one_by_one = [spanning_positions(module, row[None], m.tree.sweep(row[None]), guess) for row in x]
-    return Found(x, np.concatenate(one_by_one), counts[order])
+    return np.concatenate(one_by_one), counts[order]
 
 
 def _reached(task: Task, q: Array) -> Array:
@@ -268,3 +243,48 @@ def _reached(task: Task, q: Array) -> Array:
             break
     result = task.solve(q[there], np.zeros(there.sum(), dtype=int))
     return result.q[task.closed(result)]
+
+
+def marks_of(module: Module, x: Array) -> Array:
+    """Compute the dimensionless marks that distinguish postures, shape (T, marks): see `assemblies`."""
+    m = module.mechanism
+    motion = m.tree.sweep(x)
+    marks = [motion.p[:, 1:].reshape(len(x), -1) / m.length]
+    for i, link in enumerate(m.spec.leg_bodies):
+        if link is not None and link.mass:
+            marks.append((motion.p[:, i + 1] + motion.R[:, i + 1] @ link.com) / m.length)
+    for c in m.closures.closures:
+        marks.append((motion.p[:, c.body_a] + motion.R[:, c.body_a] @ c.p_a) / m.length)
+        marks.append((motion.p[:, c.body_b] + motion.R[:, c.body_b] @ c.p_b) / m.length)
+    marks += [motion.R[:, body].reshape(len(x), 9) for body in m.spec.outputs]
+    for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.q_slices, strict=True)):
+        if m.tree.v_slices[i].start in module.motor_columns:
+            value = x[:, at]
+            angle = [np.cos(value), np.sin(value)]
+            marks += {"revolute": angle, "prismatic": [value / m.length]}.get(joint.kind, [value])
+    return np.concatenate(marks, axis=1)
+
+
+def unchanged_by_idle_motions(task: Task, module: Module, x: Array) -> Mask:
+    """Determine the marks that no idle motion changes, shape (marks,), from a few postures (T, nq)."""
+    problem = task.problem
+    K = problem.matrix(problem.tree.sweep(x))[:, :, problem.free]
+    here = marks_of(module, x)
+    still = np.ones(here.shape[1], dtype=bool)
+    for idle in np.moveaxis(np.linalg.svd(K)[2][:, problem.rank or 0 :], 1, 0):
+        dx = np.zeros((len(x), problem.tree.nv))
+        dx[:, problem.free] = NUDGE * idle
+        moved = marks_of(module, problem.tree.integrate(x, dx * problem.col_scale))
+        still &= np.abs(moved - here).max(axis=0) < NUDGED
+    return still
+
+
+def grouped(marks: Array) -> tuple[Index, Index]:
+    """Group equal rows of marks, shape (n, marks); return the group of each row and the group sizes."""
+    label = np.full(len(marks), -1)
+    groups = 0
+    while (label < 0).any():
+        rest = np.flatnonzero(label < 0)
+        label[rest[np.abs(marks[rest] - marks[rest[0]]).max(axis=1, initial=0.0) <= SAME_ASSEMBLY]] = groups
+        groups += 1
+    return label, np.bincount(label)

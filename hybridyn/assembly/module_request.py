@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
+from ..linkage.tree import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate_back
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
@@ -143,14 +144,20 @@ def joined(requests: Iterable[ModuleRequest]) -> ModuleRequest:
     return replace(first, known=known, known_v=known_v, known_a=known_a, angles=angles)
 
 
-def on_own_bases(requests: Requests, robot: HybridRobot) -> bool:
-    """Check whether every pose is relative to the base of its module: no request needs another module."""
+def on_own_bases(requests: Requests, robot: HybridRobot, number: int | None = None) -> bool:
+    """Check whether every pose in a module, or in any, is relative to its base: none needs another module."""
     place = robot.bodies.place
-    for pose in requests.poses:
-        owner = robot.body_owner[place[pose.link][0]][0]
-        if place[pose.other][0] != place[robot.modules[owner].base][0]:
-            return False
-    return True
+    owners = [(robot.body_owner[place[pose.link][0]][0], place[pose.other][0]) for pose in requests.poses]
+    return all(
+        other == place[robot.modules[owner].base][0] for owner, other in owners if number in (None, owner)
+    )
+
+
+def place_bodies(robot: HybridRobot, module: Module, motion: Motion, bodies: dict[int, RigidMotion]) -> None:
+    """Add the bodies of a module to those placed so far, in the root body, from the motion of its tree."""
+    base = bodies[robot.bodies.place[module.base][0]]
+    for i, joint in enumerate(module.joints):
+        bodies[robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
 
 
 def module_request(

@@ -11,7 +11,7 @@ from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from .assemble import module_task, place_base
-from .module_request import module_request
+from .module_request import module_request, place_bodies
 from .requests import first_guess, gather_requests
 from .task import Task
 from .wrist_positions import spanning_positions
@@ -56,40 +56,31 @@ def closed_postures(
         if robot.base == "floating" and k == 0:
             continue
         m = module.mechanism
-        base_body = robot.bodies.place[module.base][0]
         task = module_task(robot, module, module_request(requests, robot, k, bodies))
         x, closed = _solved(task, m.cut.positions(q[:1, module.q_index])[0])
         out |= ~closed
         if out.all():
             break  # no posture to place the next modules on
-        rest = m.tree.sweep(x, *np.zeros((2, T, m.tree.nv)))
-        q[:, module.q_index] = spanning_positions(module, x, rest, q[0, module.q_index])
-        still = np.zeros((2, T, m.spanning.nv))
-        motion = m.spanning.sweep(q[:, module.q_index], *still)
-        for i, joint in enumerate(module.joints):
-            bodies[robot.body_of_joint[joint]] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
+        q[:, module.q_index] = spanning_positions(module, x, m.tree.sweep(x), q[0, module.q_index])
+        place_bodies(robot, module, m.spanning.sweep(q[:, module.q_index]), bodies)
     return q, ~out
 
 
 def _solved(task: Task, guess: Array) -> tuple[Array, Mask]:
-    """Close each sample; open ones keep the posture of the nearest closed one, shapes (T, nq), (T,)."""
+    """Close each sample; if any closes, open ones have the posture of a near closed one, (T, nq), (T,)."""
     samples = np.arange(len(task.known))
     result = task.solve(np.tile(guess, (len(samples), 1)), samples)
     x, closed = result.q, task.closed(result)
     for _ in range(ROUNDS):
         good, bad = np.flatnonzero(closed), np.flatnonzero(~closed)
-        if not len(good):
-            return np.tile(guess, (len(samples), 1)), closed
-        if not len(bad):
+        if not len(good) or not len(bad):
             break
         x[bad] = x[_nearest(good, bad)]
         result = task.solve(x[bad], bad)
         found = task.closed(result)
+        x[bad[found]], closed[bad[found]] = result.q[found], True
         if not found.any():
             break
-        x[bad[found]], closed[bad[found]] = result.q[found], True
-    good, bad = np.flatnonzero(closed), np.flatnonzero(~closed)
-    x[bad] = x[_nearest(good, bad)]
     return x, closed
 
 

@@ -92,7 +92,7 @@ def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
             continue
         seen.add(id(module.mechanism))
         try:
-            found = postures_at_home(robot, number, starts).counts
+            found = postures_at_home(robot, number, starts)
             rare = f"the rarest from {counted(int(found.min()), 'start')}"
             yield f"  {module.name}: {counted(len(found), 'posture')}, {rare}"
         except AssemblyError as error:

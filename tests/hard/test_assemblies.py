@@ -8,8 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
-from hybridyn.assembly.assemblies import Assemblies
-from hybridyn.assembly.marks import SAME_ASSEMBLY
+from hybridyn.assembly.assemblies import SAME_ASSEMBLY, Assemblies
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.command_line import call
