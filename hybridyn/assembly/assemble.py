@@ -24,11 +24,10 @@ from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
-from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
 from .requests import Requests, first_guess, gather_requests
-from .task import Task
+from .task import check_bounded, module_task
 from .wrist_positions import spanning_positions
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
@@ -186,28 +185,6 @@ def _assemble_modules(
     m.wrists.recover_accelerations(qk, vk, ak, target)
     for robots, own, index in ((q, qk, q_index), (v, vk, v_index), (a, ak, v_index)):
         robots[:, index] = own.reshape(len(parts), len(q), -1).swapaxes(0, 1)
-
-
-def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
-    """Build the problem of a module's closures, given joints and targets."""
-    m = module.mechanism
-    free = np.ones(m.tree.nv, dtype=bool)
-    for joint in request.given:
-        free[m.tree.v_slices[joint]] = False
-    problem = LoopProblem(
-        m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets,
-        rank_tolerance=m.rank_tolerance,
-    )  # fmt: skip
-    generic = problem.matrix(m.tree.sweep(m.postures))
-    rank = check_determined(module, problem, generic)
-    blocks = full_rank_blocks(generic, free, m.rank_tolerance)
-    problem = replace(problem, rank=rank, blocks=blocks)
-    names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
-    names += [
-        f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
-    ]
-    tolerance = max(robot.closure_tolerance, 1e-12)
-    return Task(problem, request.known, request.given, tolerance, module.name, names)
 
 
 def settled(m: Mechanism, x: Array) -> Array:

@@ -20,12 +20,12 @@ from ..spatial import Array, Index, Mask
 from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .assemble import module_task, place_base, settled
+from .assemble import place_base, settled
 from .follow import first_posture
 from .module_request import module_request, on_own_bases, place_bodies
 from .requests import Requests, gather_requests
 from .residual import closure_residual
-from .task import Task
+from .task import Task, module_task
 from .wrist_positions import spanning_positions
 
 #: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).

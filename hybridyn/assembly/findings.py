@@ -12,6 +12,7 @@ from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .free_motions import free_motions, own_inertia
+from .residual import residuals
 
 #: A posture is singular if its smallest pivot, or the motors' smallest share in a motion, is below this.
 SINGULAR_POSTURE = 1e-5
@@ -19,13 +20,8 @@ SINGULAR_POSTURE = 1e-5
 
 def home_residuals(robot: HybridRobot) -> list[float]:
     """Compute the largest closure residual of each module at home, relative to the module's length."""
-    out = []
-    for module in robot.modules:
-        m = module.mechanism
-        q = robot.home[None, module.q_index]
-        open_by = m.residual(q, m.spanning.sweep(q))
-        out.append(float(np.abs(open_by).max(initial=0.0)))
-    return out
+    worst = {module.name: float(np.abs(x).max()) for module, x in residuals(robot, robot.home[None])}
+    return [worst.get(module.name, 0.0) for module in robot.modules]
 
 
 def findings(robot: HybridRobot) -> list[str]:

@@ -14,8 +14,9 @@ from ..spatial import Array, Mask
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .determinacy import IDLE
 
+#: A motion is idle (a rod's spin) if it moves outputs, motors and centres of mass by less than this.
+IDLE = 1e-6
 #: A motion has no inertia below this part of the module's largest inertia (rounding of the sum is far less).
 MASSLESS_MOTION = 1e-12
 #: Motors drive a motion if their share in it is at least this.
@@ -45,8 +46,8 @@ def free_motions(module: Module) -> FreeMotions:
     scaled = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
     motions = np.linalg.qr(scaled)[0]  # orthonormal in scaled coordinates
     names = module.freedom_names()
-    free, calm = _undriven(module, motions, _effects(m, motion)[0])
-    idle, moving = motions @ free @ calm, motions @ free @ _complement(calm)
+    free, calm = _undriven(module, motions, _all_effects(m, motion)[0])
+    idle, moving = motions @ free @ calm, motions @ free @ _null_space(calm.T, DRIVEN)
     values, vectors = np.linalg.eigh(own_inertia(m, motions * m.reduction.col_scale[:, None]))
     light = motions @ vectors[:, values <= MASSLESS_MOTION * max(values[-1], 0.0)]
     return FreeMotions(_named(moving, names), _named(idle, names), _named(light, names))
@@ -101,8 +102,8 @@ def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Arr
     Returns:
         Orthonormal columns of shape (N, k), sample by sample.
     """
-    for own, effects in zip(motions, _effects(module.mechanism, motion), strict=True):
-        free, calm = _undriven(module, own, effects)
+    for own, moved in zip(motions, _all_effects(module.mechanism, motion), strict=True):
+        free, calm = _undriven(module, own, moved)
         yield free @ calm
 
 
@@ -113,31 +114,36 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
         motions: The motions, orthonormal in scaled coordinates, shape (T, n, k).
         motion: Motion of its tree, T samples.
     """
-    effects = np.matmul(_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
-    out: Mask = np.linalg.norm(effects, axis=(1, 2)) <= IDLE
+    moved = np.matmul(_all_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
+    out: Mask = np.linalg.norm(moved, axis=(1, 2)) <= IDLE
     return out
 
 
-def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:
+def _undriven(module: Module, motions: Array, moved: Array) -> tuple[Array, Array]:
     """Compute the combinations of motions that no motor drives, and which of these have no effect.
 
     Args:
         motions: Its motions, orthonormal in scaled coordinates, shape (n, N).
-        effects: Rows of `_effects` at one sample, shape (rows, n).
+        moved: Rows of `_all_effects` at one sample, shape (rows, n).
     """
     free = _null_space(motions[module.motor_columns], DRIVEN)
-    return free, _null_space(effects @ (motions @ free * module.mechanism.reduction.col_scale[:, None]), IDLE)
+    return free, _null_space(moved @ (motions @ free * module.mechanism.reduction.col_scale[:, None]), IDLE)
 
 
-def _effects(m: Mechanism, motion: Motion) -> Array:
-    """Compute the scaled Jacobians of outputs and of centres of mass, shape (T, rows, n)."""
+def effects(m: Mechanism, motion: Motion) -> list[Array]:
+    """Compute the scaled Jacobians of outputs, then of the legs' centres of mass, shape (T, rows, n) each."""
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
     rows = [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
     for i, body in enumerate(m.spec.leg_bodies):
         if body is not None and body.mass:
             centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
             rows.append(m.tree.jacobian(motion, i + 1, centre)[:, :3] / m.length)
-    return np.concatenate(rows, axis=1) if rows else np.zeros((len(motion.p), 0, m.tree.nv))
+    return rows
+
+
+def _all_effects(m: Mechanism, motion: Motion) -> Array:
+    """Compute all rows of `effects`, shape (T, rows, n)."""
+    return np.concatenate([np.zeros((len(motion.p), 0, m.tree.nv)), *effects(m, motion)], axis=1)
 
 
 def _null_space(A: Array, tolerance: float) -> Array:
@@ -147,13 +153,6 @@ def _null_space(A: Array, tolerance: float) -> Array:
     _, s, Vt = np.linalg.svd(A, full_matrices=True)
     rank = int(np.sum(s > tolerance))
     return Vt[rank:].T
-
-
-def _complement(Q: Array) -> Array:
-    """Compute an orthonormal basis of the complement of orthonormal columns Q."""
-    if not Q.shape[1]:
-        return np.eye(len(Q))
-    return np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
 
 
 def _named(motions: Array, names: list[str]) -> tuple[str, ...]:

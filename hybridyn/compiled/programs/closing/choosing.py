@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....assembly.assemble import module_task
 from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
 from ....assembly.requests import PoseRequest, Requests
+from ....assembly.task import module_task
 from ....linkage.rigid_motion import RigidMotion
 from ....spatial import Array, cross
 from ....structure.module import Module

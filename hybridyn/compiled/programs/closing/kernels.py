@@ -38,7 +38,7 @@ from .unknowns import Unknowns
 
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_CLOSING = 0.1
-#: Rates above this multiple of the given ones are refused, as `assembly.determinacy.BOUNDED` suspects them.
+#: Rates above this multiple of the given ones are refused, as `assembly.task.BOUNDED` suspects them.
 BOUNDED_RATES = 1e6
 
 
