@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
+import pytest
 
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
@@ -32,7 +36,53 @@ def outcome(path: Path, text: bytes, *, never: str | None = None) -> Description
         return None
 
 
-def written(path: Path, text: bytes) -> Path:
-    """Write a file and return its path."""
-    path.write_bytes(text)
-    return path
+def refused(file: Path, words: str, **options: object) -> ModelError:
+    """Check that a file is refused in one line that has some words, and give the error."""
+    with pytest.raises(ModelError) as caught:
+        read(file, **options)  # type: ignore[arg-type]
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+def finite(description: Description, text: object) -> None:
+    """Check that a robot has only finite numbers, and closures that close something."""
+    for link in description.links:
+        assert np.isfinite([link.mass, *link.com, *link.inertia.ravel()]).all(), text
+        assert link.mass >= 0, text
+    for joint in description.joints:
+        assert np.isfinite([*joint.placement.ravel(), *joint.axis]).all(), text
+        assert joint.lower <= joint.upper, text
+    for closure in description.closures:
+        assert np.isfinite([closure.frame_a, closure.frame_b]).all(), text
+        assert len(closure.translations) or closure.rotation != "free", text
+
+
+def mutated(
+    path: Path,
+    draw: Callable[[], bytes],
+    count: int,
+    check: Callable[[Description, bytes], object],
+    file: Path | None = None,
+    **options: str,
+) -> None:
+    """Read a robot with so many mutations of its file: some are refused in one line, others judged.
+
+    Args:
+        path: The robot's file.
+        draw: Gives the next text.
+        count: How many.
+        check: Judges a robot that was read, with the text.
+        file: What is mutated, where it stands beside the robot's file.
+        options: Those of `outcome`.
+    """
+    refused = 0
+    for _ in range(count):
+        text = draw()
+        (file or path).write_bytes(text)
+        found = outcome(path, text, **options)
+        refused += found is None
+        if found is not None:
+            finite(found, text)
+            check(found, text)
+    assert 0 < refused < count, "mutations must hit, and must not hit always"

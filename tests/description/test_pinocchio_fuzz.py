@@ -13,6 +13,7 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import HybridynError
+from tests.description.reading import finite
 from tests.pin_models import JOINTS, Drawn, drawn
 from tests.samples import slow
 from tests.waiting import must_end
@@ -117,8 +118,5 @@ def test_mutations(seed: int) -> None:
         assert len(found.closures) == 1, what
         floats = found.base == "floating"
         assert sum(joint.kind != "fixed" for joint in found.joints) >= case.model.njoints - 1 - floats, what
-        for link in found.links:
-            assert np.isfinite([link.mass, *link.com, *link.inertia.ravel()]).all(), what
-        for joint in found.joints:
-            assert np.isfinite([*joint.placement.ravel(), *joint.axis]).all(), what
+        finite(found, what)
     assert 0 < refused < CASES

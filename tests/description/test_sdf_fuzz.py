@@ -14,7 +14,8 @@ import pytest
 from lxml import etree
 
 from hybridyn.description import Description
-from tests.description.reading import outcome, written
+from tests.description.reading import finite, mutated, outcome
+from tests.files import save
 from tests.mutations import TREE
 from tests.samples import slow
 from tests.sdf_texts import WORLD, joint, link, sdf
@@ -89,13 +90,8 @@ def check(found: Description, text: bytes) -> None:
             assert name in parts or f"{name}_1" in parts or f"{name}_closure" in parts or ground, text
         made = sum(node.get("type").strip() in ("screw", "gearbox") for node in joints)
         assert len(found.couplings) == made + sum(1 for _ in root.iter("mimic")), text
-    for body in found.links:
-        assert np.isfinite([body.mass, *body.com, *body.inertia.ravel()]).all(), text
     for one in found.joints:
-        assert np.isfinite([*one.placement.ravel(), *one.axis]).all(), text
         assert abs(np.linalg.norm(one.axis) - 1) < 1e-12, text
-    for closure in found.closures:
-        assert np.isfinite([closure.frame_a, closure.frame_b]).all(), text
 
 
 @pytest.fixture
@@ -108,22 +104,14 @@ def folder(tmp_path: Path) -> Path:
     ("text", "loops", "couplings"), [*zip(TEXTS, (1, 2, 2, 0), (2, 3, 3, 0), strict=True)]
 )
 def test_the_files_are_good_as_they_stand(folder: Path, text: str, loops: int, couplings: int) -> None:
-    found = outcome(written(folder / "r.sdf", text.encode()), text.encode())
+    found = outcome(save(folder, text, "r.sdf"), text.encode())
     assert found is not None
     assert (len(found.closures), len(found.couplings)) == (loops, couplings)
     check(found, text.encode())
+    finite(found, text)
 
 
 @pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 30))])
 def test_mutations(folder: Path, seed: int) -> None:
     draw = random.Random(seed)
-    read_well = refused = 0
-    for _ in range(CASES):
-        text = draw.choice(TREE)(draw.choice(TEXTS), draw)
-        found = outcome(written(folder / "r.sdf", text), text)
-        refused += found is None
-        if found is not None:
-            read_well += 1
-            check(found, text)
-    assert refused
-    assert read_well
+    mutated(folder / "r.sdf", lambda: draw.choice(TREE)(draw.choice(TEXTS), draw), CASES, check)

@@ -11,16 +11,17 @@ import random
 import re
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from hybridyn.description import Description, read
 from hybridyn.description.usd import opening
 from hybridyn.errors import ModelError
-from tests.description.reading import outcome, written
+from tests.description.reading import mutated, outcome
 from tests.extras import needs
+from tests.files import save
 from tests.mutations import NUMBERS, WORDS, cut, flip_bytes
 from tests.samples import slow
 from tests.usd_texts import DRIVE, KINDS, at, body, joint, prim
@@ -87,7 +88,7 @@ MUTATIONS: list[Mutation] = [
 ]
 
 
-def check(description: Description, path: Path, text: bytes) -> None:
+def check(path: Path, description: Description, text: bytes) -> None:
     """Compare a robot with what usd-core's own parser finds."""
     stage = Usd.Stage.Open(str(path))
     with warnings.catch_warnings():
@@ -121,12 +122,6 @@ def check(description: Description, path: Path, text: bytes) -> None:
         loops += first == second
         above[max(first, second)] = min(first, second)
     assert len(description.closures) == loops, text
-    for link in description.links:
-        assert np.isfinite([link.mass, *link.com, *link.inertia.ravel()]).all(), text
-    for record in description.joints:
-        assert np.isfinite([*record.placement.ravel(), *record.axis]).all(), text
-    for closure in description.closures:
-        assert np.isfinite([closure.frame_a, closure.frame_b]).all(), text
 
 
 @pytest.fixture
@@ -136,25 +131,17 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_file_is_good_as_it_stands(folder: Path) -> None:
-    found = outcome(written(folder / "r.usda", TEXT.encode()), TEXT.encode(), never="ended while")
+    found = outcome(save(folder, TEXT, "r.usda"), TEXT.encode(), never="ended while")
     assert found is not None
     assert (len(found.closures), len(found.couplings), found.motors) == (2, 1, ("j8",))
-    check(found, folder / "r.usda", TEXT.encode())
+    check(folder / "r.usda", found, TEXT.encode())
 
 
 @pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 30))])
 def test_mutations(folder: Path, seed: int) -> None:
-    draw = random.Random(seed)
-    read_well = refused = 0
-    for _ in range(CASES):
-        text = draw.choice(MUTATIONS)(TEXT, draw)
-        found = outcome(written(folder / "r.usda", text), text, never="ended while")
-        refused += found is None
-        if found is not None:
-            read_well += 1
-            check(found, folder / "r.usda", text)
-    assert refused
-    assert read_well
+    draw, file = random.Random(seed), folder / "r.usda"
+    judge = partial(check, file)
+    mutated(file, lambda: draw.choice(MUTATIONS)(TEXT, draw), CASES, judge, never="ended while")
 
 
 @pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 20))])
