@@ -36,11 +36,11 @@ def outcome(path: Path, text: bytes, *, never: str | None = None) -> Description
         return None
 
 
-def refused(file: Path, words: str, **options: object) -> ModelError:
-    """Check that a file is refused in one line that has some words, and give the error."""
+def refused(file: Path | str, *words: str, **options: object) -> ModelError:
+    """Check that a file is refused in one line that has all these words, and give the error."""
     with pytest.raises(ModelError) as caught:
         read(file, **options)  # type: ignore[arg-type]
-    assert words in str(caught.value)
+    assert [word for word in words if word not in str(caught.value)] == [], caught.value
     assert "\n" not in str(caught.value)
     return caught.value
 

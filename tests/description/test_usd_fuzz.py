@@ -19,7 +19,7 @@ import pytest
 from hybridyn.description import Description, read
 from hybridyn.description.usd import opening
 from hybridyn.errors import ModelError
-from tests.description.reading import mutated, outcome
+from tests.description.reading import mutated, outcome, refused
 from tests.extras import needs
 from tests.files import save
 from tests.mutations import NUMBERS, WORDS, cut, flip_bytes
@@ -162,15 +162,14 @@ def test_mutations_of_binary_files(folder: Path, seed: int) -> None:
 
 
 def test_a_file_that_ends_the_child_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder / "r.usda").write_text(TEXT)
+    file = save(folder, TEXT, "r.usda")
     monkeypatch.setattr(opening, "MEMORY", 2**20)
-    with pytest.raises(ModelError, match="OpenUSD"):
-        read(folder / "r.usda")
+    refused(file, "OpenUSD")
     monkeypatch.undo()
-    assert read(folder / "r.usda").motors == ("j8",)
+    assert read(file).motors == ("j8",)
     (server,) = opening._RUNNING
     server.close()
-    assert read(folder / "r.usda").motors == ("j8",)
+    assert read(file).motors == ("j8",)
 
 
 @pytest.mark.slow
@@ -183,7 +182,6 @@ def test_references_that_double_at_each_level_are_refused(
         + "}\n"
         for i in range(40)
     )
-    (folder / "r.usda").write_text("#usda 1.0\n" + levels + 'def Xform "l40" {}\n')
     monkeypatch.setattr(opening, "SECONDS", 1)
-    with pytest.raises(ModelError, match="took more than 1 s of processor time"):
-        read(folder / "r.usda")
+    file = save(folder, "#usda 1.0\n" + levels + 'def Xform "l40" {}\n', "r.usda")
+    refused(file, "took more than 1 s of processor time")
