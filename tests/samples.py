@@ -43,3 +43,11 @@ def in_turn(values: Iterable[str], others: Sequence[Any], chosen: Sequence[str] 
     turn = {(value, others[i % len(others)]) for i, value in enumerate(kept)}
     pairs = [(value, other) for value in values for other in others]
     return [pair if pair in turn else slow(*pair) for pair in pairs]
+
+
+def each(first: Any, cases: Iterable[Any]) -> list[Any]:
+    """Return cases with one more value before theirs; slow ones stay slow."""
+    return [
+        pytest.param(first, *getattr(case, "values", case), marks=getattr(case, "marks", ()))
+        for case in cases
+    ]

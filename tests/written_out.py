@@ -16,8 +16,10 @@ class Interpreted:
 
     dtype = np.dtype("float64")
 
-    def __init__(self, robot: HybridRobot, models: tuple[str, ...] = ("idm", "ddm", "kinematics")) -> None:
-        self.programs = programs(robot, models=models)
+    def __init__(
+        self, robot: HybridRobot, models: tuple[str, ...] = ("idm", "ddm", "kinematics"), effects: Any = None
+    ) -> None:
+        self.programs = programs(robot, effects, models=models)
         self._functions = {name: function_of(program) for name, program in self.programs.items()}
 
     def batch(self, name: str, *inputs: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from hybridyn.errors import AssemblyError, HybridynError, ModelError, Trajectory
 from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
+from tests.comparing import close_to, refused, same_bits
 from tests.posing import swaying
 from tests.structure.test_parameters import COUNTED
 
@@ -48,6 +50,14 @@ def robot_of(compiled: CompiledRobot, p: Array) -> HybridRobot:
     return changed(compiled.robot, compiled.parameters, compiled.parameters.slot_values(p[None])[0])
 
 
+def agrees(table: Any, k: int, robot: HybridRobot, **asked: Any) -> None:
+    """Compare a design of a table with a robot of its own."""
+    states = hybridyn.assemble(robot, **asked)
+    efforts = hybridyn.idm(robot, *states)
+    close_to((table.q[k], table.v[k], table.a[k], table.tau[k]), (*states, efforts), AGREE)
+    close_to(table.peak_effort[k], np.abs(efforts).max(axis=0), 1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
@@ -61,24 +71,15 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     assert found.reached.all()
     assert found.recomputed == 0
     for k in range(0, len(p), 6):
-        other = robot_of(compiled, p[k])
-        states = hybridyn.assemble(other, motors=motors)
-        for x, wanted in zip((found.q, found.v, found.a), states, strict=True):
-            np.testing.assert_allclose(x[k], wanted, rtol=AGREE, atol=AGREE)
-        efforts = hybridyn.idm(other, *states)
-        size = np.abs(efforts).max()
-        np.testing.assert_allclose(found.tau[k], efforts, rtol=0, atol=AGREE * size)
-        np.testing.assert_allclose(found.peak_effort[k], np.abs(efforts).max(axis=0), rtol=1e-9)
+        agrees(found, k, robot_of(compiled, p[k]), motors=motors)
     alone = compiled.designs(p[3:4], motors=motors)  # the same bits, whatever the others need
-    for x, y in ((alone.q, found.q), (alone.a, found.a), (alone.tau, found.tau)):
-        assert np.array_equal(x[0], y[3])
+    same_bits((alone.q[0], alone.a[0], alone.tau[0]), (found.q[3], found.a[3], found.tau[3]))
     one = compiled.assemble(motors=motors, parameters=p[3])
-    np.testing.assert_allclose(one[0], found.q[3], rtol=0, atol=AGREE)
+    close_to(one[0], found.q[3], AGREE)
     rows, before = compiled._evaluator.rows, compiled.recomputed
     follow = rows.follow
     rows.follow = lambda *given, **more: replace(follow(*given, **more), certain=np.zeros(1, bool))  # type: ignore[method-assign]
-    again = compiled.assemble(motors=motors, parameters=p[3])
-    np.testing.assert_allclose(again[0], one[0], rtol=0, atol=AGREE)
+    close_to(compiled.assemble(motors=motors, parameters=p[3])[0], one[0], AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
 
 
@@ -102,11 +103,7 @@ def test_designs_follow_some_coordinates_of_a_pose(name: str, parameters: list[s
     assert found.good.all()
     assert found.recomputed == 0
     for k in range(0, len(p), 4):
-        other = robot_of(compiled, p[k])
-        states = hybridyn.assemble(other, platforms=platforms)
-        efforts = hybridyn.idm(other, *states)
-        for x, wanted in zip((found.q, found.v, found.a, found.tau), (*states, efforts), strict=True):
-            np.testing.assert_allclose(x[k], wanted, rtol=0, atol=AGREE * np.abs(wanted).max())
+        agrees(found, k, robot_of(compiled, p[k]), platforms=platforms)
     if name == "rps3":  # its slides have no ends
         return
     far = {
@@ -141,26 +138,23 @@ def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
     p = nominal * (1.0 + 0.02 * np.random.default_rng(1).uniform(-1.0, 1.0, (ROWS, len(nominal))))
     wanted = hybridyn.assemble(robot_of(compiled, p[4]), motors=waves(robot, SWING[name]))
     found = compiled.close(x, x_dot, x_ddot, parameters=p[4])  # one design, row after row
-    for one, right in zip(found, wanted, strict=True):
-        np.testing.assert_allclose(one, right, rtol=AGREE, atol=AGREE)
+    close_to(found, wanted, AGREE, 1.0)
     lone = compiled.close(x[4], x_dot[4], x_ddot[4], last=found[0][3], parameters=p[4])
     each = compiled.close(x, x_dot, x_ddot, last=found[0], parameters=p)  # another design in each row
-    for one, many, right in zip(lone, each, wanted, strict=True):
-        np.testing.assert_allclose(one, right[4], rtol=AGREE, atol=AGREE)
-        np.testing.assert_allclose(many[4], right[4], rtol=AGREE, atol=AGREE)
+    for rows in (lone, tuple(level[4] for level in each)):
+        close_to(rows, tuple(level[4] for level in wanted), AGREE, 1.0)
     for k in (0, ROWS - 1):
-        other = robot_of(compiled, p[k])
-        right = hybridyn.assemble(other, motors=dict(zip(robot.motors, x[k], strict=True)), guess=found[0][k])
-        np.testing.assert_allclose(each[0][k], right[0], rtol=AGREE, atol=AGREE)
+        asked = dict(zip(robot.motors, x[k], strict=True))
+        right = hybridyn.assemble(robot_of(compiled, p[k]), motors=asked, guess=found[0][k])
+        close_to(each[0][k], right[0], AGREE, 1.0)
     assert compiled.recomputed == 0
     far = np.tile(nominal, (2, 1))
     far[1, 1] += 5.0  # too long to close
-    with pytest.raises(HybridynError):
-        compiled.close(x[:2], parameters=far)
-    with pytest.raises(TrajectoryError, match="last has shape"):
-        compiled.close(x, last=found[0][:2], parameters=p)
-    with pytest.raises(AssemblyError, match="not finite"):
-        compiled.close(x, last=found[0] * np.nan, parameters=p)
+    refused(lambda: compiled.close(x[:2], parameters=far), HybridynError, "")
+    few = partial(compiled.close, x, last=found[0][:2], parameters=p)
+    refused(few, TrajectoryError, "last has shape")
+    lost = partial(compiled.close, x, last=found[0] * np.nan, parameters=p)
+    refused(lost, AssemblyError, "not finite")
 
 
 @pytest.mark.slow
@@ -196,12 +190,11 @@ def test_postures_that_cannot_be_are_counted() -> None:
     assert set(found.errors) >= {1, 2}
     assert np.isnan(found.peak_effort[~found.good]).all()
     for k in range(len(p)):
+        asked = partial(hybridyn.assemble, robot_of(compiled, p[k]), motors=wide)
         if found.good[k]:
-            states = hybridyn.assemble(robot_of(compiled, p[k]), motors=wide)
-            np.testing.assert_allclose(found.q[k], states[0], rtol=0, atol=AGREE)
+            close_to(found.q[k], asked()[0], AGREE)
         else:
-            with pytest.raises(HybridynError, match=re.escape(found.errors[k])):
-                hybridyn.assemble(robot_of(compiled, p[k]), motors=wide)
+            refused(asked, HybridynError, re.escape(found.errors[k]))
     assert found.recomputed >= 2
 
 
@@ -226,23 +219,21 @@ def test_a_design_of_another_structure_gets_a_model_of_its_own(tmp_path: Path) -
     assert "with length = 0.9, the links are others" in found.errors[1]
     assert (found.recomputed, found.reached.all(axis=1).tolist()) == (0, [True, False, True])
     assert np.isnan(found.q[1]).all()
-    with pytest.raises(ModelError, match="compile a model of its own"):
-        compiled.idm(found.q[0], found.v[0], found.a[0], parameters=[0.9])
+    own = partial(compiled.idm, found.q[0], found.v[0], found.a[0], parameters=[0.9])
+    refused(own, ModelError, "compile a model of its own")
     other = hybridyn.compile(robot.with_parameters({"length": 0.9}), parameters=["length"])
     more = other.designs([[0.9], [0.8]], motors=motors)
     assert more.good.all()
     for table, k, length in ((found, 0, 0.4), (more, 0, 0.9)):
-        fresh = hybridyn.load(file, xacro_args={"length": length})
-        states = hybridyn.assemble(fresh, motors=motors)
-        efforts = hybridyn.idm(fresh, *states)
-        np.testing.assert_allclose(table.tau[k], efforts, rtol=0, atol=AGREE * np.abs(efforts).max())
+        agrees(table, k, hybridyn.load(file, xacro_args={"length": length}), motors=motors)
 
 
 @pytest.mark.slow
 def test_wrong_designs_are_refused() -> None:
     compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
     motors = waves(compiled.robot, 0.1)
-    with pytest.raises(ModelError, match="mass of 'm1_tool' is negative in design 1"):
-        compiled.designs([[0.4], [-0.1]], motors=motors)
-    with pytest.raises(TrajectoryError, match="parameters has shape"):
-        compiled.designs([[0.4, 1.0]], motors=motors)
+    for designs, error, words in (
+        ([[0.4], [-0.1]], ModelError, "mass of 'm1_tool' is negative in design 1"),
+        ([[0.4, 1.0]], TrajectoryError, "parameters has shape"),
+    ):
+        refused(lambda: compiled.designs(designs, motors=motors), error, words)  # noqa: B023

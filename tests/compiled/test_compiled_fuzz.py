@@ -28,9 +28,8 @@ from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.hard.scaling import Scale
 from tests.hard.singular_postures import PLACES, posture
-from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
 from tests.oracle import Base, Oracle
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.shipped import shipped, states_near_home
 
 AGREE = 1e-10  # the claim
 MARGIN = 2e-11  # of what is trusted beside singular postures: room for states that were not drawn
@@ -109,34 +108,6 @@ def test_two_small_pivots_are_handed_over() -> None:
     wrong, doubtful = off(*near("lx4 leg and parallel", 2e-3, 1), MARGIN)
     assert wrong == []
     assert doubtful == 2
-
-
-@pytest.mark.parametrize("name", ["gough_stewart", "five_bar", "rps3"])
-def test_no_sample_near_home_is_handed_over(name: str) -> None:
-    description = shipped(name)
-    robot = build_robot(description)
-    q, v, _ = states_near_home(description, "fixed", 1, 2)
-    assert off(robot, (q, v, efforts(robot, 2))) == ([], 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("name", ROBOTS)
-def test_no_sample_near_home_of_any_robot_is_handed_over(name: str, base: Base) -> None:
-    description = shipped(name)
-    robot = build_robot(description, base=base)
-    q, v, _ = states_near_home(description, base, 1, 4)
-    assert off(robot, (q, v, efforts(robot, 4))) == ([], 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 4))
-@pytest.mark.parametrize("kind", KINDS)
-def test_random_mechanisms(kind: str, seed: int) -> None:
-    description, base = random_mechanism(seed, kind=kind), BASES[(seed + list(KINDS).index(kind)) % 3]
-    robot = build_robot(description, base=base)
-    q, v, _ = random_states(description, base, seed, 2, wrenches=random_wrenches(description, seed))
-    assert off(robot, (q, v, efforts(robot, 2)))[0] == []
 
 
 WRIST = """<robot name="wrist">{links}{joints}</robot>"""

@@ -17,7 +17,9 @@ from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.shipped import shipped_robots
-from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError
+from hybridyn.errors import CompileError, HybridynError, ModelError
+from tests.comparing import same_bits, same_words
+from tests.engines import General
 from tests.samples import slow
 
 Arrays = tuple[Any, Any, Any, Any]
@@ -37,127 +39,34 @@ def states(model: CompiledRobot) -> Arrays:
     return random_states(model.robot, 40, seed=5)
 
 
-def test_models_are_those_of_the_general_path(model: CompiledRobot, states: Arrays) -> None:
-    q, v, a, tau = states
-    before = model.recomputed
-    assert (difference(model.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
-    assert (
-        difference(model.idm(q, v, a), hybridyn.idm(model.robot, q, v, a)) <= MODEL_AGREES["float64"]
-    ).all()
-    assert model.recomputed == before
-
-
 def test_one_sample_has_the_bits_of_the_batch(model: CompiledRobot, states: Arrays) -> None:
     q, v, a, tau = states
     efforts, accelerations = model.idm(q, v, a), model.ddm(q, v, tau)
-    model.threads = 2
     times = 2 * model.library.programs["ddm"].block // len(q)  # more than one block
-    many = [np.tile(x, (times, 1)) for x in states]
-    assert (model.ddm(many[0], many[1], many[3]) == np.tile(accelerations, (times, 1))).all()
+    model.threads = 2
+    many = model.ddm(*(np.tile(x, (times, 1)) for x in (q, v, tau)))
     model.threads = 1
+    same_bits(many, np.tile(accelerations, (times, 1)))
     for t in range(10):
-        assert (model.idm(q[t], v[t], a[t]) == efforts[t]).all()
-        assert (model.ddm(q[t], v[t], tau[t]) == accelerations[t]).all()
-        assert (model.ddm(q[t].tolist(), v[t], tau[t]) == accelerations[t]).all()
+        same_bits(model.idm(q[t], v[t], a[t]), efforts[t])
+        same_bits(model.ddm(q[t].tolist(), v[t], tau[t]), accelerations[t])
 
 
 def test_small_models_wake_threads_for_many_samples_only() -> None:
     assert hybridyn.compile(shipped("five_bar")).library.programs["ddm"].block > 8 * BLOCK
 
 
-def test_kinematics_are_the_general_paths(model: CompiledRobot, states: Arrays) -> None:
-    q, v, a, _ = states
-    ours, theirs = model.kinematics(q, v, a), hybridyn.kinematics(model.robot, q, v, a)
-    assert list(ours) == list(theirs)
-    for link, motion in theirs.items():
-        for name in ("pose", "twist", "acceleration"):
-            result, reference = getattr(ours[link], name), getattr(motion, name)
-            np.testing.assert_allclose(
-                result, reference, rtol=0, atol=1e-12 * max(1.0, np.abs(reference).max())
-            )
-    one = model.kinematics(q[3], v[3], links=[link])[link]
-    assert one.pose.shape == (7,)
-    assert (one.pose == ours[link].pose[3]).all()
-    with pytest.raises(TrajectoryError, match="unknown link"):
-        model.kinematics(q, v, a, ["none"])
-    with pytest.raises(TrajectoryError, match="v is not finite at sample 3"):
-        model.kinematics(*spoiled(states, "nan")[:2])
-
-
-def spoiled(states: Arrays, kind: str) -> list[Any]:
-    """Return inputs of `ddm` with something wrong."""
-    q, v, _, tau = (x[:5].copy() for x in states)
-    if kind == "nan":
-        v[3, 7] = np.nan
-    elif kind == "infinite":
-        tau[2, 1] = np.inf
-    elif kind == "width":
-        q = q[:, 1:]
-    elif kind == "samples":
-        v = v[:4]
-    elif kind == "rank":
-        q = q[None]
-    elif kind == "open":
-        q[4, 3] += 0.1
-    elif kind == "opening":
-        v[1] *= np.linspace(1, 2, v.shape[1])
-    elif kind == "text":
-        q = "nonsense"
-    return [q, v, tau]
-
-
-@pytest.mark.parametrize(
-    ("kind", "error"),
-    [
-        ("nan", TrajectoryError),
-        ("infinite", TrajectoryError),
-        ("width", TrajectoryError),
-        ("samples", TrajectoryError),
-        ("rank", TrajectoryError),
-        ("open", AssemblyError),
-        ("opening", AssemblyError),
-        ("text", TrajectoryError),
-    ],
-)
-def test_errors_are_the_general_paths(model: CompiledRobot, states: Arrays, kind: str, error: type) -> None:
-    given = spoiled(states, kind)
-    with pytest.raises(error) as theirs:
-        hybridyn.ddm(model.robot, *given)
-    with pytest.raises(error) as ours:
-        model.ddm(*given)
-    assert str(ours.value) == str(theirs.value)
-    one = [x if isinstance(x, str) else x[-1 if kind == "open" else min(3, len(x) - 1)] for x in given]
-    if kind in ("nan", "width", "rank", "text", "open"):
-        with pytest.raises(error) as theirs:
-            hybridyn.ddm(model.robot, *one)
-        with pytest.raises(error) as ours:
-            model.ddm(*one)
-        assert str(ours.value) == str(theirs.value)
-
-
-def test_a_base_acceleration_needs_a_moving_base(model: CompiledRobot, states: Arrays) -> None:
-    q, v, _, tau = states
-    with pytest.raises(TrajectoryError, match="base_acceleration is for base='moving'"):
-        model.ddm(q, v, tau, base_acceleration=np.zeros(6))
-
-
 @pytest.mark.parametrize("base", ["moving", "floating"])
 def test_other_bases(base: Any) -> None:
     robot = shipped("five_bar", base=base)
     model = hybridyn.compile(robot)
-    q, v, a, tau = random_states(robot, 10, seed=3)
-    if base == "moving":
-        acceleration = np.random.default_rng(1).normal(size=(10, 6))
-        for given in (None, acceleration, acceleration[3]):
-            a = hybridyn.ddm(robot, q, v, tau, base_acceleration=given)
-            assert (
-                difference(model.ddm(q, v, tau, base_acceleration=given), a) <= MODEL_AGREES["float64"]
-            ).all()
-        one = model.ddm(q[3], v[3], tau[3], base_acceleration=acceleration[3])
-        assert (one == model.ddm(q, v, tau, base_acceleration=acceleration[3])[3]).all()
-        assert (model.ddm(q[3], v[3], tau[3]) == model.ddm(q, v, tau)[3]).all()
-    else:
-        assert (difference(model.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
+    q, v, _, tau = random_states(robot, 10, seed=3)
+    acceleration = np.random.default_rng(1).normal(size=(10, 6))
+    for given in (None, acceleration, acceleration[3])[: 3 if base == "moving" else 1]:
+        found, wanted = (on.ddm(q, v, tau, base_acceleration=given) for on in (model, General(robot)))
+        assert (difference(found, wanted) <= MODEL_AGREES["float64"]).all()
+        one = given if np.ndim(given) < 2 else given[3]
+        same_bits(model.ddm(q[3], v[3], tau[3], base_acceleration=one), found[3])
 
 
 def test_only_doubtful_samples_are_computed_again(
@@ -299,11 +208,7 @@ def test_effort_limits_hold() -> None:
     wanted = hybridyn.ddm(robot, q, v, tau, effects=effects)
     assert (difference(model.ddm(q, v, tau), wanted) <= MODEL_AGREES["float64"]).all()
     assert (model.ddm(q[4], v[4], tau[4]) == model.ddm(q, v, tau)[4]).all()
-    with pytest.raises(HybridynError) as theirs:
-        hybridyn.idm(robot, q, v, a, effects=effects)
-    with pytest.raises(HybridynError) as ours:
-        model.idm(q, v, a)
-    assert type(ours.value) is type(theirs.value)
+    same_words(lambda: model.idm(q, v, a), lambda: hybridyn.idm(robot, q, v, a, effects=effects))
 
 
 def test_a_model_travels_to_another_process(model: CompiledRobot, states: Arrays) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,8 @@ from hybridyn.errors import ModelError, TrajectoryError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.robot import HybridRobot
+from tests.comparing import close_to, refused, same_bits
 from tests.shipped import shipped
 from tests.structure.test_parameters import CASES
 
@@ -37,9 +41,12 @@ def states(compiled: hybridyn.CompiledRobot, factor: float, seed: int) -> dict[s
     }  # fmt: skip
 
 
-def off(found: Array, wanted: Array) -> float:
-    """Return the largest difference, relative to the largest entry."""
-    return float(np.abs(found - wanted).max() / np.abs(wanted).max())
+def agrees(compiled: hybridyn.CompiledRobot, fresh: HybridRobot, p: Any, effects: Any = "default") -> None:
+    """Compare both models at a design with a robot that is built with its numbers."""
+    q, v, a, tau = random_states(fresh, 4)
+    for model, last in (("idm", a), ("ddm", tau)):
+        wanted = getattr(hybridyn, model)(fresh, q, v, last, effects=effects)
+        close_to(getattr(compiled, model)(q, v, last, parameters=p), wanted, AGREE)
 
 
 @pytest.mark.slow
@@ -60,7 +67,7 @@ def test_written_models_take_the_numbers_of_a_design(name: str) -> None:
         rows = [functions[model](*state, slots) for state in zip(q, v, last, strict=True)]
         if "placement" in " ".join(CASES[name]) and name == "five_bar":
             continue  # turned: its loops close nowhere, and the guard says so
-        assert off(np.array([np.array(row[0]).ravel() for row in rows]), wanted) <= AGREE
+        close_to(np.array([np.array(row[0]).ravel() for row in rows]), wanted, AGREE)
         assert max(float(row[1]) for row in rows) <= 1.0
 
 
@@ -71,19 +78,15 @@ def test_a_batch_has_a_design_for_each_sample(name: str) -> None:
     parts = [states(compiled, factor, seed) for seed, factor in enumerate((1.0, 1.06, 0.95))]
     many = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     q, v, p = many["q"], many["v"], many["p"]
-    assert off(compiled.idm(q, v, many["a"], parameters=p), many["idm"]) <= AGREE
-    assert off(compiled.ddm(q, v, many["tau"], parameters=p), many["ddm"]) <= AGREE
+    efforts = compiled.idm(q, v, many["a"], parameters=p)
+    close_to(efforts, many["idm"], AGREE)
+    close_to(compiled.ddm(q, v, many["tau"], parameters=p), many["ddm"], AGREE)
     assert compiled.recomputed == 0
-    one = compiled.idm(q[-1], v[-1], many["a"][-1], parameters=p[-1])
-    assert np.array_equal(one, compiled.idm(q, v, many["a"], parameters=p)[-1])
-    shared = compiled.idm(q[-5:], v[-5:], many["a"][-5:], parameters=p[-1])
-    assert np.array_equal(shared, compiled.idm(q, v, many["a"], parameters=p)[-5:])
-    nominal = compiled.idm(q[:5], v[:5], many["a"][:5])
-    assert off(nominal, parts[0]["idm"]) <= AGREE
+    same_bits(compiled.idm(q[-1], v[-1], many["a"][-1], parameters=p[-1]), efforts[-1])
+    same_bits(compiled.idm(q[-5:], v[-5:], many["a"][-5:], parameters=p[-1]), efforts[-5:])
+    close_to(compiled.idm(q[:5], v[:5], many["a"][:5]), parts[0]["idm"], AGREE)
     again = pickle.loads(pickle.dumps(compiled))
-    assert np.array_equal(
-        again.idm(q, v, many["a"], parameters=p), compiled.idm(q, v, many["a"], parameters=p)
-    )
+    same_bits(again.idm(q, v, many["a"], parameters=p), efforts)
 
 
 @pytest.mark.slow
@@ -91,12 +94,9 @@ def test_arguments_of_a_xacro_file_are_expanded_for_each_design() -> None:
     robot = hybridyn.load("five_bar")
     compiled = hybridyn.compile(robot, parameters=["upper_length", "tool_mass"])
     designs = np.array([[0.27, 0.7], [0.25, 0.4]])
-    for design in designs:
-        names = ("upper_length", "tool_mass")
-        fresh = hybridyn.load("five_bar", xacro_args={n: str(x) for n, x in zip(names, design, strict=True)})
-        q, v, a, tau = random_states(fresh, 4)
-        assert off(compiled.idm(q, v, a, parameters=design), hybridyn.idm(fresh, q, v, a)) <= AGREE
-        assert off(compiled.ddm(q, v, tau, parameters=design), hybridyn.ddm(fresh, q, v, tau)) <= AGREE
+    for length, mass in designs:
+        given = {"upper_length": str(length), "tool_mass": str(mass)}
+        agrees(compiled, hybridyn.load("five_bar", xacro_args=given), [length, mass])
     assert compiled.recomputed == 0
 
 
@@ -108,21 +108,20 @@ def test_samples_of_another_structure_go_to_the_general_path() -> None:
     slots = compiled.parameters.slot_values(p[None])[0]
     other = changed(compiled.robot, compiled.parameters, slots)
     q, v, a, _ = random_states(other, 3)
-    assert off(compiled.idm(q, v, a, parameters=p), hybridyn.idm(other, q, v, a)) <= AGREE
+    close_to(compiled.idm(q, v, a, parameters=p), hybridyn.idm(other, q, v, a), AGREE)
     assert compiled.recomputed == len(q)
 
 
 @pytest.mark.slow
 def test_wrong_arguments_are_named() -> None:
     robot = hybridyn.load("five_bar")
-    with pytest.raises(ModelError, match="there is no link 'm1_toll'"):
-        hybridyn.compile(robot, parameters=["mass:m1_toll"])
-    compiled = hybridyn.compile(robot, parameters=FEW["five_bar"])
-    still = np.zeros(robot.nv)
-    with pytest.raises(TrajectoryError, match=r"parameters has shape \(2,\).*\(4,\) \(mass:m1_tool, "):
-        compiled.idm(robot.home, still, still, parameters=[1.0, 2.0])
-    with pytest.raises(ModelError, match="has no parameters"):
-        hybridyn.compile(robot).idm(robot.home, still, still, parameters=[1.0])
+    rest = robot.home, *np.zeros((2, robot.nv))
+    compiled, plain = hybridyn.compile(robot, parameters=FEW["five_bar"]), hybridyn.compile(robot)
+    shape = r"parameters has shape \(2,\).*\(4,\) \(mass:m1_tool, "
+    refused(lambda: compiled.idm(*rest, parameters=[1.0, 2.0]), TrajectoryError, shape)
+    refused(lambda: plain.idm(*rest, parameters=[1.0]), ModelError, "has no parameters")
+    unknown = partial(hybridyn.compile, robot, parameters=["mass:m1_toll"])
+    refused(unknown, ModelError, "there is no link 'm1_toll'")
 
 
 @pytest.mark.slow
@@ -145,22 +144,17 @@ def test_springs_and_payloads_are_parameters(many: bool) -> None:
     assert compiled.parameters.nominal.tolist() == first
     designs = [[5.0, -0.3, 1.2, 0.05, 0.0, 0.01, *(2 * x for x in first[6:])], [0.0] * 12]
     for p in designs:
-        fresh = hybridyn.with_effects(robot, effects(p))
-        q, v, a, tau = random_states(fresh, 4)
         given = np.tile(p, (4, 1)) if many else np.array(p)
-        wanted = hybridyn.idm(fresh, q, v, a, effects=effects(p))
-        assert off(compiled.idm(q, v, a, parameters=given), wanted) <= AGREE
-        wanted = hybridyn.ddm(fresh, q, v, tau, effects=effects(p))
-        assert off(compiled.ddm(q, v, tau, parameters=given), wanted) <= AGREE
+        agrees(compiled, hybridyn.with_effects(robot, effects(p)), given, effects(p))
     assert compiled.recomputed == 0
     motors = {name: np.linspace(0.0, 0.3, 5) for name in robot.motors}
     table = compiled.designs(designs, motors=motors)
     for p, found in zip(designs, table.tau, strict=True):
         fresh = hybridyn.with_effects(robot, effects(p))
         states = hybridyn.assemble(fresh, motors=motors)
-        assert off(found, hybridyn.idm(fresh, *states, effects=effects(p))) <= AGREE
-    with pytest.raises(ModelError, match="stiffness of 'm1_left_elbow' is negative in design 0"):
-        compiled.idm(q, v, a, parameters=[-1.0, *first[1:]])
+        close_to(found, hybridyn.idm(fresh, *states, effects=effects(p)), AGREE)
+    negative = partial(compiled.idm, *(x[0] for x in states), parameters=[-1.0, *first[1:]])
+    refused(negative, ModelError, "stiffness of 'm1_left_elbow' is negative in design 0")
 
 
 @pytest.mark.slow
@@ -171,11 +165,7 @@ def test_coefficients_of_friction_are_parameters() -> None:
     robot = build_robot(replace(description, joints=joints))
     name, effects = "viscous_friction:m1_left_elbow", ["default", "viscous_friction"]
     compiled = hybridyn.compile(robot, effects, parameters=[name])
-    other = robot.with_parameters({name: 0.8})
-    q, v, a, tau = random_states(other, 4)
-    for model, last in (("idm", a), ("ddm", tau)):
-        wanted = getattr(hybridyn, model)(other, q, v, last, effects=effects)
-        assert off(getattr(compiled, model)(q, v, last, parameters=[0.8]), wanted) <= AGREE
-    assert off(compiled.idm(q, v, a), hybridyn.idm(robot, q, v, a, effects=effects)) <= AGREE
-    with pytest.raises(ModelError, match="'viscous_friction' does not act on the joint"):
-        hybridyn.compile(robot, parameters=[name])
+    agrees(compiled, robot.with_parameters({name: 0.8}), [0.8], effects)
+    agrees(compiled, robot, None, effects)
+    stated = partial(hybridyn.compile, robot, parameters=[name])
+    refused(stated, ModelError, "'viscous_friction' does not act on the joint")

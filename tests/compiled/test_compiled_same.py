@@ -1,8 +1,12 @@
-"""Every public function gets the same input on both paths: the results are equal, or both raise."""
+"""Every public function gets the same input on both paths: equal results, or errors in the same words."""
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,25 +15,72 @@ import pytest
 import hybridyn
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.compiled.equations.states import moving_states
+from hybridyn.compiled.programs.quantities import following
+from hybridyn.dynamics.quantities.coordinates import independent_coordinates
+from hybridyn.errors import CompileError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from tests.comparing import SOLVED
+from tests.comparing import SOLVED, close_to, same_bits, same_words
 from tests.dynamics.test_idm import flat_five_bar
+from tests.dynamics.test_lost_rank import parallelogram
+from tests.engines import General
 from tests.locked import hinged_five_bar, named
 from tests.mechanisms import random_mechanism
 from tests.parts import rssr
+from tests.quantities.ankle import JOINTS, ankle, leg
 from tests.samples import slow
+from tests.shipped import ROBOTS
 from tests.sketch import Sketch
 
-#: The functions of both paths over coordinates, with the arguments after the positions.
+#: The functions over coordinates, with the arguments after the positions; those of links; the others.
 OVER_JOINTS = {
-    "motion_map": "", "mass_matrix": "", "gravity": "", "link_jacobian": "l", "bias": "v", "coriolis": "v",
-    "coriolis_matrix": "v",
+    "motion_map": "", "motion_map and rate": "v", "mass_matrix": "", "gravity": "", "link_jacobian": "l",
+    "bias": "v", "coriolis": "v", "coriolis_matrix": "v", "joint_map": "",
 }  # fmt: skip
-#: Those of links, of motions and of efforts.
 OTHERS = {
-    "delassus": "l", "operational_inertia": "l", "energy": "v", "kinematics": "va", "idm": "va", "ddm": "vu",
+    "delassus": "l", "delassus of three": "m", "operational_inertia": "l", "operational_inertia of two": "m",
+    "energy": "v", "kinematics": "va", "idm": "va", "ddm": "vu",
 }  # fmt: skip
+#: Of the largest entry, in single precision: rounding times the condition of an operational-space inertia.
+WITHIN = {"float64": SOLVED, "float32": 1e-3}
+ELBOWS = ["m1_left_elbow", "m1_right_elbow"]
+
+
+def compared(
+    compiled: hybridyn.CompiledRobot,
+    q: Array,
+    v: Array,
+    coordinates: Sequence[Sequence[str] | None] = (None,),
+) -> tuple[int, int]:
+    """Compare every function; return how many calls gave results, and how many samples were general."""
+    robot, count, general_samples = compiled.robot, 0, 0
+    general, rng = General(robot, compiled.effects), np.random.default_rng(0)
+    weight = 9.81 * sum(body.mass for body in robot.bodies.bodies)
+    links = [list(robot.bodies.place)[-1], robot.description.root, list(robot.bodies.place)[2]]
+    u = rng.normal(size=(*q.shape[:-1], len(robot.motors)))
+    given = {"l": links[0], "m": links, "v": v, "a": np.zeros_like(v), "u": u}
+    calls = [(n, letters, {"joints": x}) for x in coordinates for n, letters in OVER_JOINTS.items()]
+    calls += [(n, letters, {}) for n, letters in OTHERS.items()]
+    calls += [(n, "l", {"axes": "link"}) for n in ("link_jacobian", "delassus")]
+    for name, letters, options in calls:
+        if name == "joint_map" and options["joints"] is None:
+            continue
+
+        def call(on: Any, name: str = name, letters: str = letters, options: Any = options) -> Any:
+            """Call one function of an engine."""
+            found = getattr(on, name.split()[0])(q, *(given[letter] for letter in letters), **options)
+            maps = "motors_per_joints", "joints_per_motors", "curvature", "joint_positions", "motor_positions"
+            return tuple(getattr(found, x) for x in maps) if name == "joint_map" else found
+
+        try:
+            wanted = call(general)
+        except HybridynError:
+            same_words(partial(call, compiled), partial(call, general))
+            continue
+        before = compiled.recomputed
+        close_to(call(compiled), wanted, WITHIN[str(compiled.dtype)], weight)
+        count, general_samples = count + 1, general_samples + compiled.recomputed - before
+    return count, general_samples
 
 
 def spinning() -> HybridRobot:
@@ -40,112 +91,92 @@ def spinning() -> HybridRobot:
     return build_robot(s.description("spinning"))
 
 
-def arrays(result: Any) -> list[Array]:
-    """Return the numbers of a result: an array, or a tuple, dictionary or record of them."""
-    if isinstance(result, dict):
-        return [x for name in sorted(result) for x in arrays(result[name])]
-    if isinstance(result, tuple):
-        return [x for part in result for x in arrays(part)]
-    if isinstance(result, hybridyn.JointMap):
-        return [result.motors_per_joints, result.joints_per_motors]
-    parts = getattr(result, "__dataclass_fields__", None)
-    return [x for name in parts for x in arrays(getattr(result, name))] if parts else [np.asarray(result)]
+Case = tuple[Callable[[Path], HybridRobot], Callable[[HybridRobot], Sequence[Any]], str, str]
 
 
-def same(name: str, compiled: Callable[[], Any], general: Callable[[], Any], size: float) -> bool:
-    """Compare two calls, relative to the largest entry or `size`; return whether they computed something."""
-    try:
-        wanted = arrays(general())
-    except HybridynError as error:
-        with pytest.raises(type(error)):
-            print(name, "computed in C:", compiled())
-        return False
-    for x, y in zip(arrays(compiled()), wanted, strict=True):
-        off = np.abs(x - y).max(initial=0.0)
-        assert off <= SOLVED * max(size, np.abs(y).max(initial=0.0)), name
-    return True
+def five_bar(_: Path, **options: Any) -> HybridRobot:
+    return hybridyn.load("five_bar", **options)
 
 
-def compared(
-    robot: HybridRobot, q: Array, coordinates: Sequence[Sequence[str] | None], effects: str = "default"
-) -> int:
-    """Compare every function at one posture; return how many calls computed something."""
-    compiled = hybridyn.compile(robot, effects)
-    rng, weight = np.random.default_rng(0), 9.81 * sum(body.mass for body in robot.bodies.bodies)
-    try:
-        v = hybridyn.motion_map(robot, q) @ rng.normal(size=len(robot.motors))
-    except HybridynError:  # nothing moves that the motors prescribe
-        v = np.zeros(robot.nv)
-    link = list(robot.bodies.place)[-1]
-    given = {"l": link, "v": v, "a": np.zeros(robot.nv), "u": rng.normal(size=len(robot.motors))}
-    own, count = {"effects": compiled.effects}, 0
-
-    def both(name: str, letters: str, **options: Any) -> int:
-        """Compare one function."""
-        after = [given[letter] for letter in letters]
-        general = getattr(hybridyn, name)
-        massless = name in ("motion_map", "link_jacobian", "kinematics", "joint_map")
-        more = options if massless else {**own, **options}
-        return same(
-            f"{name} {options}",
-            lambda: getattr(compiled, name)(q, *after, **options),
-            lambda: general(robot, q, *after, **more),
-            weight,
-        )
-
-    for joints in coordinates:
-        count += sum(both(name, letters, joints=joints) for name, letters in OVER_JOINTS.items())
-        count += 0 if joints is None else both("joint_map", "", joints=joints)
-    count += sum(both(name, letters) for name, letters in OTHERS.items())
-    for far in (0.01, 50.0):
-        asked = {name: x + far for name, x in zip(robot.motors, positions(robot, q), strict=True)}
-        count += same(
-            f"assemble {far}",
-            lambda motors=asked: compiled.assemble(motors=motors),
-            lambda motors=asked: hybridyn.assemble(robot, motors=motors),
-            1.0,
-        )
-    return count
+def shipped_one(name: str, _: Path) -> HybridRobot:
+    return hybridyn.load(name)
 
 
-def positions(robot: HybridRobot, q: Array) -> Array:
-    """Return the motors' positions."""
-    at = [robot.q_slices[robot.joint_index[name]] for name in robot.motors]
-    return np.array([q[s][0] if s.stop - s.start == 1 else np.arctan2(*q[s][::-1]) for s in at])
+#: Regular robots: how they are made, coordinates besides the motors, effects and the type of numbers.
+REGULAR: dict[str, Case] = {
+    "five_bar": (
+        five_bar,
+        lambda r: [ELBOWS, r.motors[:1], [*r.motors[:1], "nobody"], [], [*ELBOWS, *r.motors]],
+        "default",
+        "float64",
+    ),
+    "five_bar moving": (partial(five_bar, base="moving"), lambda r: [], "model", "float64"),
+    "five_bar floating": (partial(five_bar, base="floating"), lambda r: [ELBOWS], "model", "float64"),
+    "gough_stewart single": (partial(shipped_one, "gough_stewart"), lambda r: [], "default", "float32"),
+    "ankle": (ankle, lambda r: [JOINTS], "default", "float64"),
+    "leg": (leg, lambda r: [JOINTS], "default", "float64"),
+    **{
+        name: (partial(shipped_one, name), lambda r: [r.motors[:1]], "model", "float64")
+        for name in ROBOTS[:-1]
+    },
+    "five_bar of its files": (five_bar, lambda r: [ELBOWS], "model", "float64"),
+}
 
 
-def test_a_five_bar_by_motors_and_by_elbows() -> None:
-    robot = hybridyn.load("five_bar")
-    q = moving_states(robot, 1, 1)[0][0]
-    both = [None, ["m1_left_elbow", "m1_right_elbow"], ["m1_left_drive"], ["m1_left_drive", "nobody"]]
-    assert compared(robot, q, both) > 20
+@pytest.mark.parametrize("name", ["five_bar of its files", *map(slow, list(REGULAR)[:-1])])
+def test_regular_states(name: str, tmp_path: Path) -> None:
+    """One sample and many; the general path computes no sample for the compiled one."""
+    make, coordinates, effects, dtype = REGULAR[name]
+    compiled = hybridyn.compile(make(tmp_path), effects, dtype=dtype)
+    q, v, _ = moving_states(compiled.robot, 3, 1)
+    for states in ((q, v), (q[1], v[1])):
+        count, general_samples = compared(compiled, *states, [None, *coordinates(compiled.robot)])
+        assert count > 15
+        assert general_samples == 0
 
 
-@pytest.mark.parametrize("motors", [("ja", "jc"), slow(("ja", "jx"))])
-def test_a_hinge_that_the_loop_locks(motors: tuple[str, str]) -> None:
-    robot = hinged_five_bar(motors)
-    choices = [None, *([*named(robot, *ends)] for ends in (("ja", "jx"), ("ja", "jd"), ("jx",)))]
-    assert compared(robot, robot.home, choices) > (15 if "jx" not in motors else 3)
+#: Robots at postures or with coordinates that some functions refuse, and how many calls compute something.
+REFUSING: dict[
+    str, tuple[Callable[[Path], HybridRobot], Callable[[HybridRobot], Any], Callable[..., Any], int]
+] = {
+    "a hinge that the loop locks": (
+        lambda _: hinged_five_bar(("ja", "jc")),
+        lambda r: r.home,
+        lambda r: [named(r, *ends) for ends in (("ja", "jx"), ("jx", "jd"), ("ja", "jd"), ("jx",))],
+        20,
+    ),
+    "a locked motor": (
+        lambda _: hinged_five_bar(("ja", "jx")),
+        lambda r: r.home,
+        lambda r: [named(r, "ja", "jd")],
+        3,
+    ),
+    "open loops": (five_bar, lambda r: r.home + 0.1 * np.eye(r.nq)[r.q_slices[1].start], lambda r: [], 0),
+    "a rod that spins": (
+        lambda _: spinning(),
+        lambda r: r.home,
+        lambda r: [r.joints[:1], r.joints[1:2], r.joints[-1:]],
+        3,
+    ),
+    "motors that lose a direction": (
+        lambda _: flat_five_bar()[0],
+        lambda r: np.array([r.home, r.home, flat_five_bar()[1]]),
+        lambda r: [["left_elbow", "right_elbow"], ["left", "left_elbow"]],
+        3,
+    ),
+    "closures that lose rank": (parallelogram, lambda r: np.zeros(3), lambda r: [], 0),
+}
 
 
-@pytest.mark.slow
-def test_a_rod_that_spins_idly() -> None:
-    robot = spinning()
-    names = [*robot.joints]
-    assert compared(robot, robot.home, [None, names[:1], names[1:2], names[-1:]]) > 3
-
-
-@pytest.mark.slow
-def test_a_posture_where_the_motors_lose_a_direction() -> None:
-    robot, q = flat_five_bar()
-    assert compared(robot, q, [None, ["left_elbow", "right_elbow"], ["left", "left_elbow"]]) > 3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["five_bar", "delta", "gough_stewart", "stewart_ur5"])
-def test_shipped_robots_with_all_that_their_files_state(name: str) -> None:
-    robot = hybridyn.load(name)
-    compared(robot, moving_states(robot, 1, 1)[0][0], [None, robot.motors[:1]], "model")
+@pytest.mark.parametrize(
+    "name", [*list(REFUSING)[:1], "open loops", *(slow(x) for x in list(REFUSING)[1:] if x != "open loops")]
+)
+def test_states_and_coordinates_that_are_refused(name: str, tmp_path: Path) -> None:
+    make, posture, coordinates, least = REFUSING[name]
+    compiled = hybridyn.compile(make(tmp_path))
+    q = posture(compiled.robot)
+    v = np.zeros((*q.shape[:-1], compiled.robot.nv))
+    assert compared(compiled, q, v, [None, *coordinates(compiled.robot)])[0] >= least
 
 
 @pytest.mark.slow
@@ -154,9 +185,69 @@ def test_random_mechanisms(seed: int) -> None:
     """The coordinates are joints drawn at random, so that some of them are locked, idle or too many."""
     robot = build_robot(random_mechanism(seed))
     try:
-        q = moving_states(robot, 1, seed)[0][0]
+        q, v, _ = (x[0] for x in moving_states(robot, 1, seed))
     except HybridynError:
-        q = robot.home
+        q, v = robot.home, np.zeros(robot.nv)
     rng, names = np.random.default_rng(seed), robot.motors + tuple(robot.joints)
     drawn = [list(dict.fromkeys(rng.choice(names, size=len(robot.motors) or 1))) for _ in range(6)]
-    compared(robot, q, [None, *drawn])
+    compared(hybridyn.compile(robot), q, v, [None, *drawn])
+
+
+def test_motors_within_and_out_of_reach() -> None:
+    compiled = hybridyn.compile(hybridyn.load("five_bar"))
+    robot = compiled.robot
+    for far in (0.01, 50.0):
+        motors = dict.fromkeys(robot.motors, far)
+        close_to(compiled.assemble(motors=motors), hybridyn.assemble(robot, motors=motors), SOLVED, 1.0)
+    motors = dict.fromkeys(robot.motors, 1e6)
+    same_words(lambda: compiled.assemble(motors=motors), lambda: hybridyn.assemble(robot, motors=motors))
+
+
+def test_batches_in_several_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    bar = hybridyn.compile(hybridyn.load("five_bar"))
+    q, v, _ = moving_states(bar.robot, 5, 3)
+    whole = bar.mass_matrix(q), bar.coriolis(q, v), bar.motion_map(q, v)
+    monkeypatch.setattr("hybridyn.compiled.programs.quantities.following.ROWS_AT_ONCE", 4)
+    same_bits((bar.mass_matrix(q), bar.coriolis(q, v), bar.motion_map(q, v)), whole)
+
+
+@pytest.mark.slow
+def test_the_acceleration_of_a_moving_base() -> None:
+    compiled = hybridyn.compile(hybridyn.load("five_bar", base="moving"), "model")
+    (q, v, _), given = moving_states(compiled.robot, 3, 1), np.arange(6.0)
+    wanted = hybridyn.bias(compiled.robot, q, v, base_acceleration=given, effects="model")
+    close_to(compiled.bias(q, v, base_acceleration=given), wanted, SOLVED)
+
+
+@pytest.mark.slow
+def test_links_of_a_robot_at_a_parallel_singularity_have_a_delassus_matrix() -> None:
+    """Motors lose a direction there, inertia does not: the general path computes these samples alone."""
+    robot, flat = flat_five_bar()
+    compiled, link = hybridyn.compile(robot), list(robot.bodies.place)[-1]
+    q = np.array([robot.home, flat])
+    close_to(compiled.delassus(q, link), hybridyn.delassus(robot, q, link), SOLVED)
+    assert compiled.recomputed == 1
+
+
+@pytest.mark.slow
+def test_joint_maps_from_positions_by_name(tmp_path: Path) -> None:
+    compiled = hybridyn.compile(ankle(tmp_path))
+    given = {"pitch": np.linspace(0.0, 0.4, 5), "roll": np.full(5, -0.2)}
+    wanted = hybridyn.joint_map(compiled.robot, given, JOINTS)
+    found = pickle.loads(pickle.dumps(compiled.joint_map(given, JOINTS)))
+    close_to((found.q, found.curvature), (wanted.q, wanted.curvature), SOLVED)
+    assert compiled.recomputed == 0
+
+
+def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = hybridyn.load("five_bar")
+
+    def batch(states: list[np.ndarray], threads: int) -> Any:
+        """Trust nothing."""
+        return states, np.full(len(states[0]), np.inf)
+
+    calls = SimpleNamespace(batch=batch, trusted=1.0, dtype=np.dtype(float))
+    monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
+    moves = following.Following(robot, independent_coordinates(robot, None), "float64")
+    with pytest.raises(CompileError, match="trusted at none of 96 random states"):
+        moves._accept(None)  # type: ignore[arg-type]

@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 
 from hybridyn import HybridRobot, ddm, idm
-from hybridyn.description import Description
 from hybridyn.dynamics.forward import forward
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
@@ -17,74 +16,11 @@ from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
 from tests.mechanisms import KINDS
 from tests.oracle import Base, Oracle
 from tests.peers import describe, example_urdf
-from tests.samples import in_turn, slow, some
+from tests.samples import slow, some
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 FREE = 1e-12  # of the robot's weight: what a floating base may still feel
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]
-
-
-# -------------------------------------------------------------------- the oracle
-
-
-#: The snake's own table moves its tail; another base would cost the oracle seconds and show nothing new.
-SHIPPED = in_turn([name for name in ROBOTS if name != "snake"], BASES, None)
-SHIPPED += [("snake", "floating"), slow("snake", "moving")]
-
-
-@pytest.mark.parametrize(("name", "base"), SHIPPED)
-def test_shipped_robots_against_the_oracle(name: str, base: Base) -> None:
-    description = shipped(name)
-    q, v, _ = states_near_home(description, base, 1, 1 if name == "snake" else 3)
-    tau, rng = efforts(description, len(q)), np.random.default_rng(2)
-    moved = [description.joints[i].child for i in (0, len(description.joints) // 2, -1)]
-    given = {"wrenches": {link: 10 * rng.normal(size=6) for link in (description.root, *moved)}}
-    if base == "moving":
-        given["base_acceleration"] = rng.normal(size=6)
-    actual = ddm(build_robot(description, base=base), q, v, tau, **given)
-    close_to(actual, judged(description, base, q, v, tau, **given), ORACLE)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize(("kind", "base"), in_turn(KINDS, BASES))
-def test_random_mechanisms_against_the_oracle(kind: str, base: Base, seed: int) -> None:
-    description, wrenches, (q, v, _) = drawn(kind, base, seed)
-    tau, given = efforts(description, 2, seed), {"wrenches": wrenches}
-    if base == "moving":
-        given["base_acceleration"] = np.random.default_rng(seed).normal(size=6)
-    actual = ddm(build_robot(description, base=base), q, v, tau, **given)
-    expected = judged(description, base, q, v, tau, **given)
-    if KINDS[kind].massless:
-        actual, expected = (determined(description, base, q, a) for a in (actual, expected))
-    close_to(actual, expected, ORACLE)
-
-
-def determined(description: Description, base: Base, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Take out of accelerations what moves no mass, of which each model chooses its own least norm."""
-    oracle = Oracle(description, base)
-    out = a / oracle.unit
-    for t in range(len(q)):
-        basis = np.linalg.qr(oracle.massless(q[t]) / oracle.unit[:, None])[0]
-        assert basis.shape[1] == 6, "six thin rods spin"
-        out[t] -= basis @ (basis.T @ out[t])
-    return out
-
-
-PASSIVE = [kind for kind, recipe in KINDS.items() if recipe.motors == "few" and not recipe.massless]
-PASSIVE += ["five_bar_four_motors", "gough", "branched", "on_leg"]
-
-
-@pytest.mark.parametrize(("kind", "base"), in_turn(PASSIVE, BASES, None))
-def test_passive_motions_solved_against_the_oracle(kind: str, base: Base) -> None:
-    description, wrenches, (q, v, a) = drawn(kind, base)
-    oracle, robot = Oracle(description, base), build_robot(description, base=base)
-    passive = np.setdiff1d(np.arange(robot.nv), oracle.motors + list(range(6 * (base == "moving"))))
-    asked = a.copy()
-    asked[:, passive] += 7.0  # what stands there does not count, and need not close the loops
-    weights = np.ones(len(robot.motors))
-    actual = idm(robot, q, v, asked, wrenches=wrenches, passive="solved", weights=weights)
-    expected = [oracle.idm(*s, wrenches, passive="solved") for s in zip(q, v, a, strict=True)]
-    close_to(actual, np.array(expected), ORACLE)
 
 
 # -------------------------------------------------------------------- trees, against aba

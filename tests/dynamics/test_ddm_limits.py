@@ -5,22 +5,24 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from hybridyn import HybridRobot, ddm
+from hybridyn import ddm
 from hybridyn.description import Description
 from hybridyn.dynamics.direct import articulate
 from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.loads import gather_loads
-from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
+from hybridyn.errors import SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
 from tests import ROOT
-from tests.comparing import ROUNDING, close_to
-from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
+from tests.comparing import ROUNDING, close_to, refused
+from tests.engines import engine_of
+from tests.judging import BACKWARD, ORACLE, drawn, efforts, judged
 from tests.mechanisms import random_mechanism
 from tests.oracle import Base, Extended, Oracle
 from tests.shipped import shipped, states_near_home
@@ -28,36 +30,8 @@ from tests.shipped import shipped, states_near_home
 EPS = float(np.finfo(float).eps)
 LIMIT = 1e-8  # a light leg's inertia over its mass ratio, between ratios of 1e-9 and 1e-12
 
-# -------------------------------------------------------------------- batches
 
-
-@pytest.mark.parametrize("kind", ["serial_all", "stack", "sps_thin"])
-@pytest.mark.parametrize("base", BASES)
-def test_a_sample_does_not_depend_on_its_batch(kind: str, base: Base) -> None:
-    description, _, (q, v, _) = drawn(kind, base)
-    robot, tau = build_robot(description, base=base), efforts(description, 2)
-    whole, result = ddm(robot, q, v, tau, reactions=True)
-    for t in range(2):
-        single, own = ddm(robot, q[t], v[t], tau[t], reactions=True)
-        assert single.shape == (robot.nv,)
-        close_to(single, whole[t], ROUNDING)
-        largest = max(np.abs(wrench[t]).max() for wrench in result.modules.values())
-        for name, wrench in result.modules.items():
-            assert np.abs(own.modules[name] - wrench[t]).max() < BACKWARD * largest, name
-        assert np.array_equal(ddm(robot, q[t : t + 1], v[t : t + 1], tau[t : t + 1])[0], single)
-
-
-def test_no_samples_and_no_joints() -> None:
-    robot = build_robot(random_mechanism(0, kind="stack"))
-    a, result = ddm(
-        robot,
-        np.zeros((0, robot.nq)),
-        np.zeros((0, robot.nv)),
-        np.zeros((0, len(robot.motors))),
-        reactions=True,
-    )
-    assert a.shape == (0, robot.nv)
-    assert result.base.shape == (0, 6)
+def test_no_joints() -> None:
     one = random_mechanism(0, kind="serial").links[0]
     body = Description("one", (replace(one, mass=2.0, inertia=np.eye(3), com=np.zeros(3)),), ())
     still = build_robot(body)
@@ -161,68 +135,20 @@ def test_an_apparent_inertia_lies_between_nothing_and_the_whole_robot() -> None:
 # -------------------------------------------------------------------- what is wrong with the input
 
 
-def five_bar() -> tuple[HybridRobot, np.ndarray, np.ndarray, np.ndarray]:
-    description, _, (q, v, _) = drawn("five_bar", "fixed")
-    return build_robot(description), q.copy(), v.copy(), efforts(description, 2)
+@pytest.mark.parametrize("engine", ["general", "compiled"])
+def test_base_accelerations_belong_to_a_moving_base(engine: str) -> None:
+    on = engine_of(engine, build_robot(shipped("five_bar")))
+    rest = on.robot.home, np.zeros(on.robot.nv), np.zeros(2)
+    given = {"base_acceleration": np.zeros(6)}
+    refused(lambda: on.ddm(*rest, **given), TrajectoryError, "base_acceleration is for base='moving'")
 
 
-def test_arrays_of_the_wrong_shape() -> None:
-    robot, q, v, tau = five_bar()
-    with pytest.raises(TrajectoryError, match=r"tau has shape \(2, 3\); wanted \(2,\) or \(T, 2\)"):
-        ddm(robot, q, v, np.zeros((2, 3)))
-    with pytest.raises(TrajectoryError, match=r"q has shape \(2, 1\)"):
-        ddm(robot, q[:, :1], v, tau)
-    with pytest.raises(TrajectoryError, match=r"v has shape \(\)"):
-        ddm(robot, q, np.array(0.0), tau)
-    with pytest.raises(TrajectoryError, match="q, v, tau have 2, 2, 1 samples"):
-        ddm(robot, q, v, tau[:1])
-
-
-@pytest.mark.parametrize("which", ["q", "v", "tau"])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_numbers_that_are_not_finite(which: str, bad: float) -> None:
-    robot, *arrays = five_bar()
-    arrays[["q", "v", "tau"].index(which)][1, 0] = bad
-    with pytest.raises(TrajectoryError, match=f"^{which} is not finite at sample 1") as caught:
-        ddm(robot, *arrays)
-    assert (caught.value.row, caught.value.sample) == (None, 1)
-
-
-def test_base_accelerations_belong_to_a_moving_base() -> None:
-    robot, q, v, tau = five_bar()
-    with pytest.raises(TrajectoryError, match="base_acceleration is for base='moving'"):
-        ddm(robot, q, v, tau, base_acceleration=np.zeros(6))
-    moving = build_robot(robot.description, base="moving")
-    pose = np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, 1))
-    state = np.hstack([pose, q]), np.hstack([np.zeros((2, 6)), v]), tau
-    with pytest.raises(TrajectoryError, match=r"base_acceleration has shape \(5,\)"):
-        ddm(moving, *state, base_acceleration=np.zeros(5))
-    with pytest.raises(
-        TrajectoryError, match=r"base_acceleration has shape \(3, 6\); wanted \(6,\) or \(2, 6\)"
-    ):
-        ddm(moving, *state, base_acceleration=np.zeros((3, 6)))
-
-
-def test_wrenches_on_links_that_are_not_there() -> None:
-    robot, q, v, tau = five_bar()
-    link = robot.description.links[0].name
-    with pytest.raises(TrajectoryError, match=f"unknown link '{link}x' .did you mean"):
-        ddm(robot, q, v, tau, wrenches={f"{link}x": np.zeros(6)})
-
-
-def test_loops_that_are_open() -> None:
-    robot, q, v, tau = five_bar()
-    closure = robot.description.closures[0].name
-    apart = q.copy()
-    apart[1] = pin.integrate(robot.model, q[1], 1e-3 * np.eye(robot.nv)[0])
-    with pytest.raises(
-        AssemblyError, match=f"closure '{closure}': the positions do not close .* at sample 1"
-    ):
-        ddm(robot, apart, v, tau)
-    opening = v.copy()
-    opening[1] += 1e-2 * np.arange(1, robot.nv + 1)
-    with pytest.raises(AssemblyError, match="the rates do not close the loops at sample 1"):
-        ddm(robot, q, opening, tau)
+def test_accelerations_of_a_moving_base_have_a_shape() -> None:
+    robot = build_robot(shipped("five_bar"), base="moving")
+    rest = np.tile(robot.home, (2, 1)), np.zeros((2, robot.nv)), np.zeros((2, 2))
+    for shape, words in (((5,), r"\(5,\)"), ((3, 6), r"\(3, 6\); wanted \(6,\) or \(2, 6\)")):
+        asked = partial(ddm, robot, *rest, base_acceleration=np.zeros(shape))
+        refused(asked, TrajectoryError, f"base_acceleration has shape {words}")
 
 
 def test_a_forced_motion_without_mass_is_named() -> None:
@@ -230,12 +156,11 @@ def test_a_forced_motion_without_mass_is_named() -> None:
     robot = build_robot(description)
     rod = next(j for j in description.joints if j.kind == "prismatic" and j.name in description.motors)
     along = np.concatenate([np.zeros(3), 5 * rod.axis])
-    with pytest.raises(SingularityError, match=r"has no inertia, and a force of .* N m acts on it") as caught:
-        ddm(robot, q, v, efforts(description, 2), wrenches={rod.child: np.stack([0 * along, along])})
+    pushed = {rod.child: np.stack([0 * along, along])}
     lower = next(j for j in description.joints if j.child == rod.parent)
-    assert f"joint '{lower.name}'" in str(caught.value)
-    assert caught.value.sample == 1
-    assert caught.value.module == robot.modules[0].name
+    words = f"motion of joint '{lower.name}' has no inertia, and a force of .* N m acts on it"
+    asked = partial(ddm, robot, q, v, efforts(description, 2), wrenches=pushed)
+    refused(asked, SingularityError, words, sample=1, module=robot.modules[0].name)
 
 
 # -------------------------------------------------------------------- memory

@@ -155,36 +155,6 @@ def test_delassus_of_robots_without_a_motor_for_each_freedom() -> None:
     close_to(D @ wrench, np.concatenate([R.T @ motion.twist[:3], R.T @ motion.twist[3:]]), SOLVED)
 
 
-def test_one_sample_or_many() -> None:
-    description = shipped("five_bar")
-    robot = build_robot(description)
-    q, v, _ = states_near_home(description, "fixed", 0, 3)
-    link = robot.modules[0].outputs[0] if robot.modules[0].outputs else list(robot.bodies.place)[-1]
-    one_of = {
-        "mass_matrix": lambda x, _: hybridyn.mass_matrix(robot, x),
-        "motion_map": lambda x, _: hybridyn.motion_map(robot, x),
-        "rate": lambda x, y: hybridyn.motion_map(robot, x, y)[1],
-        "bias": lambda x, y: hybridyn.bias(robot, x, y),
-        "gravity": lambda x, _: hybridyn.gravity(robot, x),
-        "coriolis_matrix": lambda x, y: hybridyn.coriolis_matrix(robot, x, y),
-        "link_jacobian": lambda x, _: hybridyn.link_jacobian(robot, x, link),
-        "delassus": lambda x, _: hybridyn.delassus(robot, x, link),
-    }
-    for name, compute in one_of.items():
-        np.testing.assert_array_equal(compute(q[1], v[1]), compute(q, v)[1], err_msg=name)
-
-
-def test_no_sample_at_all() -> None:
-    robot = build_robot(shipped("five_bar"))
-    none = np.zeros((0, 4))
-    E, E_dot = hybridyn.motion_map(robot, none, none)
-    assert E.shape == E_dot.shape == (0, 4, 2)
-    assert hybridyn.mass_matrix(robot, none).shape == (0, 2, 2)
-    assert hybridyn.coriolis_matrix(robot, none, none).shape == (0, 2, 2)
-    assert hybridyn.bias(robot, none, none).shape == (0, 2)
-    assert hybridyn.delassus(robot, none, robot.description.root).shape == (0, 6, 6)
-
-
 def test_a_parallel_singularity_is_refused_in_the_words_of_idm() -> None:
     robot, q = flat_five_bar()
     for compute in (hybridyn.mass_matrix, hybridyn.motion_map, hybridyn.gravity):

@@ -130,16 +130,6 @@ def test_a_serial_joint_is_its_own_motor() -> None:
     assert not found.curvature.any()
 
 
-def test_one_sample_or_many(tmp_path: Path) -> None:
-    robot = ankle(tmp_path)
-    many = hybridyn.joint_map(robot, {"pitch": PITCH, "roll": ROLL}, JOINTS)
-    one = hybridyn.joint_map(robot, many.q[1], JOINTS)
-    close_to(one.motors_per_joints, many.motors_per_joints[1], ROUNDING)
-    close_to(one.curvature, many.curvature[1], ROUNDING)
-    close_to(one.at_joints([1.0, 2.0]), many.at_joints([1.0, 2.0])[1], ROUNDING)
-    np.testing.assert_array_equal(one.motor_positions, many.motor_positions[1])
-
-
 def test_bad_questions_are_refused(tmp_path: Path) -> None:
     robot = ankle(tmp_path)
     with pytest.raises(SingularityError, match=r"1 chosen joints for 2 freedoms leave the motion of"):

@@ -222,7 +222,7 @@ class Quantities:
         Raises:
             HybridynError: As the general path raises.
         """
-        if compute is None:
+        if compute is None or not len(arrays[0]):  # no samples: the general path knows the result's shape
             self.recomputed += len(arrays[0])
             out = general(*arrays).astype(self.dtype)
             return out[0] if single else out
