@@ -251,12 +251,15 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index)
 
 
 def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
-    """Check for each sample whether the step to the next agrees with the Newton prediction."""
+    """Check for each sample whether the step to the next agrees with the Newton prediction.
+
+    The rows are compared with those at the sample itself, before the given joints move: these alone may turn
+    the rows beyond a fold.
+    """
     problem, tree = task.problem, task.problem.tree
     start = task.with_known(q[samples], samples + 1)
     motion = tree.sweep(start)
-    here = problem.matrix(motion, every=False)
-    dx = problem.solve(here, -problem.residual(start, samples + 1, motion))
+    dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(start, samples + 1, motion))
     predicted = tree.integrate(start, dx * problem.col_scale)
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
@@ -266,8 +269,8 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
         out &= np.abs(given).max(axis=1, initial=0.0) <= FARTHEST
     rest = np.flatnonzero(out & (size > SMALL_STEP))
     if len(rest):
-        there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)
-        out[rest] = problem.turned(here[rest], there) <= MOST_TURNING
+        here, there = (problem.matrix(tree.sweep(q[samples[rest] + i]), every=False) for i in (0, 1))
+        out[rest] = problem.turned(here, there) <= MOST_TURNING
     return out
 
 

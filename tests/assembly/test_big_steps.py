@@ -76,6 +76,22 @@ def test_a_step_whose_ends_look_alike_ends_on_its_branch() -> None:
     assert far_apart(robot, found[None], wanted[None]) < SAME
 
 
+@pytest.mark.parametrize("compiled", [False, slow(True)])
+def test_motors_that_turn_the_rows_beyond_a_fold(compiled: bool) -> None:
+    """The motors alone turn the row's Jacobian about: seen from where they end, another branch is ahead."""
+    robot = build_robot(random_mechanism(107, kind="loop_rows_x"))
+    x = np.array([position(robot, name, robot.home) for name in robot.motors])
+    target = x + np.array([-0.1105, 0.1093, 0.0631])
+    wanted = end_of_fine_motion(robot, robot.home, x, target)
+    assert wanted is not None
+    if compiled:
+        found = hybridyn.compile(robot).close(target, last=robot.home)[0]
+    else:
+        motors = dict(zip(robot.motors, target, strict=True))
+        found = hybridyn.assemble(robot, motors=motors, guess=robot.home)[0]
+    assert far_apart(robot, found[None], wanted[None]) < SAME
+
+
 @pytest.mark.parametrize(
     ("name", "steps", "largest"), [("five_bar", 25, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
 )

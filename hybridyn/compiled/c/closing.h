@@ -1,7 +1,6 @@
 /* Rows of a table closed one after the other on the branch of the row before, as `assembly.follow` does it.
-   Needs NQ, NP, NV, NG, NR, MODULES, the constants of `closing_source`, KINDS (the kind of each prescribed
-   position, then -1), FAR (the longest step of each), and the single calls of "newton", "settle" and "branch". */
-#define TURN (S)6.283185307179586
+   Needs NQ, NP, NV, NG, NR, MODULES, the constants of `closing_source`, `far.h`, and the single calls of "newton",
+   "settle" and "branch". */
 typedef struct {
     S q[NQ], p[NP], step[MODULES], wrist[MODULES], open[MODULES];
 } Moved;
@@ -19,9 +18,9 @@ static S largest_of(const S *x, int n) {
     return out;
 }
 
-/* Newton's method from (q, p) to the given positions; the first step goes to `first`, the sum of the lengths of those
+/* Newton's method from (q, p), where g_0 holds, to the given positions; the first step goes to `first`, the sum of the lengths of those
    after it to `later`. 0 where it closes. */
-static int closed(const S *q, const S *p, const S *const *given, Moved *first, Closed *out, S *later) {
+static int closed(const S *q, const S *p, const S *g_0, const S *const *given, Moved *first, Closed *out, S *later) {
     static Moved at;
     const S *in[3] = {q, p, given[0]};
     S before = LONGEST;
@@ -29,7 +28,7 @@ static int closed(const S *q, const S *p, const S *const *given, Moved *first, C
     for (int k = 0; k < ITERATIONS; k++) {
         S step;
         if (k && before <= NEAR) {
-            const S *near[7] = {at.q, at.p, q, p, given[0], given[1], given[2]};
+            const S *near[8] = {at.q, at.p, q, p, g_0, given[0], given[1], given[2]};
             if (settle_single_at(near, (S *)out)) return 1;
             step = largest_of(out->step, MODULES);
             *later += step;
@@ -80,26 +79,15 @@ static int surely_same(const Moved *first, const Closed *out, S later) {
     return 1;
 }
 
-/* Whether a joint moves further than the checks of one step can judge. */
-static int is_far(const S *g_0, const S *g_1) {
-    for (int k = 0, i = 0; KINDS[k] >= 0; k++) {
-        S way = g_1[i] - g_0[i];
-        if (KINDS[k] == 1) way -= TURN * SCALAR(floor)(way / TURN + (S)0.5);
-        if (!(way <= FAR[k]) || !(-way <= FAR[k])) return 1;
-        i += KINDS[k] == 2 ? 7 : 1;
-    }
-    return 0;
-}
-
 /* Close the loops at the given positions on the branch of (q, p), where g_0 holds; 0 where that is certain. */
 static int advanced(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
     static Moved first;
     static Branch about;
     S later;
-    if (is_far(g_0, given[0])) return 1;
-    if (closed(q, p, given, &first, out, &later)) return 1;
+    if (is_far(g_0, given[0], 1)) return 1;
+    if (closed(q, p, g_0, given, &first, out, &later)) return 1;
     if (surely_same(&first, out, later)) return 0;
-    const S *in[7] = {q, p, first.q, first.p, out->q, out->p, given[0]};
+    const S *in[8] = {q, p, g_0, first.q, first.p, out->q, out->p, given[0]};
     if (branch_single_at(in, (S *)&about)) return 1;
     for (int m = 0; m < MODULES; m++) {
         if (!(about.off[m] <= SAME_BRANCH * first.step[m] + SMALL_STEP)) return 1;

@@ -1,6 +1,6 @@
 /* Rows of a table closed for W designs at once, each lane from its own row before, with the steps of `closing.h`.
-   Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, the constants of `design_source`, and the programs "newton", "settle"
-   and "branch" with their parameters. */
+   Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, the constants of `design_source`, `far.h`, and the programs "newton",
+   "settle" and "branch" with their parameters. */
 typedef struct {
     V q[NQ], p[NP];
 } Posture;
@@ -14,14 +14,16 @@ typedef struct {
 } NewtonOut;
 typedef struct {
     Posture at, start;
-    V g[NG], g_dot[NR], g_ddot[NR], slots[SLOTS];
+    V g_0[NG], g[NG], g_dot[NR], g_ddot[NR], slots[SLOTS];
 } SettleIn;
 typedef struct {
     Posture at;
     V v[NV], a[NV], step[MODULES], open[MODULES], turning[MODULES];
 } SettleOut;
 typedef struct {
-    Posture start, predicted, found;
+    Posture start;
+    V g_0[NG];
+    Posture predicted, found;
     V g[NG], slots[SLOTS];
 } BranchIn;
 typedef struct {
@@ -35,7 +37,7 @@ typedef struct {
     BranchIn branch;
     BranchOut about;
     Posture at;
-    V v[NV], a[NV], first[MODULES], turning[MODULES], before[MODULES], later, certain, programs[PROGRAMS_WORK];
+    V v[NV], a[NV], first[MODULES], turning[MODULES], before[MODULES], later, far, certain, programs[PROGRAMS_WORK];
 } Work;
 EXPORT Long designs_work = sizeof(Work);
 
@@ -95,6 +97,7 @@ static M reached(Work *w) {
 /* Compare a step with its prediction, as `assembly.follow` does. */
 static M on_branch(Work *w) {
     w->branch.found = w->at;
+    memcpy(w->branch.g_0, w->settle.g_0, sizeof(w->branch.g_0));
     M good = RUN(branch, w->branch, w->about);
     for (int m = 0; m < MODULES; m++) {
         const M near = LE(w->about.off[m], C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
@@ -112,6 +115,12 @@ static M surely_same(Work *w) {
         good = AND(good, AND(near, LE(w->turning[m], C(MOST_BOUND))));
     }
     return good;
+}
+
+/* Where the steps to a row are no longer than the checks can judge. */
+static M not_far(Work *w) {
+    for (int l = 0; l < W; l++) ((S *)&w->far)[l] = is_far((S *)w->settle.g_0 + l, (S *)w->settle.g + l, W);
+    return LE(w->far, C(0));
 }
 
 /* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
@@ -151,16 +160,18 @@ static M advanced(Work *w, M certain, int lone) {
     }
     good = AND(good, NOT(left));
     if (lone) return good;
+    good = AND(good, not_far(w));
     const M sure = surely_same(w);
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
 
 /* Close the rows of designs `from` to `to`, each from its guess.
 
-   q_0, p_0: the guesses, whose rows are `apart` (0 or 1) rows apart. g, g_dot, g_ddot: `rows` rows for all designs, or
+   q_0, p_0: the guesses, whose rows are `apart` (0 or 1) rows apart. g_0: the positions there, or 0 where the first row
+   need not be on their branch. g, g_dot, g_ddot: `rows` rows for all designs, or
    for each (`own`). q, v, a: `rows` rows for each design. certain: 1 where all rows of a design are, else 0. */
 EXPORT void closed_designs(Long from, Long to, Long rows, const S *slots, Long apart, const S *q_0, const S *p_0,
-                           Long own, const S *g, const S *g_dot, const S *g_ddot, S *q, S *v, S *a, S *certain,
+                           const S *g_0, Long own, const S *g, const S *g_dot, const S *g_ddot, S *q, S *v, S *a, S *certain,
                            Work *w) {
     for (Long d = from; d < to; d += W) {
         const int valid = to - d < W ? (int)(to - d) : W;
@@ -174,12 +185,19 @@ EXPORT void closed_designs(Long from, Long to, Long rows, const S *slots, Long a
         for (Long t = 0; t < rows && ANY(good); t++) {
             const Long row = first + t;
             fill(w->newton.g, g + row * NG, NG, stride * NG, valid);
+            if (t) memcpy(w->settle.g_0, w->settle.g, sizeof(w->settle.g));
+            else if (g_0) fill(w->settle.g_0, g_0 + d * apart * NG, NG, apart * NG, valid);
+            else memcpy(w->settle.g_0, w->newton.g, sizeof(w->newton.g));
             memcpy(w->settle.g, w->newton.g, sizeof(w->newton.g));
             memcpy(w->branch.g, w->newton.g, sizeof(w->newton.g));
             fill(w->settle.g_dot, g_dot + row * NR, NR, stride * NR, valid);
             fill(w->settle.g_ddot, g_ddot + row * NR, NR, stride * NR, valid);
-            if (!t) good = reached(w);
-            good = advanced(w, good, !t);
+            if (!t) {
+                w->branch.start = w->at;
+                good = reached(w);
+                if (g_0) w->at = w->branch.start;
+            }
+            good = advanced(w, good, !t && !g_0);
             to_rows_apart(q + (d * rows + t) * NQ, w->at.q, NQ, rows * NQ, valid);
             to_rows_apart(v + (d * rows + t) * NV, w->v, NV, rows * NV, valid);
             to_rows_apart(a + (d * rows + t) * NV, w->a, NV, rows * NV, valid);

@@ -22,13 +22,13 @@ class ClosedDesigns:
         self._close = library.closed_designs
         self._close.restype = None
         integer, pointer = ctypes.c_longlong, ctypes.c_void_p
-        self._close.argtypes = (*[integer] * 3, pointer, integer, pointer, pointer, integer, *[pointer] * 8)
+        self._close.argtypes = (*[integer] * 3, pointer, integer, *[pointer] * 3, integer, *[pointer] * 8)
         self._room = ctypes.c_longlong.in_dll(library, "designs_work").value
 
     def close(
         self,
         slots: Array,
-        guess: tuple[Array, Array],
+        guess: tuple[Array, ...],
         given: tuple[Array, Array, Array],
         out: tuple[Array, Array, Array],
         threads: int = 1,
@@ -38,7 +38,8 @@ class ClosedDesigns:
         Args:
             slots: Numbers in the slots, shape (designs, slots).
             guess: Positions of the spanning tree and of platforms, shapes (nq,), (platforms,) for all
-                designs, or with a row for each.
+                designs, or with a row for each. With what is prescribed there, shape (n,), too, the first
+                row must be on the branch of the guess.
             given: What is prescribed, its rates and accelerations, shapes (T, n) for all designs, or
                 (designs, T, n).
             out: Room for q, v, a, shapes (designs, T, nq), (designs, T, nv), (designs, T, nv). Numbers of
@@ -49,12 +50,13 @@ class ClosedDesigns:
             Designs whose states are certain at every row, shape (designs,).
         """
         designs, rows = out[0].shape[:2]
-        slots, *guess_and_given = (np.ascontiguousarray(x, dtype=float) for x in (slots, *guess, *given))
-        certain = np.empty(designs)
-        (q, p), levels = (
-            [x.ctypes.data for x in arrays] for arrays in (guess_and_given[:2], guess_and_given[2:])
+        slots, *guess, g, g_dot, g_ddot = (
+            np.ascontiguousarray(x, dtype=float) for x in (slots, *guess, *given)
         )
-        apart, own = guess_and_given[0].ndim - 1, int(guess_and_given[2].ndim == 3)
+        certain = np.empty(designs)
+        q, p, g_0, *_ = *(x.ctypes.data for x in guess), None
+        levels = [x.ctypes.data for x in (g, g_dot, g_ddot)]
+        apart, own = guess[0].ndim - 1, int(g.ndim == 3)
         rooms = [x.ctypes.data for x in (*out, certain)]
 
         def run(start: int) -> None:
@@ -62,7 +64,7 @@ class ClosedDesigns:
             work = np.empty(self._room + 64, np.uint8)
             at = -(-work.ctypes.data // 64) * 64
             stop = min(start + block, designs)
-            self._close(start, stop, rows, slots.ctypes.data, apart, q, p, own, *levels, *rooms, at)
+            self._close(start, stop, rows, slots.ctypes.data, apart, q, p, g_0, own, *levels, *rooms, at)
 
         block = BLOCK if threads > 1 else max(designs, 1)
         if designs <= block:

@@ -53,10 +53,10 @@ def closing_programs(
     forms: dict[str, Form] = {
         "newton": ([*posture, ("g", "g")], [("q", "q"), ("p", "p"), *_each("step", "wrist", "open")]),
         "settle": (
-            [*posture, *start, ("g", "g"), *rates],
+            [*posture, *start, ("g_0", "g"), ("g", "g"), *rates],
             [("q", "q"), ("p", "p"), ("v", "v"), ("a", "v"), *_each("step", "open", "turning")],
         ),
-        "branch": ([*posture, *start, *found, ("g", "g")], _each("off", "turned")),
+        "branch": ([*posture, ("g_0", "g"), *start, *found, ("g", "g")], _each("off", "turned")),
     }
     if chosen is not None:
         forms = {name: ([*ins, ("parameters", "slots")], outs) for name, (ins, outs) in forms.items()}

@@ -36,8 +36,6 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
         scalar: Number type and lanes, more than one.
     """
     programs = closing_programs(robot, parts)
-    kinds = [str(kind) for part in parts for kind in part.given.all_kinds]
-    far = [repr(step) for part in parts for step in farthest_steps(part)]
     names = constants_of(programs) | {"SHORTEST": SHORTEST}
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     order = motors_given(robot, parts)
@@ -45,12 +43,18 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
     if order:
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
         written.append(place_program(robot, parts))
-    lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};"]
-    lines += [f"static const S FAR[] = {{{', '.join([*far, '0'])}}};", text_of("closing.h")]
-    return library_source(written, scalar, "\n".join(lines))
+    return library_source(written, scalar, "\n".join([*lines, far_source(parts), text_of("closing.h")]))
 
 
-def farthest_steps(part: Part) -> list[float]:
+def far_source(parts: Sequence[Part]) -> str:
+    """Generate the C text that judges how far prescribed positions move."""
+    kinds = [str(kind) for part in parts for kind in part.given.all_kinds]
+    far = [repr(step) for part in parts for step in _farthest_steps(part)]
+    tables = [f"int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", f"S FAR[] = {{{', '.join([*far, '0'])}}};"]
+    return "\n".join([*(f"static const {table}" for table in tables), text_of("far.h")])
+
+
+def _farthest_steps(part: Part) -> list[float]:
     """Return the longest step of each prescribed position: of joints [rad or m], without limit for others."""
     m = part.module.mechanism
     units = [float(m.reduction.col_scale[m.tree.v_slices[joint].start]) for joint in part.given.joints]

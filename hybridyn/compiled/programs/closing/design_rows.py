@@ -74,11 +74,13 @@ class DesignRequests:
         samples: Number of rows T.
         closing: The program, or None if the general path must close the loops.
         given: What is prescribed, its rates and accelerations, shapes (T, numbers), (T, rates), (T, rates).
+        strict: Whether the first row is on the branch of the guess, as in `Requests`.
     """
 
     samples: int
     closing: DesignClosing | None
     given: States
+    strict: bool
 
 
 class DesignRows:
@@ -95,8 +97,8 @@ class DesignRows:
         wanted = module_requests(robot, requests) if possible else None
         closing = None if wanted is None else self._closing(requests, wanted)
         if wanted is None or closing is None:
-            return DesignRequests(requests.samples, None, (np.zeros((0, 0)),) * 3)
-        return DesignRequests(requests.samples, closing, numbers(closing.parts, wanted))
+            return DesignRequests(requests.samples, None, (np.zeros((0, 0)),) * 3, requests.strict)
+        return DesignRequests(requests.samples, closing, numbers(closing.parts, wanted), requests.strict)
 
     def _moves_posed_links(self, requests: Requests) -> bool:
         """Return whether a slot places a link in its body whose whole pose is prescribed.
@@ -127,7 +129,7 @@ class DesignRows:
         room = self._room(len(slots), table.samples) if out is None else out
         if table.closing is None:
             return _without_states(room, np.zeros(len(slots), dtype=bool))
-        start = self._guess(table.closing.parts, self.robot.home if guess is None else guess)
+        start = _guess(table.closing.parts, self.robot.home if guess is None else guess, table.strict)
         return _without_states(
             room, table.closing.library.close(slots, start, table.given, room, self.threads)
         )
@@ -146,24 +148,13 @@ class DesignRows:
         if table.closing is None:
             return _without_states(room, np.zeros(len(slots), dtype=bool))
         g, g_dot, g_ddot = (x[:, None] for x in table.given)
-        start = self._guess(table.closing.parts, guess)
+        start = _guess(table.closing.parts, guess, table.strict)
         found = table.closing.library.close(slots, start, (g, g_dot, g_ddot), room, self.threads)
         return _without_states(room, found)
 
     def _room(self, designs: int, rows: int) -> States:
         nq, nv = self.robot.nq, self.robot.nv
         return np.empty((designs, rows, nq)), np.empty((designs, rows, nv)), np.empty((designs, rows, nv))
-
-    def _guess(self, parts: list[Part], q: Array) -> tuple[Array, Array]:
-        """Return a guess, shape (nq,) or (T, nq), and its platforms, which are where the robot has them."""
-        rows = np.atleast_2d(q)
-        poses = [np.zeros((len(rows), 0))]
-        for part in parts:
-            m = part.module.mechanism
-            x = m.cut.positions(rows[:, part.module.q_index])
-            poses += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
-        p = np.concatenate(poses, axis=1)
-        return (q, p[0]) if q.ndim == 1 else (q, p)
 
     def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
         """Return the program for a choice of given joints and targets, or None."""
@@ -211,9 +202,25 @@ class DesignRows:
         def close(start: Array, given: States, room: States) -> bool:
             """Close a row, shapes (1, n), near a posture; return whether it is certain."""
             states = (room[0][None], room[1][None], room[2][None])
-            return bool(library.close(design[None], self._guess(parts, start), given, states)[0])
+            return bool(library.close(design[None], _guess(parts, start), given, states)[0])
 
         return close
+
+
+def _guess(parts: list[Part], q: Array, strict: bool = False) -> tuple[Array, ...]:
+    """Return a guess, shape (nq,) or (T, nq), its platforms, and where `strict` what is prescribed there.
+
+    The platforms are where the nominal design has them.
+    """
+    rows = np.atleast_2d(q)
+    poses, given = [np.zeros((len(rows), 0))], [np.zeros((len(rows), 0))]
+    for part in parts:
+        m = part.module.mechanism
+        x = m.cut.positions(rows[:, part.module.q_index])
+        poses += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
+        given += [part.given.of_posture(m.tree, x)] if strict else []
+    parts_of_guess = rows, *(np.concatenate(x, axis=1) for x in ((poses, given) if strict else (poses,)))
+    return tuple(x if q.ndim == 2 else x[0] for x in parts_of_guess)
 
 
 def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Part]:

@@ -9,7 +9,7 @@ from ...code.library_source import Source, library_source
 from ...code.scalars import Scalar, text_of
 from ...equations.arguments.chosen import ChosenNumbers
 from .closing_programs import closing_programs
-from .closing_source import constants_of
+from .closing_source import constants_of, far_source
 from .part import Part
 
 #: Most last steps of a row: each squares the one before.
@@ -23,4 +23,5 @@ def design_source(robot: HybridRobot, parts: Sequence[Part], chosen: ChosenNumbe
     names["PROGRAMS_WORK"] = max(program.shared + program.own for program in programs.values()) + 1
     names |= {f"{name}_SHARED": program.shared for name, program in programs.items()}
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
-    return library_source(list(programs.values()), scalar, "\n".join([*lines, text_of("design_rows.h")]))
+    lines += [far_source(parts), text_of("design_rows.h")]
+    return library_source(list(programs.values()), scalar, "\n".join(lines))

@@ -48,9 +48,9 @@ class Written:
 
     Attributes:
         newton: From (q, p, g, numbers) to (q_next, p_next, step, wrist, open, guard).
-        settle: From (q, p, q_1, p_1, g, g_dot, g_ddot, numbers) to (q_next, p_next, v, a, step, open,
-            turning, guard): how far the Jacobian has turned from the start, (q_1, p_1), at most.
-        branch: From (q_0, p_0, q_1, p_1, q_2, p_2, g, numbers) to (off, turned, guard).
+        settle: From (q, p, q_1, p_1, g_0, g, g_dot, g_ddot, numbers) to (q_next, p_next, v, a, step, open,
+            turning, guard): how far the Jacobian has turned from the start, (q_1, p_1, g_0), at most.
+        branch: From (q_0, p_0, g_0, q_1, p_1, q_2, p_2, g, numbers) to (off, turned, guard).
         table: The numbers in which the modules differ, shape (modules, numbers); expressions where they
             are arguments.
     """
@@ -122,7 +122,7 @@ class ModuleKernels:
         z = self.u.positions(0)
         rows = self._rows(z, folding, self.u.rates[1])
         functions = self._newton(rows, z, folding), self._settle(rows, z, folding)
-        return Written(*functions, self._branch(rows, folding), folding.table(len(self.u.modules)))
+        return Written(*functions, self._branch(folding), folding.table(len(self.u.modules)))
 
     def _rows(self, z: list[Expression], folding: Folding, v: Expression | None = None) -> Rows:
         """Write the rows with arguments at positions of the joints, and at rates v."""
@@ -185,9 +185,9 @@ class ModuleKernels:
             self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
             ca.SX(largest(rows.residual * self.u.scale)),
-            self._turning(rows.K, self._rows(self.u.positions(1), folding).K),
+            self._turning(rows.K, self._rows(self.u.positions(1, "g_0"), folding).K),
         ]
-        names = ("q_0", "p_0", "q_1", "p_1", "g", "g_dot", "g_ddot")
+        names = ("q_0", "p_0", "q_1", "p_1", "g_0", "g", "g_dot", "g_ddot")
         inputs = [*self.u.symbols(*names), folding.symbol()]
         return ca.Function("settle", inputs, [*outputs, ca.SX(guard)])
 
@@ -237,23 +237,23 @@ class ModuleKernels:
             guard = guard + weighed([((miss * self.u.scale)[rest], 1.0)], scale.weight(size))
         return guard
 
-    def _branch(self, rows: Rows, folding: Folding) -> ca.Function:
+    def _branch(self, folding: Folding) -> ca.Function:
         """Return the kernel that compares a step with its prediction, see `assembly.follow`.
 
         The first posture is the start, the second the predicted one, the third the one that was found.
         """
         predicted, found = self.u.positions(1), self.u.positions(2)
-        there = self._rows(found, folding)
+        here, there = (self._rows(z, folding) for z in (self.u.positions(0, "g_0"), found))
         tree = self.e.tree
         both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
         off = by_joint(tree, joint_difference, *both, positions=2)
         own = self.u.free[: self.u.own]
-        J, J_there = (K[: self.u.loops, own] for K in (rows.K, there.K))
+        J, J_there = (K[: self.u.loops, own] for K in (here.K, there.K))
         solved, trust = solve(J, J_there - J, self._own_pivots)
         unit = self.e.unit[own]
         turned = solved[:, : len(own)] * unit / unit[:, None]
         outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(trusted(trust))]
-        names = ("q_0", "p_0", "q_1", "p_1", "q_2", "p_2", "g")
+        names = ("q_0", "p_0", "g_0", "q_1", "p_1", "q_2", "p_2", "g")
         return ca.Function("branch", [*self.u.symbols(*names), folding.symbol()], outputs)
 
     @property

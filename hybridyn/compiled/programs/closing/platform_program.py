@@ -124,7 +124,9 @@ def _by_poses(modules: list[Module], closed: float) -> tuple[ca.Function, Array]
     posed = [columns[0][0], *map(pack, rates)]
     unread = ca.SX.zeros(7, 1)  # the pose is given, not that of a last posture
     here = [near, unread]
-    moved, _, rate, acceleration, step, *_, guard = written.settle.call([*here, *here, *posed, table])
+    moved, _, rate, acceleration, step, *_, guard = written.settle.call(
+        [*here, *here, posed[0], *posed, table]
+    )
     guard = ca.fmax(guard, step / closed)
     inputs = [near, *(column for column, _ in columns), table]
     return ca.Function("close_platforms", inputs, [moved, rate, acceleration, guard]), written.table

@@ -54,7 +54,12 @@ class Unknowns:
     def _columns(self) -> dict[str, tuple[ca.SX, Expression]]:
         nq, nv = self.m.spanning.nq, 7 * len(self.platforms)
         sizes = {f"q_{i}": nq for i in range(3)} | {f"p_{i}": nv for i in range(3)}
-        sizes |= {"g": self.given.size, "g_dot": self.given.rates, "g_ddot": self.given.rates}
+        sizes |= {
+            "g": self.given.size,
+            "g_0": self.given.size,
+            "g_dot": self.given.rates,
+            "g_ddot": self.given.rates,
+        }
         return {name: symbols(name, size) for name, size in sizes.items()}
 
     @cached_property
@@ -63,7 +68,7 @@ class Unknowns:
         return symbols("w", self.e.tree.nv)
 
     def symbols(self, *names: str) -> list[ca.SX]:
-        """Return columns of symbols by name: q_i, p_i (i = 0, 1, 2), g, g_dot and g_ddot."""
+        """Return columns of symbols by name: q_i, p_i (i = 0, 1, 2), g, g_0, g_dot and g_ddot."""
         return [self._columns[name][0] for name in names]
 
     def of(self, name: str) -> Expression:
@@ -75,9 +80,9 @@ class Unknowns:
         """Start of each prescribed position in g."""
         return [int(x) for x in np.cumsum([0, *(WIDTH[kind] for kind in self.given.all_kinds)])]
 
-    def positions(self, i: int) -> list[Expression]:
-        """Return the positions of each joint: the given ones from g, the others from (q_i, p_i)."""
-        g, out = self.of("g"), []
+    def positions(self, i: int, given: str = "g") -> list[Expression]:
+        """Return the positions of each joint: the given ones from g or g_0, the others from (q_i, p_i)."""
+        g, out = self.of(given), []
         for joint, source in enumerate(self.e.source):
             if joint in self.given.joints:
                 n = self.given.joints.index(joint)
