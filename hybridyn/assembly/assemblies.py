@@ -21,7 +21,7 @@ from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .assemble import place_base, settled
-from .follow import first_posture
+from .follow import follow
 from .module_request import module_request, on_own_bases, place_bodies
 from .requests import Requests, gather_requests
 from .residual import closure_residual
@@ -201,7 +201,7 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
         AssemblyError: There is none.
     """
     m, rng = module.mechanism, np.random.default_rng(seed)
-    reached = [first_posture(task, m.home)[None]]
+    reached = [follow(task, m.home)]
     if m.closures.rows:
         spread = np.where(np.abs(m.tree.S_linear).max(axis=1, initial=0.0) > 0, m.length, np.pi)
         for first in range(0, starts, STARTS_AT_ONCE):

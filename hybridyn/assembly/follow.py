@@ -24,8 +24,8 @@ SMALL_STEP = 1e-7
 #: Largest relative change of the Jacobian along a step. Two solutions across a fold differ by
 #: |J^-1 (J(x) - J)| = 1, however close to each other they are relative to the step.
 MOST_TURNING = 0.5
-#: Strides at which samples are solved: first every eighth, then all.
-STRIDES = (8, 1)
+#: Stride of the samples that are solved first, before all others.
+STRIDE = 8
 #: Longest step of a given joint [rad, module lengths] that the checks can judge: different branches may look
 #: alike at the ends of a longer one.
 FARTHEST = 1.0
@@ -72,7 +72,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
         if len(bad):
             _only_alone(guess)
         for pair in bad:
-            walked = _walk(task, q[pair], int(pair)) if keep_branch else _at_once(task, q[pair], int(pair))
+            walked = _next(task, q[pair], int(pair), keep_branch)
             off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
             off /= task.problem.col_scale
             q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
@@ -84,23 +84,16 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
     return q
 
 
-def first_posture(task: Task, guess: Array) -> Array:
-    """Compute the closed posture reached from a guess, shape (nq,), at the first sample.
+def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Array:
+    """Compute the postures reached from guesses at the samples where trajectories start, (K, nq), (K,).
 
-    This is the end of a continuous path from the guess on its own assembly branch. If there is no such path,
+    Each is the end of a continuous path from the guess on its own assembly branch. If there is no such path,
     it is the posture that Newton finds from the guess, or from seeded restarts about it.
-
-    Raises:
-        AssemblyError: No start closes; the error has the smallest residual.
     """
-    return np.asarray(_first_postures(task, guess[None], np.zeros(1, dtype=int))[0])
-
-
-def _first_postures(task: Task, guess: Array, starts: Index, strict: bool = False) -> Array:
-    """Compute `first_posture` for the trajectories that start at some samples, shapes (K, nq), (K,)."""
     tree = task.problem.tree
     result = task.solve(guess, starts)
-    strict = strict and _is_posture(task, guess)
+    loops = replace(task.problem, targets=())
+    strict = strict and bool(np.abs(loops.residual(guess, starts)).max(initial=0.0) <= NEARLY_CLOSED)
     if strict or task.closed(result).all():
         return _on_branch_of(task, guess, result, starts, strict)
     _only_alone(guess)
@@ -117,20 +110,13 @@ def _first_postures(task: Task, guess: Array, starts: Index, strict: bool = Fals
             return nearest[None]
         if result.residual.min() < best.residual.min():
             best = result
-    raise unreachable(task, best, 0, iterations)
+    raise _unreachable(task, best._replace(iterations=iterations), 0)
 
 
 def _only_alone(guess: Array) -> None:
     """Raise if there is more than one trajectory, guesses of shape (K, nq)."""
     if len(guess) > 1:
         raise AssemblyError("one of several trajectories has to be followed alone")
-
-
-def _is_posture(task: Task, guess: Array) -> bool:
-    """Return whether guesses, shape (K, nq), close the loops, so that each is on a branch."""
-    loops = task.problem.closures
-    off = loops.residual(guess, task.problem.tree.sweep(guess)) * task.problem.row_scale
-    return bool(np.abs(off).max(initial=0.0) <= NEARLY_CLOSED)
 
 
 def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, strict: bool) -> Array:
@@ -144,9 +130,8 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     start = close(loops, guess)
     if (start.residual > task.tolerance).any():
         _only_alone(guess)
-    if start.residual[0] > task.tolerance:
         if strict:
-            raise unreachable(task, result, 0, result.iterations)
+            raise _unreachable(task, result, 0)
         return found
     motion = problem.tree.sweep(start.q)
     targets = [t.from_here(motion, starts) for t in problem.targets]
@@ -156,25 +141,15 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     if closed and _steps_as_predicted(way, path, 2 * np.arange(len(guess))).all():
         return found
     _only_alone(guess)
-    try:
-        return _walk(way, start.q[0], 0, strict)[None]
-    except AssemblyError as error:
-        if not strict:
-            return found
-        if not closed:
-            raise unreachable(task, result, 0, result.iterations) from error
-        raise AssemblyError(
-            f"module '{task.module}': no continuous motion leads straight from the guess to the "
-            f"posture{AT_SAMPLE}: it would jump to another assembly branch. Go there in steps that "
-            "avoid the singularity between them",
-            module=task.module,
-            sample=0,
-            residual=float(result.residual[0]),
-            iterations=result.iterations,
-        ) from error
+    end, whole = _walk(way, start.q[0], 0, strict)
+    if whole:
+        return end[None]
+    if strict:
+        raise _lost(task, result, 0, "straight from the guess")
+    return found
 
 
-def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> AssemblyError:
+def _unreachable(task: Task, result: Closed, sample: int) -> AssemblyError:
     """Build the error for a sample that no start closes, from the best of several starts."""
     at = int(np.argmin(result.residual))
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
@@ -186,13 +161,13 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     return AssemblyError(
         f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why} after "
-        f"{iterations} iterations. The target is out of reach, or contradicts another one; move it, or give "
-        "a better guess",
+        f"{result.iterations} iterations. The target is out of reach, or contradicts another one; move it, "
+        "or give a better guess",
         module=task.module,
         leg=worst,
         sample=sample,
         residual=best,
-        iterations=iterations,
+        iterations=result.iterations,
     )
 
 
@@ -210,34 +185,29 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     K, n = samples.shape
     q = np.repeat(start[:, None], n, axis=1)
     good = np.ones((K, n), dtype=bool)
-    have = np.array([0])
-    for stride in STRIDES:
-        todo = np.setdiff1d(np.arange(0, n, stride), have)
-        if not len(todo):
-            continue
-        before = have[np.searchsorted(have, todo, side="right") - 1]
-        guess = tree.integrate(*_interpolated(task, q, have, todo, before))
-        result = task.solve(guess, samples[:, todo].ravel())
-        q[:, todo] = result.q.reshape(K, -1, tree.nq)
-        good[:, todo] = task.closed(result).reshape(K, -1)
-        have = np.sort(np.concatenate([have, todo]))
+    coarse, every = np.arange(0, n, STRIDE), np.arange(n)
+    for have, todo in ((coarse[:1], coarse[1:]), (coarse, np.setdiff1d(every, coarse))):
+        if len(todo):
+            guess = tree.integrate(*_interpolated(task, q, have, todo))
+            result = task.solve(guess, samples[:, todo].ravel())
+            q[:, todo] = result.q.reshape(K, -1, tree.nq)
+            good[:, todo] = task.closed(result).reshape(K, -1)
     return q, good
 
 
-def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index) -> tuple[Array, Array]:
+def _interpolated(task: Task, q: Array, have: Index, todo: Index) -> tuple[Array, Array]:
     """Interpolate starts between solved samples: cubic from four neighbours, lower order if there are fewer.
 
     Returns:
         Positions at the previous solved sample, and the step from it, shapes (K n, nq), (K n, nv).
     """
     tree, K = task.problem.tree, len(q)
+    at, last = np.searchsorted(have, todo, side="right") - 1, len(have) - 1
 
     def at_samples(numbers: Index) -> Array:
         return q[:, numbers].reshape(-1, tree.nq)
 
-    at = np.searchsorted(have, todo, side="right") - 1
-    last = len(have) - 1
-    step = np.zeros((K * len(todo), tree.nv))
+    before, step = at_samples(have[at]), np.zeros((K * len(todo), tree.nv))
     if last >= 1:
         first = np.clip(at - 1, 0, max(last - 3, 0))
         nodes = [have[np.minimum(first + i, last)] for i in range(min(4, last + 1))]
@@ -246,8 +216,8 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index)
             for j, other in enumerate(nodes):
                 if i != j:
                     weight *= (todo - other) / (node - other)
-            step += np.tile(weight, K)[:, None] * tree.difference(at_samples(before), at_samples(node))
-    return at_samples(before), step
+            step += np.tile(weight, K)[:, None] * tree.difference(before, at_samples(node))
+    return before, step
 
 
 def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
@@ -274,12 +244,27 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     return out
 
 
-def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> Array:
+def _next(task: Task, q: Array, sample: int, keep_branch: bool) -> Array:
+    """Compute the posture of the next sample, on the branch of a sample or, unless kept, on any."""
+    if keep_branch:
+        q, whole = _walk(task, q, sample)
+        if whole:
+            return q
+    result = task.solve(q[None], np.array([sample + 1]))
+    if keep_branch or not task.closed(result)[0]:
+        raise _lost(task, result, sample + 1, "from the one before")
+    return np.asarray(result.q[0])
+
+
+def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Array, bool]:
     """Follow the branch from a sample to the next, with steps as long as predictions hold.
 
     Args:
         finest: Whether the shortest steps are tried even if Newton's method does not close the loops at the
             end of the whole one.
+
+    Returns:
+        The last posture on the branch, shape (nq,), and whether it is that of the next sample.
     """
     there = task.solve(q[None], np.array([sample + 1]))
     shortest = 1 / (FINEST if finest or task.closed(there)[0] else COARSEST)
@@ -292,32 +277,21 @@ def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> Array:
         if way.closed(result)[0] and _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
             q, done, step = result.q[0], done + step, 2 * step
         elif step <= shortest:
-            raise _lost(task, path[0], sample)
+            return q, False
         else:
             step /= 2
-    return q
+    return q, True
 
 
-def _at_once(task: Task, q: Array, sample: int) -> Array:
-    """Solve the next sample on any branch."""
-    result = task.solve(q[None], np.array([sample + 1]))
+def _lost(task: Task, result: Closed, sample: int, start: str) -> AssemblyError:
+    """Build the error for a sample to which no branch leads from a start, from what Newton found there."""
     if not task.closed(result)[0]:
-        raise unreachable(task, result, sample + 1, result.iterations)
-    posture: Array = result.q[0]
-    return posture
-
-
-def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
-    """Build the error for a branch that ends between two samples."""
-    result = task.solve(q[None], np.array([sample + 1]))
-    if not task.closed(result)[0]:
-        return unreachable(task, result, sample + 1, result.iterations)
+        return _unreachable(task, result, sample)
     return AssemblyError(
-        f"module '{task.module}': no continuous motion leads to the posture{AT_SAMPLE} from the one before: "
-        "the posture would jump to another assembly branch. Move the trajectory away from the singularity "
-        "between them",
+        f"module '{task.module}': no continuous motion leads to the posture{AT_SAMPLE} {start}: it would "
+        "jump to another assembly branch. Go there by a way that avoids the singularity between them",
         module=task.module,
-        sample=sample + 1,
+        sample=sample,
         residual=float(result.residual[0]),
         iterations=result.iterations,
     )

@@ -59,9 +59,7 @@ def test_a_step_that_straight_motions_cannot_make_is_an_error() -> None:
     x, target = np.array([0.1509, 0.1798, -1.6443]), np.array([0.9059, 1.1365, -1.7454])
     q = hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)))[0]
     assert end_of_fine_motion(robot, q, x, target) is None
-    with pytest.raises(
-        AssemblyError, match=r"straight from the guess to .* at sample 0|do not close at sample 0"
-    ):
+    with pytest.raises(AssemblyError, match=r"at sample 0 straight from the guess|do not close at sample 0"):
         hybridyn.assemble(robot, motors=dict(zip(robot.motors, target, strict=True)), guess=q)
 
 
