@@ -60,7 +60,12 @@ SECOND_HINGE = """
     <axis xyz="0 1 0"/>
   </loop>"""
 
+#: Its loop is open at home, which is at zero.
 FOUR_BAR = f'<robot name="four_bar">{TREE}{LOOP}\n</robot>\n'
+#: The same links, at a home that closes the loop.
+CLOSED_FOUR_BAR = FOUR_BAR.replace(
+    '<origin xyz="1 0 0"/><parent', '<origin xyz="1 0 0" rpy="0 0 -0.4"/><parent'
+).replace('<origin xyz="1.5 0 0"/><parent', '<origin xyz="1.5 0 0" rpy="0 0 0.4"/><parent')
 
 
 def robot(*parts: str) -> str:

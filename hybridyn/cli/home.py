@@ -78,7 +78,8 @@ def command(
     """
     from ..description.side_cars.home_table import home_table, write_home
     from ..errors import ModelError
-    from ..studies.home import homes, positions
+    from ..structure.joint_position import positions
+    from ..studies.home import homes
 
     robot = load()
     found = homes(robot, at, starts=starts, seed=seed)

@@ -17,6 +17,7 @@ from ..description.shipped import find_robot
 from ..description.side_cars.companions import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
+from .closed_home import closed_at_home
 from .losses import Losses
 from .request import TIGHTNESS, Request, Written
 from .shapes import read_shapes
@@ -65,7 +66,8 @@ def convert(
     """Write a robot in the format that the ending of a file names: URDF, MJCF (`.xml`), SDF, USD (`.usda`).
 
     Tree, closures, inertias, limits, motors, effects and home posture are written as far as the format can
-    express them. The result lists all other properties. Data that only hybridyn reads is written to a file
+    express them. The result lists all other properties. Loops that are open at home are closed first, with
+    the motors where they are. Data that only hybridyn reads is written to a file
     beside the output, `robot.xml.model.toml` for `robot.xml`.
 
     Args:
@@ -82,7 +84,8 @@ def convert(
 
     Raises:
         ModelError: The robot cannot be read, the ending names no format, the folder does not exist, or a file
-            would be replaced that belongs to the robot or that `convert` did not write.
+            would be replaced that belongs to the robot or that `convert` did not write; or loops are open
+            at home, and no posture near it closes them.
         OSError: A file cannot be written.
     """
     target = Path(path)
@@ -90,22 +93,24 @@ def convert(
     _check_target(target)
     if not (isfinite(tightness) and tightness > 0):
         raise ModelError(f"the tightness is {tightness:g} m; it must be above zero and finite")
-    losses = Losses()
+    losses, built = Losses(), None
     if isinstance(robot, str | os.PathLike):
         file = find_robot(robot)
         _refuse_replacing(target, split_model(file)[0])
         description = read(file, xacro_args=xacro_args, package_dirs=package_dirs)
     else:
-        description = _as_loaded(robot)
+        description, built = _as_loaded(robot), robot
         if robot.base == "moving" and base is None:
             losses.add("the base moves as prescribed: written as one at rest")
         _refuse_replacing(target, description.source)
     if base is not None:
         description = replace(description, base=base)
     _refuse_names(description)
+    description, notes = closed_at_home(description, built)
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
     written = write(Request(description, target, shapes, tightness))
-    return _write(target, replace(written, losses=(*written.losses, *losses.lines())))
+    lost = *written.losses, *losses.lines()
+    return _write(target, replace(written, losses=lost, notes=(*notes, *written.notes)))
 
 
 def _as_loaded(robot: HybridRobot) -> Description:

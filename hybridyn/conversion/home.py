@@ -10,6 +10,7 @@ import numpy as np
 from ..description.placement import placement_from, rotation_from_quaternion
 from ..description.records import Array, Description, Joint
 from ..description.zero_posture import outwards
+from ..spatial import rotation_from_axis_angle
 
 
 def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
@@ -72,5 +73,4 @@ def free_pose(at: tuple[float, ...]) -> Array:
 
 def turn_about(axis: Array, angle: float) -> Array:
     """Return the rotation about a unit axis (3,) by an angle [rad], shape (3, 3)."""
-    x, y, z = math.sin(angle / 2) * axis
-    return rotation_from_quaternion(float(x), float(y), float(z), math.cos(angle / 2))
+    return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))

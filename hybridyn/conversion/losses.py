@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import isfinite
+
 from ..description.names import listed
-from ..description.records import Coupling
+from ..description.records import Coupling, Joint
+from ..description.robot_file import FREEDOMS
+
+#: Limits of a joint; a speed or effort of zero is none.
+LIMITS = ("lower", "upper", "speed_limit", "effort_limit")
 
 
 class Losses:
@@ -28,6 +35,12 @@ class Losses:
         return tuple(
             f"{reason}: {listed(names)}" if names else reason for reason, names in self._names.items()
         )
+
+
+def add_limits(joint: Joint, losses: Losses, words: Sequence[str] = LIMITS) -> None:
+    """List the limits of a joint with several freedoms that are lost. `words`: attributes of the joint."""
+    if FREEDOMS[joint.kind] > 1 and any(isfinite(getattr(joint, word)) for word in words):
+        losses.add("limits of joints with several freedoms", joint.name)
 
 
 def add_name(coupling: Coupling, follower: str, losses: Losses) -> None:

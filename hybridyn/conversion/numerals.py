@@ -8,6 +8,7 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 
 from ..description.records import Array
+from ..spatial import quaternion_from_rotation
 
 
 def numeral(value: float) -> str:
@@ -38,28 +39,10 @@ def angles_of(rotation: Array) -> tuple[float, float, float]:
     return roll, pitch, yaw
 
 
-def quaternion_of(rotation: Array) -> Array:
-    """Compute the unit quaternion x, y, z, w of a rotation matrix, shape (4,), with w >= 0.
-
-    The largest component is computed first, so that none is divided by a small number.
-
-    Args:
-        rotation: Rotation matrix, shape (3, 3).
-    """
-    r = rotation
-    trace = float(np.trace(r))
-    squares = np.array([*(1 + 2 * np.diag(r) - trace), 1 + trace])  # 4 x^2, 4 y^2, 4 z^2, 4 w^2
-    products = np.array(
-        [
-            [squares[0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
-            [r[0, 1] + r[1, 0], squares[1], r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
-            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[2], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], squares[3]],
-        ]
-    )
-    q: Array = products[int(np.argmax(squares))]
-    q = q / np.linalg.norm(q)
-    return -q if q[3] < 0 else q
+def quaternion_of(rotation: Array) -> list[float]:
+    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3), with w >= 0."""
+    x, y, z, w = (float(part) for part in quaternion_from_rotation(rotation))
+    return [w, x, y, z]
 
 
 def principal(inertia: Array) -> tuple[Array, Array]:

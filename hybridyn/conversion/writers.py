@@ -1,7 +1,7 @@
 """Choose the writer of a file by its ending.
 
 A new format is one entry of `WRITERS`: a function that receives a `Request`, adds what is lost to `Losses`,
-and returns `Written`. Writers are imported when they are used.
+and returns `Written`.
 """
 
 from __future__ import annotations
@@ -14,40 +14,19 @@ from ..description.names import did_you_mean
 from ..errors import ModelError
 from .any_format import sayable
 from .losses import Losses
+from .mjcf.mjcf import write_mjcf
 from .request import Request, Written
-
-
-def _urdf(request: Request, losses: Losses) -> Written:
-    from .urdf.urdf import write_urdf
-
-    return write_urdf(request, losses)
-
-
-def _mjcf(request: Request, losses: Losses) -> Written:
-    from .mjcf.mjcf import write_mjcf
-
-    return write_mjcf(request, losses)
-
-
-def _sdf(request: Request, losses: Losses) -> Written:
-    from .sdf.sdf import write_sdf
-
-    return write_sdf(request, losses)
-
-
-def _usd(request: Request, losses: Losses) -> Written:
-    from .usd.usd import write_usd
-
-    return write_usd(request, losses)
-
+from .sdf.sdf import write_sdf
+from .urdf.urdf import write_urdf
+from .usd.usd import write_usd
 
 #: Writers by the ending of the file.
 WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
-    ".urdf": _urdf,
-    ".xml": _mjcf,
-    ".sdf": _sdf,
-    ".usda": _usd,
-    ".usd": _usd,
+    ".urdf": write_urdf,
+    ".xml": write_mjcf,
+    ".sdf": write_sdf,
+    ".usda": write_usd,
+    ".usd": write_usd,
 }
 
 

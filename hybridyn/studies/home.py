@@ -11,7 +11,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..spatial import Array
-from ..structure.joint_position import joint_position
+from ..structure.joint_position import positions
 from ..structure.robot import HybridRobot
 
 #: Coordinates of a joint at zero, where they are not all zero.
@@ -88,24 +88,6 @@ def homes(
         joint, distance = next(iter(distances.items()), ("", 0.0))
         out.append(HomePosture(q, float(residual), bool(within), joint, distance, int(count), distances))
     return Homes(tuple(out), found.unseen)
-
-
-def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
-    """Return the position of each joint of a posture as `model.toml` states it; a free base is left out.
-
-    Args:
-        q: Positions on the spanning tree, shape (nq,).
-
-    Returns:
-        By joint one number (an angle for a continuous joint), or Pinocchio's coordinates.
-    """
-    out: dict[str, tuple[float, ...]] = {}
-    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-        if kind == "continuous":
-            out[name] = (float(joint_position(robot, q, name)),)
-        elif robot.base == "fixed" or name != robot.joints[0]:
-            out[name] = tuple(float(value) for value in q[at])
-    return out
 
 
 def branch(robot: HybridRobot) -> list[str]:

@@ -15,14 +15,14 @@ from tests import ROOT
 from tests.command_line import call
 from tests.conversion.judge import written
 from tests.extras import needs
-from tests.robot_texts import FOUR_BAR, save
+from tests.robot_texts import CLOSED_FOUR_BAR, save
 from tests.snippets import blocks
 
 
 def test_the_command_writes_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out" / "robot.urdf"
     out.parent.mkdir()
-    said = call(capsys, "convert", save(tmp_path, FOUR_BAR), "-o", out, "--strict")
+    said = call(capsys, "convert", save(tmp_path, CLOSED_FOUR_BAR), "-o", out, "--strict")
     assert said.out == ""
     assert str(out) in said.err
     assert [path.name for path in out.parent.iterdir()] == ["robot.urdf"]
@@ -30,7 +30,7 @@ def test_the_command_writes_a_robot(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_losses_are_listed(tmp_path: Path) -> None:
-    robot = hybridyn.load(save(tmp_path, FOUR_BAR), base="floating", gravity=(0, 0, -1.62))
+    robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR), base="floating", gravity=(0, 0, -1.62))
     done = convert(robot, tmp_path / "moon.urdf")
     assert [line.partition(",")[0] for line in done.losses] == [
         "the base floats",
@@ -39,7 +39,7 @@ def test_losses_are_listed(tmp_path: Path) -> None:
 
 
 def test_strict_has_an_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, out = save(tmp_path, FOUR_BAR), tmp_path / "out.xml"
+    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / "out.xml"
     for words, status in (((), 0), (("--strict",), 1)):
         said = call(capsys, "convert", file, "-o", out, *words, status=status)
         for told in (
@@ -52,7 +52,7 @@ def test_strict_has_an_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_the_base_may_float(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out.xml"
-    call(capsys, "convert", save(tmp_path, FOUR_BAR), "-o", out, "--base", "floating")
+    call(capsys, "convert", save(tmp_path, CLOSED_FOUR_BAR), "-o", out, "--base", "floating")
     assert '<freejoint name="ground:free" />' in out.read_text()
 
 
@@ -66,9 +66,9 @@ def test_the_page_shows_what_the_command_says(
 
 
 def test_its_own_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = save(tmp_path, FOUR_BAR)
+    file = save(tmp_path, CLOSED_FOUR_BAR)
     call(capsys, "convert", file, "-o", tmp_path / "." / file.name, status=1, says="is the robot's own file")
-    assert file.read_text() == FOUR_BAR
+    assert file.read_text() == CLOSED_FOUR_BAR
     with pytest.raises(ModelError, match="own file"):
         convert(hybridyn.load(file), file)
 
@@ -85,11 +85,11 @@ def test_its_own_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_wrong_target_is_refused(target: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "folder.urdf").mkdir()
     with pytest.raises(ModelError, match=message):
-        convert(save(tmp_path, FOUR_BAR), tmp_path / target)
+        convert(save(tmp_path, CLOSED_FOUR_BAR), tmp_path / target)
 
 
 def test_model_files_of_others_stay(tmp_path: Path) -> None:
-    file, out = save(tmp_path, FOUR_BAR), tmp_path / "other.urdf"
+    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / "other.urdf"
     save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
     (beside,) = convert(file, out).files[1:]
     assert beside.name == "other.urdf.model.toml"
@@ -110,7 +110,7 @@ def test_files_of_other_outputs_stay(tmp_path: Path) -> None:
     links = tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in ("base", "arm"))
     ball = Joint("ball", "spherical", "base", "arm", np.eye(4), np.array([0.0, 0.0, 1.0]))
     source = tmp_path / "first.urdf"
-    robot = hybridyn.load(save(tmp_path, FOUR_BAR))
+    robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR))
     convert(replace(robot, description=Description("ball", links, (ball,))), source)
     car = source.with_suffix(".yaml")
     before = {file: file.read_bytes() for file in (source, car)}
@@ -130,7 +130,7 @@ def test_outputs_that_convert_did_not_write_stay(ending: str, tmp_path: Path) ->
     extra = {".xml": "mjcf", ".usda": "usd", ".usd": "usd"}.get(ending)
     if extra is not None:
         needs(extra)
-    file, out = save(tmp_path, FOUR_BAR), tmp_path / f"out{ending}"
+    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / f"out{ending}"
     out.write_text("<robot>the work of a day</robot>\n")
     with pytest.raises(ModelError, match=rf"out{ending}: exists and is not from convert; move it away"):
         convert(file, out)
@@ -142,7 +142,7 @@ def test_outputs_that_convert_did_not_write_stay(ending: str, tmp_path: Path) ->
 
 
 def test_files_for_other_robots_are_not_read(tmp_path: Path) -> None:
-    file, out = save(tmp_path / "here", FOUR_BAR), tmp_path / "robot.urdf"
+    file, out = save(tmp_path / "here", CLOSED_FOUR_BAR), tmp_path / "robot.urdf"
     save(tmp_path, "[home]\ndrive = 0.5\n", "robot.model.toml")
     save(tmp_path, "joint_name: [drive]\njoint_type: [SPHERICAL]\n", "robot.yaml")
     with pytest.raises(ModelError, match=r"robot.yaml: .* is not from convert"):
@@ -161,11 +161,11 @@ def test_files_for_other_robots_are_not_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize("tightness", [0.0, -1.0, float("nan"), float("inf")])
 def test_tightness_is_a_length(tightness: float, tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="tightness"):
-        convert(save(tmp_path, FOUR_BAR), tmp_path / "out.urdf", tightness=tightness)
+        convert(save(tmp_path, CLOSED_FOUR_BAR), tmp_path / "out.urdf", tightness=tightness)
 
 
 def test_names_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
-    robot = hybridyn.load(save(tmp_path, FOUR_BAR))
+    robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR))
     robot = replace(robot, description=replace(robot.description, name="four\0bar"))
     with pytest.raises(ModelError, match=r"the name 'four.x00bar' is empty, or has characters"):
         convert(robot, tmp_path / "out.urdf")

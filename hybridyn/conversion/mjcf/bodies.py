@@ -206,8 +206,7 @@ class Builder:
         (self.tree.joints if joint.kind == "planar" else self.tree.balls)[parts[-1]] = turns
         turned = not np.array_equal(frame[:3, :3], np.eye(3))
         if turned or len(parts) > 1:
-            x, y, z, w = quaternion_of(frame[:3, :3])
-            self.tree.marks[joint.name] = f"{joint.kind} {numerals((w, x, y, z) if turned else (1, 0, 0, 0))}"
+            self.tree.marks[joint.name] = f"{joint.kind} {numerals(quaternion_of(frame[:3, :3]))}"
         if joint.kind == "spherical":
             what = "ball joints whose coordinates MuJoCo counts about other axes" if turned else ""
         else:
@@ -281,6 +280,5 @@ def pose(at: Array) -> dict[str, str]:
     if at[:3, 3].any():
         out["pos"] = numerals(at[:3, 3])
     if not np.array_equal(at[:3, :3], np.eye(3)):
-        x, y, z, w = quaternion_of(at[:3, :3])
-        out["quat"] = numerals((w, x, y, z))
+        out["quat"] = numerals(quaternion_of(at[:3, :3]))
     return out

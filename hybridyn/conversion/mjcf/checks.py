@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 from ...description.mjcf.marks import MARK
 from ...description.names import listed
 from ...description.records import Description
+from ...description.zero_posture import outwards
 from ...errors import ModelError
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.
@@ -24,19 +25,15 @@ def check_depth(d: Description) -> None:
     Raises:
         ModelError: More than `DEEPEST` joints follow one another.
     """
-    children: dict[str, list[str]] = {}
-    for joint in d.joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    level, depth = [d.root], 0
-    while level:
-        depth += 1
-        if depth > DEEPEST:
+    depth = {d.root: 1}
+    for joint in outwards(d.joints, [d.root]):
+        depth[joint.child] = depth[joint.parent] + 1
+        if depth[joint.child] > DEEPEST:
             raise ModelError(
-                f"more than {DEEPEST} joints one behind the other, up to link '{level[0]}'; bodies of MJCF "
-                "stand inside one another, and XML readers go no deeper",
-                element=level[0],
+                f"more than {DEEPEST} joints one behind the other, up to link '{joint.child}'; bodies of "
+                "MJCF stand inside one another, and XML readers go no deeper",
+                element=joint.child,
             )
-        level = [child for link in level for child in children.get(link, [])]
 
 
 def check_names(root: ET.Element, d: Description) -> None:

@@ -64,9 +64,14 @@ def add_closures(
             second = {end: (link, frame @ ahead) for end, (link, frame) in ends.items()}
             _equate(equality, word, f"{closure.name}:axis", f"{closure.name}:axis_", second, tree)
         if follower or (word, closure.rotation) not in (("weld", "fixed"), ("connect", "free")):
-            custom = root.find("custom")
-            custom = ET.SubElement(root, "custom") if custom is None else custom
-            ET.SubElement(custom, "text", name=MARK + closure.name, data=rows)
+            add_text(root, MARK + closure.name, rows)
+
+
+def add_text(root: ET.Element, name: str, data: str) -> None:
+    """Add a text to `<custom>` of the root element."""
+    custom = root.find("custom")
+    custom = ET.SubElement(root, "custom") if custom is None else custom
+    ET.SubElement(custom, "text", name=name, data=data)
 
 
 def _equate(

@@ -122,7 +122,7 @@ def _turns(closure: Closure, R: Array) -> tuple[Array, list[Axis]]:
     if closure.rotation == "parallel":
         return np.eye(4), [Axis("hinge", Z, (float(np.arctan2(R[1, 0], R[0, 0])),))]
     if closure.rotation == "free":
-        x, y, z, w = (float(number) for number in quaternion_of(R))
+        w, x, y, z = quaternion_of(R)
         return np.eye(4), [Axis("ball", Z, (x, y, z, w))]
     alpha = float(np.arctan2(R[1, 2], R[0, 2]))
     c, s = np.cos(alpha), np.sin(alpha)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...description.mjcf.joint_marks import PARTS
 from ...description.records import Description, Joint
-from ..losses import Losses
+from ..losses import Losses, add_limits
 from ..numerals import numeral, numerals
 from .bodies import Tree
 
@@ -41,8 +41,7 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
             losses.add("damping of free joints", joint.name)
         if several and (joint.friction or joint.rotor_inertia):
             losses.add("dry friction and rotors of joints with several freedoms", joint.name)
-        if several and np.isfinite((joint.lower, joint.upper, joint.effort_limit)).any():
-            losses.add("limits of joints with several freedoms", joint.name)
+        add_limits(joint, losses, ("lower", "upper", "effort_limit"))
         if joint.kind == "continuous":
             losses.add("continuous joints, which MuJoCo does not have: read back as hinges", joint.name)
         if np.isfinite(joint.speed_limit):

@@ -102,6 +102,5 @@ def add_inertial(body: ET.Element, link: Link, inertias: Inertias, moving: bool,
         possible[largest] = np.nextafter(possible[others].sum(), 0)
     attributes = {"pos": numerals(link.com), "mass": numeral(mass), "diaginertia": numerals(possible)}
     if not np.array_equal(axes, np.eye(3)):
-        x, y, z, w = quaternion_of(axes)
-        attributes["quat"] = numerals((w, x, y, z))
+        attributes["quat"] = numerals(quaternion_of(axes))
     ET.SubElement(body, "inertial", attributes)

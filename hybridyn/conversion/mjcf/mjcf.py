@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 from ...description.mjcf.joint_marks import JOINT
 from ...description.mjcf.marks import BASE, LINK
 from ...description.records import Description
+from ...description.weightless import Bodies
 from ..home import poses_at
 from ..losses import Losses
 from ..model_file import model_file
@@ -15,7 +16,7 @@ from ..numerals import numeral, numerals
 from ..request import USUAL_GRAVITY, Request, Written
 from .bodies import Builder, Tree
 from .checks import check_depth, check_names
-from .closures import add_closures, needs_follower
+from .closures import add_closures, add_text, needs_follower
 from .couplings import add_couplings
 from .followers import follower_of
 from .forces import SAID, add_forces, add_motors
@@ -87,11 +88,11 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses, remarks: Losses
         add_couplings(root, equality, d.couplings, tree.refs)
     for link, closure in ends.items():
         if link not in tree.bodies:
-            _add_text(root, LINK + closure, link)
+            add_text(root, LINK + closure, link)
     for name, data in tree.marks.items():
-        _add_text(root, JOINT + name, data)
+        add_text(root, JOINT + name, data)
     if d.base == "fixed" and any(joint.kind == "floating" for joint in d.joints):
-        _add_text(root, BASE, "fixed")
+        add_text(root, BASE, "fixed")
     _add_lost_names(d, {*tree.bodies, *ends}, losses)
     return tree
 
@@ -104,12 +105,6 @@ def _add_lost_names(d: Description, kept: set[str], losses: Losses) -> None:
     for joint in d.joints:
         if joint.kind == "fixed" and joint.child in kept and joint.name != f"{joint.child}_fixed":
             losses.add("names of fixed joints, which MuJoCo does not have", joint.name)
-
-
-def _add_text(root: ET.Element, name: str, data: str) -> None:
-    custom = root.find("custom")
-    custom = ET.SubElement(root, "custom") if custom is None else custom
-    ET.SubElement(custom, "text", name=name, data=data)
 
 
 def _weightless_ends(d: Description, still: set[str]) -> dict[str, str]:
@@ -134,15 +129,4 @@ def _weightless_ends(d: Description, still: set[str]) -> dict[str, str]:
 
 def _still(d: Description) -> set[str]:
     """Return the names of the links that do not move."""
-    if d.base == "floating":
-        return set()
-    above = {joint.child: joint for joint in d.joints}
-    out = {d.root}
-    for link in d.links:
-        path, name = [link.name], link.name
-        while name not in out and above[name].kind == "fixed":
-            name = above[name].parent
-            path.append(name)
-        if name in out:
-            out.update(path)
-    return out
+    return {link for link, body in Bodies(d).of.items() if body == d.root and d.base == "fixed"}

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...description.placement import placement_from
 from ...description.records import Array, Joint
-from ..losses import Losses
+from ..losses import Losses, add_limits
 from ..numerals import angles_of, numeral, numerals
 from .posture import Posture
 
@@ -110,8 +110,7 @@ def _add_lost_numbers(joint: Joint, losses: Losses) -> None:
     """List a joint with several freedoms whose numbers SDF cannot say."""
     if joint.damping or joint.friction or joint.rotor_inertia or joint.gear_ratio != 1:
         losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
-    if np.isfinite((joint.lower, joint.upper, joint.velocity, joint.effort)).any():
-        losses.add("limits of joints with several freedoms", joint.name)
+    add_limits(joint, losses)
 
 
 def _add_limit(axis: ET.Element, joint: Joint, zero: float) -> None:

@@ -45,8 +45,7 @@ def write_sdf(request: Request, losses: Losses) -> Written:
         names = {joint.name for joint in d.joints} | {link.name for link in d.links}
         anchor = next(name for n in range(len(names) + 1) if (name := f"anchor{n or ''}") not in names)
         start_joint(model, anchor, "fixed", "world", d.root)
-    effects = {name: dict(numbers) for name, numbers in d.effects}
-    springs = _springs(effects)
+    springs = {spring.name: (spring.stiffness, spring.rest) for spring in d.springs}
     elements = {}
     for joint in d.joints:
         element = add_joint(model, joint, springs.get(joint.name, (0.0, 0.0)), posture, losses)
@@ -62,7 +61,7 @@ def write_sdf(request: Request, losses: Losses) -> Written:
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
     beside = model_file(
         replace(d, home=_home(d)), motors=True, home=not d.closures, couplings=couplings,
-        effects=[name for name in effects if name != "spring" or not springs],
+        effects=[name for name, _ in d.effects if name != "spring"],
     )  # fmt: skip
     return Written(text, tuple(_notes(d, posture, couplings)), {".model.toml": beside})
 
@@ -116,15 +115,6 @@ def _home(d: Description) -> dict[str, tuple[float, ...]]:
         elif joint.name in d.home and joint.kind in TYPES:
             out[joint.name] = d.home[joint.name]
     return out
-
-
-def _springs(effects: dict[str, dict[str, object]]) -> dict[str, tuple[float, float]]:
-    """Return stiffness and rest position of every spring, by joint; empty if they have other numbers."""
-    numbers = effects.get("spring", {})
-    stiffness, rest = numbers.get("stiffness"), numbers.get("rest", {})
-    if not isinstance(stiffness, dict) or not isinstance(rest, dict) or set(numbers) - {"stiffness", "rest"}:
-        return {}
-    return {name: (float(k), float(rest.get(name, 0.0))) for name, k in stiffness.items()}
 
 
 def _notes(d: Description, posture: Posture, couplings: list[Coupling]) -> list[str]:

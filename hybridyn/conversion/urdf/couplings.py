@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 from ...description.records import Coupling, Description, Joint
+from ...description.urdf.loops import path_to_root
 from ..losses import Losses, add_name
 from ..numerals import numeral
 
@@ -23,7 +24,7 @@ def add_couplings(
         The couplings that URDF cannot say.
     """
     out = []
-    above = {joint.child: joint for joint in d.joints}
+    above: dict[str, Joint | None] = {d.root: None} | {joint.child: joint for joint in d.joints}
     for coupling in d.couplings:
         if (ends := _gear(coupling, d, above)) is not None:
             link_a, link_b, ratio = ends
@@ -50,7 +51,9 @@ def _add_mimic(coupling: Coupling, joints: Mapping[str, ET.Element], losses: Los
     return False
 
 
-def _gear(coupling: Coupling, d: Description, above: Mapping[str, Joint]) -> tuple[str, str, float] | None:
+def _gear(
+    coupling: Coupling, d: Description, above: dict[str, Joint | None]
+) -> tuple[str, str, float] | None:
     """Return predecessor, successor and ratio of the `<coupling>` with the same terms, or None.
 
     `<coupling>` is ratio x (sum over the predecessor's path) - (sum over the successor's path) = 0.
@@ -64,7 +67,10 @@ def _gear(coupling: Coupling, d: Description, above: Mapping[str, Joint]) -> tup
         for link_a in (*ends, d.root):
             if link_a == link_b:
                 continue
-            paths = [_path(link, above) for link in (link_a, link_b)]
+            paths = [
+                [joint.name for joint in path_to_root(link, above) if joint.kind != "fixed"]
+                for link in (link_a, link_b)
+            ]
             own = [[name for name in path if name not in other] for path, other in (paths, paths[::-1])]
             if {*own[0], *own[1]} != terms.keys() or not own[1]:
                 continue
@@ -73,13 +79,3 @@ def _gear(coupling: Coupling, d: Description, above: Mapping[str, Joint]) -> tup
             if {-terms[name] / unit for name in own[1]} == {1.0} and len(ratios) == 1:
                 return link_a, link_b, ratios.pop()
     return None
-
-
-def _path(link: str, above: Mapping[str, Joint]) -> list[str]:
-    """Return the names of the movable joints from the root to a link."""
-    out = []
-    while (joint := above.get(link)) is not None:
-        if joint.kind != "fixed":
-            out.append(joint.name)
-        link = joint.parent
-    return out[::-1]

@@ -13,7 +13,7 @@ import numpy as np
 from ...description.records import Array, Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
 from ...description.urdf.urdf import UNLIMITED
-from ..losses import Losses
+from ..losses import LIMITS, Losses, add_limits
 from ..model_file import model_file
 from ..numerals import angles_of, numeral, numerals
 from ..request import USUAL_GRAVITY, Request, Written
@@ -126,22 +126,13 @@ def _side_car(d: Description) -> str:
 
 def _add_losses(d: Description, losses: Losses) -> None:
     for joint in d.joints:
-        if _lost_limits(joint):
-            losses.add("limits of joints with several freedoms", joint.name)
+        add_limits(joint, losses, LIMITS if joint.kind == "spherical" else LIMITS[:2])
     if d.base == "floating":
         losses.add("the base floats, which URDF cannot say: load the file with base='floating'")
         if d.base_home is not None:
             losses.add("pose of the floating base in the home posture")
     if d.gravity is not None and not np.allclose(d.gravity, USUAL_GRAVITY, rtol=0, atol=1e-12):
         losses.add(f"gravity of {numerals(d.gravity)} m/s^2, which URDF cannot say")
-
-
-def _lost_limits(joint: Joint) -> bool:
-    """Say whether a joint with several freedoms has limits that are not read back."""
-    bounds = [joint.lower, joint.upper]
-    if joint.kind == "spherical":
-        bounds += [joint.effort, joint.velocity]
-    return FREEDOMS[joint.kind] > 1 and bool(np.isfinite(bounds).any())
 
 
 def _notes(d: Description) -> list[str]:

@@ -8,8 +8,8 @@ from ...description.records import Array, Link
 from ...description.urdf.shapes import Shape
 from ...description.usd.masses import POINT
 from ..losses import Losses
-from ..numerals import numeral, principal
-from .prims import Prim, turned_quaternion
+from ..numerals import numeral, principal, quaternion_of
+from .prims import Prim
 
 
 def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
@@ -30,7 +30,7 @@ def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
     moments, axes = principal(link.inertia)
     body.single("float3", "physics:diagonalInertia", moments)
     if not np.array_equal(axes, np.eye(3)):
-        body.single("quatf", "physics:principalAxes", turned_quaternion(axes))
+        body.single("quatf", "physics:principalAxes", quaternion_of(axes))
     return body
 
 

@@ -8,8 +8,8 @@ from ...description.placement import rotation_to_axis
 from ...description.records import Array, Joint
 from ...description.usd.joints import AXES, DEGREES, PLANE
 from ..home import angle_of
-from ..numerals import numeral
-from .prims import Prim, turned_quaternion
+from ..numerals import numeral, quaternion_of
+from .prims import Prim
 
 #: Types of prims by kind of joint.
 TYPES = {
@@ -60,7 +60,7 @@ def add_ends(prim: Prim, bodies: tuple[Prim | None, Prim], frames: tuple[Array, 
         if frame[:3, 3].any():
             prim.single("point3f", f"physics:localPos{side}", frame[:3, 3])
         if not np.array_equal(frame[:3, :3], np.eye(3)):
-            prim.single("quatf", f"physics:localRot{side}", turned_quaternion(frame[:3, :3]))
+            prim.single("quatf", f"physics:localRot{side}", quaternion_of(frame[:3, :3]))
 
 
 def axis_of(axis: Array) -> tuple[str, Array]:

@@ -77,7 +77,7 @@ class Prim:
         order = []
         if not np.array_equal(placement, np.eye(4)):
             self.line(f"double3 xformOp:translate = {_tuple(placement[:3, 3])}")
-            self.line(f"quatd xformOp:orient = {_tuple(turned_quaternion(placement[:3, :3]))}")
+            self.line(f"quatd xformOp:orient = {_tuple(quaternion_of(placement[:3, :3]))}")
             order = ["xformOp:translate", "xformOp:orient"]
         if scale:
             self.line(f"double3 xformOp:scale = {_tuple(scale)}")
@@ -100,12 +100,6 @@ class Prim:
             yield ""
             yield from child.lines(indent + "    ")
         yield indent + "}"
-
-
-def turned_quaternion(rotation: Array) -> list[float]:
-    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3)."""
-    x, y, z, w = (float(part) for part in quaternion_of(rotation))
-    return [w, x, y, z]
 
 
 def quoted(text: str) -> str:

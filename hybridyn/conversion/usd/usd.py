@@ -14,7 +14,7 @@ from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.usd.joints import DEGREES
 from ..home import free_pose, poses_at
-from ..losses import Losses
+from ..losses import Losses, add_limits
 from ..model_file import model_file
 from ..request import USUAL_GRAVITY, Request, Written
 from .bodies import add_body, add_shape
@@ -59,7 +59,8 @@ def write_usd(request: Request, losses: Losses) -> Written:
     by_name = {joint.name: joint for joint in d.joints}
     left = [coupling for coupling in d.couplings if not _add_mimic(coupling, by_name, joints)]
     _add_scene(top, d)
-    _add_losses(d, losses)
+    for joint in d.joints:
+        add_limits(joint, losses)
     model = _model_file(d, left)
     beside = {".model.toml": model} if model else {}
     return Written(_text(robot, top), tuple(_notes(d)), beside)
@@ -136,13 +137,6 @@ def _numbers(joint: Joint) -> dict[str, float]:
     if several:
         out |= {word: getattr(joint, word) for word in ("damping", "friction") if getattr(joint, word)}
     return out
-
-
-def _add_losses(d: Description, losses: Losses) -> None:
-    for joint in d.joints:
-        limits = joint.lower, joint.upper, joint.velocity, joint.effort
-        if FREEDOMS[joint.kind] > 1 and np.isfinite(limits).any():
-            losses.add("limits of joints with several freedoms", joint.name)
 
 
 def _notes(d: Description) -> list[str]:

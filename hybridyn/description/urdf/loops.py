@@ -125,7 +125,7 @@ def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
         ends.append(end.text("link"))
         if ends[-1] not in parents:
             raise end.error(f"unknown link '{ends[-1]}'{did_you_mean(ends[-1], parents)}")
-    paths = [_path_to_root(end, parents) for end in ends]
+    paths = [path_to_root(end, parents) for end in ends]
     shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
     terms: list[tuple[str, float]] = []
     for path, factor in zip(paths, (ratio, -1.0), strict=True):
@@ -181,7 +181,7 @@ def _closure(node: Node, kind: str, form: Form, a: Side, b: Side) -> Closure:
     )
 
 
-def _path_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
+def path_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
     """Return the joints from a link to the root; stop at a cycle, which `validate` reports later."""
     path: list[Joint] = []
     seen = {link}

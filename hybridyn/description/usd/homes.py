@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...spatial import quaternion_from_rotation
 from ..names import listed
 from ..placement import inverse, placement_from, rotation_from_quaternion
 from ..records import Array
@@ -55,7 +56,7 @@ def add_home(
 
 def pose_coordinates(frame: Array) -> tuple[float, ...]:
     """Return x, y, z [m] and the quaternion x, y, z, w of a placement, shape (7,)."""
-    return (*(float(x) for x in frame[:3, 3]), *_quaternion(frame[:3, :3]))
+    return (*(float(x) for x in frame[:3, 3]), *(float(x) for x in quaternion_from_rotation(frame[:3, :3])))
 
 
 def _size(bodies: Bodies, joints: list[tuple[UsdJoint, bool]]) -> float:
@@ -127,7 +128,7 @@ def _several_coordinates(joint: UsdJoint, forward: bool, found: Array) -> tuple[
     seen = turn @ moved @ inverse(turn)
     if np.abs(seen - np.eye(4)).max() <= TRANSFORM_ROUNDING:
         return None
-    return _quaternion(seen[:3, :3]) if joint.chain()[-1] == "ball" else pose_coordinates(seen)
+    return pose_coordinates(seen)[3 if joint.chain()[-1] == "ball" else 0 :]
 
 
 def _planar(moved: Array) -> tuple[float, ...] | None:
@@ -135,21 +136,3 @@ def _planar(moved: Array) -> tuple[float, ...] | None:
     if np.abs(moved - np.eye(4)).max() <= TRANSFORM_ROUNDING:
         return None
     return tuple(float(x) for x in (moved[0, 3], moved[1, 3], moved[0, 0], moved[1, 0]))
-
-
-def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """Return the quaternion x, y, z, w of a rotation matrix."""
-    R = rotation
-    squares = np.array([1 + R[0, 0] - R[1, 1] - R[2, 2], 1 - R[0, 0] + R[1, 1] - R[2, 2],
-                        1 - R[0, 0] - R[1, 1] + R[2, 2], 1 + np.trace(R)])  # fmt: skip
-    largest = int(np.argmax(squares))
-    q = np.zeros(4)
-    q[largest] = squares[largest]
-    if largest == 3:
-        q[:3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    else:
-        j, k = (largest + 1) % 3, (largest + 2) % 3
-        q[j], q[k] = R[j, largest] + R[largest, j], R[k, largest] + R[largest, k]
-        q[3] = R[k, j] - R[j, k]
-    x, y, z, w = (float(part) for part in q / np.linalg.norm(q) * (1.0 if q[3] >= 0 else -1.0))
-    return x, y, z, w

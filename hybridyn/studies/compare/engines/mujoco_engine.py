@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ....conversion.writers import WRITERS
 from ....errors import ModelError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
@@ -154,7 +153,7 @@ def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
     """Yield the ways into MuJoCo: by its reader, and by hybridyn's MJCF."""
     if own.format in ("URDF", "MJCF"):
         yield f"its {own.format} reader", lambda: _read(robot, own)
-    if ".xml" in WRITERS and own.format != "MJCF":
+    if own.format != "MJCF":
         yield "hybridyn convert to MJCF", lambda: _converted(robot)
 
 

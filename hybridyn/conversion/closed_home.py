@@ -1,0 +1,76 @@
+"""Close the loops of a robot at its home posture, where other programs start it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..assembly.assemble import assemble
+from ..description.placement import inverse
+from ..description.records import Array, Closure, Description
+from ..errors import HybridynError, ModelError
+from ..structure.building import build_robot
+from ..structure.joint_position import positions
+from ..structure.robot import HybridRobot
+from .home import home_of, poses_at
+
+#: Opening at home that is rounding in the file [rad, or of the robot's size], as in `load`.
+ROUNDING = 1e-4
+
+
+def closed_at_home(d: Description, robot: HybridRobot | None) -> tuple[Description, tuple[str, ...]]:
+    """Return a robot whose loops are closed at home, with its motors where they were, and notes.
+
+    Args:
+        robot: The robot that the description belongs to; None to build it where that is needed.
+
+    Raises:
+        ModelError: The loops are open at home, and no posture near it closes them.
+    """
+    open_by, name = max(_openings(d), default=(0.0, ""))
+    if open_by <= ROUNDING:
+        return d, ()
+    opening = f"'{name}' is open at home by {open_by:.2g} (radians, or of the robot's size)"
+    try:
+        robot = robot or build_robot(d)
+        home = positions(robot, robot.home)
+        q, _, _ = assemble(robot, motors={motor: home[motor][0] for motor in robot.motors})
+    except HybridynError as error:
+        raise ModelError(
+            f"{opening}, and no posture near home closes it with the motors where they are ({error}); "
+            "state a closed home posture: [home] in model.toml, which 'hybridyn home --at MOTOR=NUMBER "
+            "--write' finds",
+            file=d.source,
+            element=name,
+        ) from error
+    return replace(d, home=positions(robot, q)), (
+        f"{opening}; written closed, with the motors where they are",
+    )
+
+
+def _openings(d: Description) -> Iterator[tuple[float, str]]:
+    """Yield by how much each closure and coupling is open at home [rad, or of the robot's size]."""
+    poses = poses_at(d, d.home)
+    places = np.array([pose[:3, 3] for pose in poses.values()])
+    size = float(np.ptp(places, axis=0).max()) or 1.0
+    for closure in d.closures:
+        there = inverse(poses[closure.link_a] @ closure.frame_a) @ poses[closure.link_b] @ closure.frame_b
+        yield float(np.abs(_residual(closure, there, size)).max(initial=0.0)), closure.name
+    at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
+    for coupling in d.couplings:
+        terms = [(factor * at[name], abs(factor)) for name, factor in coupling.terms]
+        error = sum(term for term, _ in terms) - coupling.offset
+        yield abs(error) / max(size for _, size in terms), coupling.name
+
+
+def _residual(closure: Closure, there: Array, size: float) -> Array:
+    """Return the residual of a closure, shape (rows,); `there` is frame B in frame A."""
+    turn = {
+        "free": [],
+        "perpendicular": there[2, 2],
+        "parallel": there[:3, 2] - np.eye(3)[2],
+        "fixed": there[:3, :3] - np.eye(3),
+    }[closure.rotation]
+    return np.concatenate([there[list(closure.translations), 3] / size, np.ravel(turn)])
