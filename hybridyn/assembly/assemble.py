@@ -15,7 +15,6 @@ import numpy as np
 from ..errors import HybridynError, TrajectoryError
 from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
-from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..spatial import Array, cross
@@ -117,7 +116,7 @@ def _kind_by_kind(
 
 def _one_by_one(robot: HybridRobot, requests: Requests, numbers: range, q: Array, v: Array, a: Array) -> None:
     """Assemble modules in order from the base, each from the motions of the bodies before it."""
-    bodies = {0: RigidMotion.at_rest(len(q))}
+    bodies = {0: Motion.at_rest(len(q))}
     for k in numbers:
         module = robot.modules[k]
         _assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)

@@ -14,8 +14,8 @@ import numpy as np
 
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
-from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
+from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.joint_position import joint_position
 from ..structure.module import Module
@@ -144,7 +144,7 @@ class _Search:
         place_base(robot, requests, self.q, *np.zeros((2, 1, robot.nv)))
         self.counts: Index = np.array([starts])
         self.unseen = 0.0
-        self._bodies = {0: RigidMotion.at_rest(1)}
+        self._bodies = {0: Motion.at_rest(1)}
         self._known: dict[tuple[int, bytes], tuple[Array, Index]] = {}
 
     def add(self, number: int) -> None:
@@ -188,10 +188,10 @@ class _Search:
         return self._known[key]
 
 
-def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
+def _row(motion: Motion, rows: int | Index) -> Motion:
     """Return some samples of a frame's motion."""
     at = np.atleast_1d(rows)
-    return RigidMotion(*(x[at] for x in motion.arrays))
+    return Motion(*(x[at] for x in motion.arrays))
 
 
 def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> tuple[Array, Index]:

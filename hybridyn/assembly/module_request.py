@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 from ..linkage.tree import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate_back
@@ -73,7 +72,7 @@ class ModuleRequest:
         self.known_v[:, to.start], self.known_a[:, to.start] = rate, acceleration
         self.given.append(joint)
 
-    def give_pose(self, link: str, place: tuple[int, Array, Array], motion: RigidMotion) -> None:
+    def give_pose(self, link: str, place: tuple[int, Array, Array], motion: Motion) -> None:
         """Set a link's complete pose: a platform's as given coordinates, another body's as a target.
 
         Args:
@@ -81,7 +80,7 @@ class ModuleRequest:
             motion: The link's motion in the module's base body.
         """
         body, R, p = place
-        moved = motion.then(RigidMotion.at_rest(len(motion.p), R.T, -R.T @ p))
+        moved = motion.then(Motion.at_rest(len(motion.p), R.T, -R.T @ p))
         joint = self.mechanism.tree.joints[body - 1]
         if joint.kind == "floating" and joint.parent == 0:
             self.give_platform(body - 1, moved)
@@ -90,12 +89,12 @@ class ModuleRequest:
         acceleration = np.concatenate([moved.p_ddot, moved.w_dot], axis=1)
         self.add(PoseTarget(body, moved.R, moved.p, velocity, acceleration, _units(self.mechanism)), link)
 
-    def give_platform(self, joint: int, body: RigidMotion) -> None:
+    def give_platform(self, joint: int, body: Motion) -> None:
         """Set a platform's pose as the coordinates of its `floating` joint."""
         record = self.mechanism.tree.joints[joint]
-        self.give_floating(joint, body.seen_from(RigidMotion.at_rest(len(body.p), record.R, record.p)))
+        self.give_floating(joint, body.seen_from(Motion.at_rest(len(body.p), record.R, record.p)))
 
-    def give_floating(self, joint: int, inner: RigidMotion) -> None:
+    def give_floating(self, joint: int, inner: Motion) -> None:
         """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""
         at, to = self.mechanism.tree.q_slices[joint], self.mechanism.tree.v_slices[joint]
         self.known[:, at.start : at.start + 3] = inner.p
@@ -153,15 +152,15 @@ def on_own_bases(requests: Requests, robot: HybridRobot, number: int | None = No
     )
 
 
-def place_bodies(robot: HybridRobot, module: Module, motion: Motion, bodies: dict[int, RigidMotion]) -> None:
+def place_bodies(robot: HybridRobot, module: Module, motion: Motion, bodies: dict[int, Motion]) -> None:
     """Add the bodies of a module to those placed so far, in the root body, from the motion of its tree."""
     base = bodies[robot.bodies.place[module.base][0]]
     for i, joint in enumerate(module.joints):
-        bodies[robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
+        bodies[robot.body_of_joint[joint]] = base.then(motion.of_body(i + 1))
 
 
 def module_request(
-    requests: Requests, robot: HybridRobot, number: int, bodies: Mapping[int, RigidMotion]
+    requests: Requests, robot: HybridRobot, number: int, bodies: Mapping[int, Motion]
 ) -> ModuleRequest:
     """Build the request for one module.
 
@@ -234,13 +233,13 @@ def _in_base(
     robot: HybridRobot,
     module: Module,
     base_body: int,
-    bodies: Mapping[int, RigidMotion],
+    bodies: Mapping[int, Motion],
     pose: PoseRequest,
-    motion: RigidMotion,
-) -> RigidMotion:
+    motion: Motion,
+) -> Motion:
     """Compute a link's prescribed motion in its module's base body."""
     other_body, R, p = robot.bodies.place[pose.other]
-    placed = RigidMotion.at_rest(len(motion.p), R, p)
+    placed = Motion.at_rest(len(motion.p), R, p)
     if other_body == base_body:
         return placed.then(motion)
     if other_body not in bodies:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
+from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from .assemble import place_base
@@ -50,7 +50,7 @@ def closed_postures(
     q = np.tile(first_guess(robot, guess), (T, 1))
     v, a = np.zeros((2, T, robot.nv))
     place_base(robot, requests, q, v, a)
-    bodies = {0: RigidMotion.at_rest(T)}
+    bodies = {0: Motion.at_rest(T)}
     out: Mask = np.zeros(T, dtype=bool)
     for k, module in enumerate(robot.modules):
         if robot.base == "floating" and k == 0:

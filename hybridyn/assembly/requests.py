@@ -9,8 +9,8 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import AssemblyError, TrajectoryError
-from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES
+from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT, as_numbers
@@ -28,7 +28,7 @@ class PoseRequest:
 
     link: str
     other: str
-    motion: RigidMotion | None
+    motion: Motion | None
     coordinates: dict[str, Array]
 
     def part(self, start: int, stop: int) -> PoseRequest:
@@ -55,7 +55,7 @@ class Requests:
     single: bool
     joints: dict[str, Array]
     poses: tuple[PoseRequest, ...]
-    base: RigidMotion | None
+    base: Motion | None
     base_quaternion: Array | None
     strict: bool = False
 
@@ -72,8 +72,8 @@ class Requests:
         )
 
 
-def _part(motion: RigidMotion | None, start: int, stop: int) -> RigidMotion | None:
-    return None if motion is None else RigidMotion(*(x[start:stop] for x in motion.arrays))
+def _part(motion: Motion | None, start: int, stop: int) -> Motion | None:
+    return None if motion is None else Motion(*(x[start:stop] for x in motion.arrays))
 
 
 def gather_requests(
@@ -186,7 +186,7 @@ def _array(key: str, value: object, width: int) -> Array:
     return out
 
 
-def _motion(key: str, parts: list[Array], T: int) -> RigidMotion:
+def _motion(key: str, parts: list[Array], T: int) -> Motion:
     """Return the motion of a complete pose at all samples."""
     pose, twist, acceleration = (np.broadcast_to(x, (T, x.shape[-1])) for x in parts)
     norm = np.linalg.norm(pose[:, 3:], axis=1)
@@ -197,7 +197,7 @@ def _motion(key: str, parts: list[Array], T: int) -> RigidMotion:
             row=int(bad[0]) + 1,
             column=key,
         )
-    return RigidMotion(
+    return Motion(
         rotation_from_quaternion(pose[:, 3:]),
         pose[:, :3],
         twist[:, 3:],

@@ -7,7 +7,6 @@ import numpy as np
 from ..linkage.closures import Closures
 from ..linkage.newton import LoopProblem
 from ..linkage.reduction import Block
-from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import PoseTarget
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array
@@ -35,11 +34,9 @@ def spanning_positions(
     m.cut.positions_to_spanning(x, q)
     for number, wrist in enumerate(m.spec.wrists):
         tree = Tree(list(m.wrists.joints(number)))
-        end = RigidMotion.of_body(target, m.cut.tree_body(wrist.target)).then(
-            RigidMotion.at_rest(len(x), wrist.R, wrist.p)
-        )
+        end = target.of_body(m.cut.tree_body(wrist.target)).then(Motion.at_rest(len(x), wrist.R, wrist.p))
         first = m.spanning.joints[wrist.joints[0]].parent
-        relative = end.seen_from(RigidMotion.of_body(target, m.cut.tree_body(first)))
+        relative = end.seen_from(target.of_body(m.cut.tree_body(first)))
         rest = np.zeros((len(x), 6))
         units = np.array([m.length] * 3 + [1.0] * 3)
         goal = PoseTarget(len(tree.joints), relative.R, relative.p, rest, rest, units)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, Effects, choose, times
 from ..effects.links import Wrench
 from ..errors import TrajectoryError
-from ..linkage.rigid_motion import RigidMotion
+from ..linkage.tree import Motion
 from ..spatial import Array, cross, rotate, rotate_back
 from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
@@ -224,7 +224,7 @@ def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
     return q, v, single
 
 
-def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, RigidMotion]]:
+def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, Motion]]:
     """Yield each body that has mass and can move, with its motion."""
     for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
         body = robot.bodies.bodies[number]

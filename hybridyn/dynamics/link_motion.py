@@ -10,7 +10,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import TrajectoryError
-from ..linkage.rigid_motion import RigidMotion
+from ..linkage.tree import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates
@@ -70,7 +70,7 @@ def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str
 
 
 def motions_of(
-    robot: HybridRobot, bodies: Mapping[int, RigidMotion], links: Iterable[str], single: bool
+    robot: HybridRobot, bodies: Mapping[int, Motion], links: Iterable[str], single: bool
 ) -> dict[str, LinkMotion]:
     """Compute the motion of links from that of bodies.
 
@@ -82,7 +82,7 @@ def motions_of(
     out = {}
     for link in links:
         body, R, p = robot.bodies.place[link]
-        m = bodies[body].then(RigidMotion.at_rest(len(bodies[body].p), R, p))
+        m = bodies[body].then(Motion.at_rest(len(bodies[body].p), R, p))
         arrays = (
             np.concatenate([m.p, quaternion_from_rotation(m.R)], axis=1),
             np.concatenate([m.p_dot, m.w], axis=1),
@@ -92,7 +92,7 @@ def motions_of(
     return out
 
 
-def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, RigidMotion]:
+def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, Motion]:
     """Compute the motion of some links in the world at zero accelerations.
 
     Only the modules between the root and these links are computed.
@@ -105,17 +105,17 @@ def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -
             k = robot.modules[k].parent
     bodies = body_motions(robot, q, v, np.zeros_like(v), wanted)
     places = {link: robot.bodies.place[link] for link in links}
-    return {link: bodies[b].then(RigidMotion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
+    return {link: bodies[b].then(Motion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
 
 
-def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dict[str, RigidMotion]:
+def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dict[str, Motion]:
     """Compute the motion in the world, at zero accelerations, of the links that the effects depend on."""
     return link_motions(robot, q, v, on.observed_links) if on.observed_links else {}
 
 
 def body_motions(
     robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
-) -> dict[int, RigidMotion]:
+) -> dict[int, Motion]:
     """Compute the motion of bodies in the world.
 
     Args:
@@ -134,16 +134,16 @@ def body_motions(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
         for i, joint in enumerate(module.joints):
-            bodies[robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
+            bodies[robot.body_of_joint[joint]] = base.then(motion.of_body(i + 1))
     return bodies
 
 
-def _root(robot: HybridRobot, q: Array, v: Array, a: Array) -> RigidMotion:
+def _root(robot: HybridRobot, q: Array, v: Array, a: Array) -> Motion:
     """Compute the motion of the root body in the world from its velocity in its own frame."""
     if robot.base == "fixed":
-        return RigidMotion.at_rest(len(q))
+        return Motion.at_rest(len(q))
     R = rotation_from_quaternion(q[:, 3:7])
     classical = a[:, :3] + cross(v[:, 3:6], v[:, :3])
-    return RigidMotion(
+    return Motion(
         R, q[:, :3], rotate(R, v[:, 3:6]), rotate(R, v[:, :3]), rotate(R, a[:, 3:6]), rotate(R, classical)
     )

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure
+from ..linkage.closures import TreeClosure, normals
 from ..linkage.tree import Motion
-from ..spatial import Array, Mask, cross, rotate, rotate_back
+from ..spatial import Array, Mask, cross, rotate_back
 from .guards import LOST_PIVOT
 
 if TYPE_CHECKING:
@@ -163,16 +163,9 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
         Shape (T, 6), in the frame of `_wrench_frame`.
     """
     A, _, B, pb = _frames(state.motion, cut)
+    n = normals(cut.rotation, A, B[:, :, 2])
     force = np.einsum("tij,tj->ti", A[:, :, cut.translations], lam[:, : len(cut.translations)])
-    rest = lam[:, len(cut.translations) :]
-    if cut.rotation == "fixed":
-        moment = rotate(A, rest)
-    elif cut.rotation == "free":
-        moment = np.zeros_like(force)
-    else:
-        axes = [0, 1] if cut.rotation == "parallel" else [2]
-        normals = np.stack([cross(B[:, :, 2], A[:, :, i]) for i in axes], axis=1)
-        moment = np.einsum("tij,ti->tj", normals, rest)
+    moment = np.einsum("tij,ti->tj", n, lam[:, len(cut.translations) :])
     A_out, p_out = _wrench_frame(state.spanning, author)
     moment = moment + cross(pb - p_out, force)
     # The closure that replaces a wrist may have predecessor and successor exchanged.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
-from ..linkage.rigid_motion import RigidMotion
+from ..linkage.tree import Motion
 from ..spatial import Array
 from ..structure.payload import Payload
 from ..structure.robot import HybridRobot
@@ -143,7 +143,7 @@ class Effects:
         return tuple(link for law in self.links if law.needs_motion for link in law.links)
 
     def wrenches(
-        self, motions: Mapping[str, RigidMotion], time: Array | None, samples: int
+        self, motions: Mapping[str, Motion], time: Array | None, samples: int
     ) -> Iterator[dict[str, Array]]:
         """Yield each law's wrenches by link, shape (T, 6), [N, N m], in the links' frames at their origins.
 

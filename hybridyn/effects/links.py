@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ModelError, TrajectoryError
-from ..linkage.rigid_motion import RigidMotion
+from ..linkage.tree import Motion
 from ..spatial import Array, cross, rotate, rotate_back
 from .joints import WIDTH
 
@@ -88,9 +88,7 @@ class Wrench:
         """Whether the wrench is in world axes."""
         return self.frame == "world"
 
-    def wrenches(
-        self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
-    ) -> dict[str, Array]:
+    def wrenches(self, time: Array | None, motions: Mapping[str, Motion], samples: int) -> dict[str, Array]:
         """Compute the wrench at each sample."""
         if self.time is None:
             W = np.tile(np.asarray(self.wrench, dtype=float), (samples, 1))
@@ -104,11 +102,11 @@ class Wrench:
             W = np.concatenate([rotate_back(R, W[:, :3]), rotate_back(R, W[:, 3:])], axis=1)
         return {self.link: W}
 
-    def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
+    def energy(self, motions: Mapping[str, Motion]) -> Array:
         """Return zero: a wrench stores no energy."""
         return np.zeros(())
 
-    def power(self, motions: Mapping[str, RigidMotion]) -> Array:
+    def power(self, motions: Mapping[str, Motion]) -> Array:
         """Return zero: a wrench dissipates no power."""
         return np.zeros(())
 
@@ -159,9 +157,7 @@ class GroundContact:
         """The links with points."""
         return tuple(self.points)
 
-    def _touches(
-        self, motions: Mapping[str, RigidMotion]
-    ) -> Iterator[tuple[str, Array, Array, Array, Array]]:
+    def _touches(self, motions: Mapping[str, Motion]) -> Iterator[tuple[str, Array, Array, Array, Array]]:
         """Yield each point's link, arm, velocity and penetration, and the force on it, world axes."""
         for link, points in self._points.items():
             m = motions[link]
@@ -182,9 +178,7 @@ class GroundContact:
                     np.concatenate([-grip[:, None] * slide, normal[:, None]], axis=1),
                 )
 
-    def wrenches(
-        self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
-    ) -> dict[str, Array]:
+    def wrenches(self, time: Array | None, motions: Mapping[str, Motion], samples: int) -> dict[str, Array]:
         """Compute the ground's wrench on each link."""
         out = {link: np.zeros((samples, 6)) for link in self.points}
         for link, arm, _, _, force in self._touches(motions):
@@ -192,12 +186,12 @@ class GroundContact:
             out[link][:, 3:] += rotate_back(motions[link].R, cross(arm, force))
         return out
 
-    def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
+    def energy(self, motions: Mapping[str, Motion]) -> Array:
         """Compute the sum of k d^2 / 2."""
         stored = [0.5 * self.stiffness * depth**2 for _, _, _, depth, _ in self._touches(motions)]
         return np.asarray(np.sum(stored, axis=0))
 
-    def power(self, motions: Mapping[str, RigidMotion]) -> Array:
+    def power(self, motions: Mapping[str, Motion]) -> Array:
         """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""
         lost = np.zeros(())
         for _, _, velocity, depth, force in self._touches(motions):

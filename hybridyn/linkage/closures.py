@@ -14,6 +14,7 @@ closed. A coupling adds one constant row without drift.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -32,10 +33,10 @@ from ..spatial import (
     select,
     slices,
 )
-from .couplings import TreeCoupling, coupling_residual, coupling_rows
 from .tree import Motion, Tree
 
-ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
+#: Axes of frame A in the rotational rows.
+TURNING = {"free": slice(0), "perpendicular": slice(2, 3), "parallel": slice(2), "fixed": slice(3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,36 @@ class TreeClosure:
     @property
     def rows(self) -> int:
         """Number of constraint rows."""
-        return len(self.translations) + ROTATION_ROWS[self.rotation]
+        return len(self.translations) + len(range(3)[TURNING[self.rotation]])
+
+
+@dataclass(frozen=True)
+class TreeCoupling:
+    """A linear relation between joint positions of a tree: sum of coefficient x position = offset.
+
+    Attributes:
+        terms: Pairs (joint index in the tree, coefficient).
+        offset: Right-hand side.
+    """
+
+    name: str
+    terms: tuple[tuple[int, float], ...]
+    offset: float
+
+
+def normals(rotation: RotationKind, A: Array, z: Array) -> Array:
+    """Compute the vectors along which frames A and B of a closure have no relative angular velocity.
+
+    Args:
+        rotation: Kind of constraint on the relative rotation.
+        A: Axes of frame A, shape (..., 3, 3).
+        z: Third axis of frame B, shape (..., 3).
+
+    Returns:
+        Shape (..., rotational rows, 3).
+    """
+    axes = np.swapaxes(A, -1, -2)[..., TURNING[rotation], :]
+    return axes if rotation in ("free", "fixed") else cross(z[..., None, :], axes)
 
 
 class _Group:
@@ -106,15 +136,6 @@ class _Group:
             compose(Rb, self.R_b), select(motion.p, self.b) + rotate(Rb, self.p_b),
         )  # fmt: skip
 
-    def normals(self, A: Array, B: Array) -> Array:
-        """Compute the vectors that are orthogonal to the relative angular velocity, (T, g, rows, 3)."""
-        if self.rotation == "free":
-            return np.zeros((*A.shape[:2], 0, 3))
-        if self.rotation == "fixed":
-            return np.swapaxes(A, -1, -2)
-        axes = [0, 1] if self.rotation == "parallel" else [2]
-        return np.stack([cross(B[..., :, 2], A[..., :, i]) for i in axes], axis=-2)
-
     def residual(self, motion: Motion) -> Array:
         """Compute the residuals, shape (T, g, rows): metres, then radians."""
         A, pa, B, pb = self.frames(motion)
@@ -142,41 +163,33 @@ class _Group:
         origin = select(motion.p, tree.dof_body[self.cols])
         at_b = linear + cross(angular, pb[:, :, None, :] - origin)
         shift = np.einsum("tgri,tgci->tgrc", np.swapaxes(A, -1, -2)[..., self.translations, :], at_b)
-        turn = np.einsum("tgri,tgci->tgrc", self.normals(A, B), angular)
+        turn = np.einsum("tgri,tgci->tgrc", normals(self.rotation, A, B[..., 2]), angular)
         return np.concatenate([shift, turn], axis=-2)
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
         """Compute the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
         A, pa, B, pb = self.frames(motion)
         wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.w_dot) for i in (self.a, self.b))
-        ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
+        r, ra, rb = pb - pa, pa - select(motion.p, self.a), pb - select(motion.p, self.b)
         va, vb = select(motion.p_dot, self.a) + cross(wa, ra), select(motion.p_dot, self.b) + cross(wb, rb)
         aa = select(motion.p_ddot, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
         ab = select(motion.p_ddot, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
-        r = pb - pa
         slide = vb - va - cross(wa, r)
         slide_dot = ab - aa - cross(wda, r) - cross(wa, vb - va)
         shift = rotate_back(A, slide)[..., self.translations]
         shift_dot = rotate_back(A, slide_dot - cross(wa, slide))[..., self.translations]
-        normals = self.normals(A, B)
-        normals_dot = self._normals_dot(A, B, wa, wb)
-        w = wb - wa
-        turn = rotate(normals, w)
-        turn_dot = rotate(normals, wdb - wda) + rotate(normals_dot, w)
+        n, w = normals(self.rotation, A, B[..., 2]), wb - wa
+        turn = rotate(n, w)
+        turn_dot = rotate(n, wdb - wda) + rotate(self._normals_dot(A, B, wa, wb), w)
         return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
 
     def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
         """Compute the time derivatives of `normals` for angular velocities wa of A and wb of B."""
-        if self.rotation == "free":
-            return np.zeros((*A.shape[:2], 0, 3))
-        if self.rotation == "fixed":
-            return np.stack([cross(wa, A[..., :, i]) for i in range(3)], axis=-2)
-        z = B[..., :, 2]
-        z_dot = cross(wb, z)
-        axes = [0, 1] if self.rotation == "parallel" else [2]
-        return np.stack(
-            [cross(z_dot, A[..., :, i]) + cross(z, cross(wa, A[..., :, i])) for i in axes], axis=-2
-        )
+        axes = np.swapaxes(A, -1, -2)[..., TURNING[self.rotation], :]
+        if self.rotation in ("free", "fixed"):
+            return cross(wa[..., None, :], axes)
+        z = B[..., None, :, 2]
+        return cross(cross(wb[..., None, :], z), axes) + cross(z, cross(wa[..., None, :], axes))
 
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:
@@ -264,6 +277,22 @@ class Closures:
             first[:, group.rows], second[:, group.rows] = group.rates(motion)
         couplings = self.rows - len(self.couplings)
         first[:, couplings:] = v @ self._coupling_rows.T
-        if a is not None:
-            second[:, couplings:] = a @ self._coupling_rows.T
+        second[:, couplings:] = 0.0 if a is None else a @ self._coupling_rows.T
         return first, second
+
+
+def coupling_rows(tree: Tree, couplings: Sequence[TreeCoupling]) -> Array:
+    """Return the constant rows of couplings over the tree's freedoms, shape (couplings, nv)."""
+    rows = np.zeros((len(couplings), tree.nv))
+    for row, coupling in zip(rows, couplings, strict=True):
+        for joint, coefficient in coupling.terms:
+            row[tree.v_slices[joint]] += coefficient
+    return rows
+
+
+def coupling_residual(tree: Tree, coupling: TreeCoupling, q: Array) -> Array:
+    """Compute the residual of a coupling, shape (T,), in the unit of coefficient times position."""
+    total = np.full(len(q), -coupling.offset)
+    for joint, coefficient in coupling.terms:
+        total += coefficient * q[:, tree.q_slices[joint].start]
+    return total

@@ -97,15 +97,43 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
     return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank)
 
 
-def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
-    """Compute the least-norm least-squares solution of A x = b by SVD, shapes (B, m, n), (B, m).
+def size_of_rows(s: Array, tolerance: float) -> Array:
+    """Return the reference size for singular values of scaled rows, shape (T, 1).
 
-    Uses the leading `rank` singular values or, if `rank` is None, those above `relative` times the largest.
+    This is the largest singular value, or 1 (the size of the rows) if the largest is rounding of the file.
+    Two hinges of one door whose axes differ in the last digits, for example, do not lock it.
+
+    Args:
+        s: Singular values, largest first, shape (T, values).
+        tolerance: Singular values below this are rounding.
     """
-    if A.shape[1] == 0 or A.shape[2] == 0:
-        return np.zeros((len(A), A.shape[2]))
+    return np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
+
+
+def least_squares(
+    A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None, damping: Array | None = None
+) -> Array:
+    """Compute the least-norm least-squares solution of A x = b by truncated SVD.
+
+    Args:
+        A: Scaled matrices, shape (B, m, n).
+        b: Right-hand sides, shape (B, m) or (B, m, k).
+        relative: Singular values above this, relative to `size_of_rows`, are used.
+        rank: Number of leading singular values that are used instead.
+        damping: Added to the squares of the singular values, in units of the largest square, shape (B,).
+
+    Returns:
+        Shape (B, n) or (B, n, k).
+    """
+    if 0 in A.shape:
+        return np.zeros((len(A), A.shape[2], *b.shape[2:]))
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    keep = s > relative * s[:, :1] if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
-    y = np.where(keep, np.einsum("bji,bj->bi", U, b) / np.where(keep, s, 1.0), 0.0)
-    x: Array = np.einsum("bji,bj->bi", Vt, y)
+    if rank is None:
+        keep = s > relative * size_of_rows(s, relative)
+    else:
+        keep = (np.arange(s.shape[1]) < rank) & (s > 0)
+    each = (..., *[None] * (b.ndim - 2))
+    keep, safe, y = keep[each], np.where(keep, s, 1.0)[each], np.einsum("bji,bj...->bi...", U, b)
+    y = y / safe if damping is None else y * (safe / (safe * safe + damping[:, None] * s[:, :1] ** 2))
+    x: Array = np.einsum("bji,bj...->bi...", Vt, np.where(keep, y, 0.0))
     return x

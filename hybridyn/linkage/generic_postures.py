@@ -1,9 +1,19 @@
-"""Draw assembled postures of one module at random; rank and mobility are determined from them."""
+"""Draw assembled postures of one module at random; rank and mobility are determined from them.
+
+The postures of larger modules are kept in the cache folder, for robots that are loaded again. An entry is
+named by a hash of all that the postures depend on, also of this package's files. Its numbers are those that
+the search found, bit by bit.
+"""
 
 from __future__ import annotations
 
+import pickle
+from pathlib import Path
+
 import numpy as np
 
+from ..description.cache_folder import hashed
+from ..description.kept_texts import keep, kept, state_of
 from ..spatial import Array
 from .closures import Closures
 from .newton import Closed, LoopProblem, close
@@ -13,6 +23,11 @@ from .reduction import RANK_TOLERANCE
 CLOSED = 1e-11
 #: Scatter of starts about the home posture, increasing [rad, module lengths], and starts per posture wanted.
 SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
+
+#: Freedoms from which on a search takes longer than reading its result, several times.
+WORTH_KEEPING = 12
+#: Folder of the entries in the cache folder.
+FOLDER = "postures"
 
 
 def generic_postures(
@@ -58,6 +73,24 @@ def generic_postures(
             near = search.found.copy()
             search.about(near, rng.uniform(-SPREADS[0][0], SPREADS[0][0], (share * count, size)), count)
     return search.found[:count], search.best
+
+
+def kept_generic_postures(
+    closures: Closures, home: Array, row_scale: Array, col_scale: Array, tolerance: float
+) -> tuple[Array, float]:
+    """Return `generic_postures`, from the cache folder if they are there."""
+    given = (closures, home, row_scale, col_scale, tolerance)
+    if closures.tree.nv < WORTH_KEEPING:
+        return generic_postures(*given)
+    here = Path(__file__).parent
+    about = hashed(np.__version__, state_of(here), state_of(here.parent))
+    name = hashed(about, pickle.dumps(given).hex())
+    found = kept(name, FOLDER)
+    if found is not None:
+        return np.array(found["postures"], dtype=float).reshape(-1, closures.tree.nq), found["best"]
+    postures, best = generic_postures(*given)
+    keep(name, {"postures": postures.tolist(), "best": best}, FOLDER)
+    return postures, best
 
 
 class _Search:

@@ -5,7 +5,7 @@ Arrays have the samples first: positions (T, nq), twists (T, nv) of this joint a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..description.records import JointKind
 from ..spatial import (
     Array,
     cross,
+    hat,
     rotate,
     rotate_back,
     rotation_from_axis_angle,
@@ -23,8 +24,13 @@ from ..spatial import (
 
 #: Name of the free-flyer joint of the root link, as in Pinocchio.
 ROOT_JOINT = "root_joint"
-#: Number of coordinates of each kind of joint, as in Pinocchio: unlimited angles are cosine and sine.
-NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
+#: Zero position of each kind of joint, as in Pinocchio: unlimited angles are cosine and sine.
+NEUTRAL = {
+    "revolute": (0.0,), "continuous": (1.0, 0.0), "prismatic": (0.0,), "spherical": (0.0, 0.0, 0.0, 1.0),
+    "planar": (0.0, 0.0, 1.0, 0.0), "floating": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+}  # fmt: skip
+#: Number of coordinates of each kind of joint.
+NQ = {kind: len(q) for kind, q in NEUTRAL.items()}
 #: Number of leading coordinates in metres, for the kinds of joint that have any.
 TRANSLATIONS = {"prismatic": 1, "planar": 2, "floating": 3}
 #: Number of freedoms of each kind of joint.
@@ -49,10 +55,10 @@ class TreeJoint:
 
     name: str
     kind: JointKind
-    parent: int
-    R: Array
-    p: Array
-    axis: Array
+    parent: int = 0
+    R: Array = field(default_factory=lambda: np.eye(3))
+    p: Array = field(default_factory=lambda: np.zeros(3))
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     @cached_property
     def S(self) -> Array:
@@ -77,17 +83,17 @@ class TreeJoint:
             return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, 2], q[:, 3]), zero
         return rotation_from_quaternion(q[:, 3:]), q[:, :3]
 
-    @cached_property
+    @property
+    def turn_parts(self) -> Array:
+        """C0, C1, C2 of the child axes in the parent, C0 + C1 cos + C2 sin, shape (3, 3, 3)."""
+        along = np.outer(self.axis, self.axis)
+        parts: Array = np.matmul(self.R, np.array([along, np.eye(3) - along, hat(self.axis)]))
+        return parts
+
+    @property
     def neutral(self) -> Array:
         """The zero position, shape (nq,)."""
-        q = np.zeros(NQ[self.kind])
-        if self.kind == "planar":
-            q[2] = 1.0
-        elif self.kind == "continuous":
-            q[0] = 1.0
-        elif self.kind in ("spherical", "floating"):
-            q[-1] = 1.0
-        return q
+        return np.array(NEUTRAL[self.kind])
 
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate the constant twist dq from q over unit time, shape (T, nq).

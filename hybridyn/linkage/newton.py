@@ -17,8 +17,8 @@ import numpy as np
 
 from ..spatial import Array, Index, Mask
 from .closures import Closures
-from .elimination import back_substitute, pivot_ratio, pivoted_qr
-from .reduction import RANK_TOLERANCE, Block, size_of_rows
+from .elimination import back_substitute, least_squares, pivot_ratio, pivoted_qr
+from .reduction import RANK_TOLERANCE, Block
 from .targets import Target
 from .tree import Motion, Tree
 
@@ -122,7 +122,9 @@ class LoopProblem:
         if len(hard):
             A = K[hard][:, :, self.free]
             damped = np.zeros(len(hard)) if damping is None else damping[hard]
-            out[np.ix_(hard, self.free)] = _truncated(A, rhs[hard], damped, self.rank, self.rank_tolerance)
+            out[np.ix_(hard, self.free)] = least_squares(
+                A, rhs[hard], relative=self.rank_tolerance, rank=self.rank, damping=damped
+            )
         return out
 
     def turned(self, before: Array, after: Array) -> Array:
@@ -174,22 +176,6 @@ def _turned(J: Array, change: Array, rank: int) -> Array:
     part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
     out: Array = np.linalg.norm(part, 2, axis=(1, 2))
     return out
-
-
-def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None, tolerance: float) -> Array:
-    """Solve K x = rhs by damped, truncated SVD, least norm, shape (T, columns)."""
-    if 0 in K.shape:
-        return np.zeros((len(K), K.shape[2]))
-    U, s, Vt = np.linalg.svd(K, full_matrices=False)
-    top = s[:, :1]
-    keep = (
-        s > tolerance * size_of_rows(s, tolerance)
-        if rank is None
-        else (np.arange(s.shape[1]) < rank) & (s > 0)
-    )
-    gain = np.where(keep, s / np.where(keep, s * s + damping[:, None] * top**2, 1.0), 0.0)
-    x: Array = np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
-    return x
 
 
 def close(

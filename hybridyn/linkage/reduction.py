@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..spatial import Array, Index, Mask
-from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr
+from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr, size_of_rows
 
 #: Singular values of scaled rows below this, relative to the largest, are rounding of the file.
 RANK_TOLERANCE = 1e-4
@@ -79,19 +79,6 @@ class RankReport:
     def clear(self) -> bool:
         """Whether `kept` and `dropped` differ by at least `RANK_GAP`."""
         return self.dropped * RANK_GAP <= self.kept
-
-
-def size_of_rows(s: Array, tolerance: float) -> Array:
-    """Return the reference size for singular values of scaled rows, shape (T, 1).
-
-    This is the largest singular value, or 1 (the size of the rows) if the largest is rounding of the file.
-    Two hinges of one door whose axes differ in the last digits, for example, do not lock it.
-
-    Args:
-        s: Singular values, largest first, shape (T, values).
-        tolerance: Singular values below this are rounding.
-    """
-    return np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
 
 
 def decide_rank(K: Array, tolerance: float) -> RankReport:

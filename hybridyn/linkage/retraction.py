@@ -12,7 +12,6 @@ import numpy as np
 
 from ..spatial import Array, hat, rotation_from_vector
 from .joints import TreeJoint
-from .tree import Tree
 
 #: Below this angle [rad] the series of the right Jacobian's inverse is exact to rounding.
 SMALL_ANGLE = 1e-4
@@ -37,7 +36,7 @@ class Retraction:
         self._q = np.array([q_slices[i].start for i in plain], dtype=int)
         self._v = np.array([v_slices[i].start for i in plain], dtype=int)
         self._others = [
-            (_alone(kind), kind, q_slices[i], v_slices[i])
+            (TreeJoint("", kind), kind, q_slices[i], v_slices[i])  # type: ignore[arg-type]
             for i, kind in enumerate(kinds)
             if kind not in ("revolute", "prismatic")
         ]
@@ -48,8 +47,8 @@ class Retraction:
         """Compute the posture at a displacement xi from q, shapes (nq,), (nv,)."""
         out = q.copy()
         out[self._q] += xi[self._v]
-        for tree, _, at, to in self._others:
-            out[at] = tree.integrate(q[None, at], xi[None, to])[0]
+        for joint, _, at, to in self._others:
+            out[at] = joint.integrate(q[None, at], xi[None, to])[0]
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
@@ -57,8 +56,8 @@ class Retraction:
         width = len(self._v) + sum(to.stop - to.start for _, _, _, to in self._others)
         xi = np.zeros(width)
         xi[self._v] = q1[self._q] - q0[self._q]
-        for tree, _, at, to in self._others:
-            xi[to] = tree.difference(q0[None, at], q1[None, at])[0]
+        for joint, _, at, to in self._others:
+            xi[to] = joint.difference(q0[None, at], q1[None, at])[0]
         return xi
 
     def unwound(self, xi: Array, moved: Array) -> Array:
@@ -117,11 +116,6 @@ class Retraction:
                 at = slice(to.start, to.start + 3)
                 out[at] = (R if inverse else R.T) @ x[at]
         return out
-
-
-def _alone(kind: str) -> Tree:
-    """Build a tree of one joint."""
-    return Tree([TreeJoint("", kind, 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))])  # type: ignore[arg-type]
 
 
 def _right_jacobian(r: Array) -> Array:

@@ -7,7 +7,6 @@ Ry(pitch) Rx(roll)) in the base of the tree. Any N of them are the paper's v_r o
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -15,40 +14,6 @@ from ..spatial import Array, Index, cross, hat, rotation_from_vector, rotation_v
 from .tree import Motion, Tree
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
-
-
-class Target(Protocol):
-    """Rows that prescribe the motion of one body."""
-
-    @property
-    def body(self) -> int:
-        """Index of the body."""
-        ...
-
-    @property
-    def units(self) -> Array:
-        """Unit of each row."""
-        ...
-
-    def residual(self, motion: Motion, samples: Index) -> Array:
-        """Compute actual minus prescribed values, shape (T, rows)."""
-        ...
-
-    def matrix(self, tree: Tree, motion: Motion) -> Array:
-        """Return the rows over the rates of the tree, shape (T, rows, nv)."""
-        ...
-
-    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, rows)."""
-        ...
-
-    def between(self, sample: int, fractions: Array) -> Target:
-        """Interpolate the target from a sample to the next: one new sample per fraction, at rest."""
-        ...
-
-    def from_here(self, motion: Motion, samples: Index) -> Target:
-        """Return a target with two samples for each given one: the body's current pose, then that one."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +142,10 @@ class CoordinateTarget:
         """Return the way from where the body is now to the given samples."""
         now = self.residual(motion, samples) + self.value[samples]
         return replace(self, value=pairwise(now, self.value[samples]))
+
+
+#: Rows that prescribe the motion of one body.
+Target = PoseTarget | CoordinateTarget
 
 
 def pairwise(here: Array, there: Array) -> Array:

@@ -6,7 +6,6 @@ accelerations are classical: those of the origin of each body frame, and the ang
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ from ..spatial import (
     Mask,
     compose,
     cross,
-    hat,
     rotate,
     rotate_back,
     samples_inside,
@@ -29,15 +27,18 @@ from .joints import NQ, NV, TreeJoint
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of every body of a tree, computed by one sweep; body 0 is the base, at rest.
+    """Motion of frames relative to a reference, in whose axes all vectors are.
+
+    The frames are one, shapes (T, 3), or the bodies of a tree, shapes (T, bodies, 3), computed by one sweep;
+    the reference of these is the tree's base, which is body 0, at rest.
 
     Attributes:
-        R: Body axes in the base, shape (T, bodies, 3, 3).
-        p: Body origins in the base, shape (T, bodies, 3), [m].
-        w: Angular velocities, shape (T, bodies, 3), [rad/s], base axes.
-        p_dot: Velocities of the origins, shape (T, bodies, 3), [m/s], base axes.
-        w_dot: Angular accelerations, shape (T, bodies, 3), [rad/s^2], base axes.
-        p_ddot: Classical accelerations of the origins, shape (T, bodies, 3), [m/s^2], base axes.
+        R: Axes, shape (T, ..., 3, 3).
+        p: Origins, shape (T, ..., 3), [m].
+        w: Angular velocities, shape (T, ..., 3), [rad/s].
+        p_dot: Velocities of the origins, shape (T, ..., 3), [m/s].
+        w_dot: Angular accelerations, shape (T, ..., 3), [rad/s^2].
+        p_ddot: Classical accelerations of the origins, shape (T, ..., 3), [m/s^2].
     """
 
     R: Array
@@ -56,6 +57,41 @@ class Motion:
         """Return the motion at some samples (indices or a mask)."""
         kept = (np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples]) for x in self.arrays)
         return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
+
+    @classmethod
+    def at_rest(cls, samples: int, R: Array | None = None, p: Array | None = None) -> Motion:
+        """Build one frame at rest at a placement (identity by default)."""
+        zero = np.zeros((samples, 3))
+        axes = np.broadcast_to(np.eye(3) if R is None else R, (samples, 3, 3))
+        origin = np.broadcast_to(np.zeros(3) if p is None else p, (samples, 3))
+        return cls(axes, origin, zero, zero, zero, zero)
+
+    def of_body(self, body: int) -> Motion:
+        """Return the motion of one body of a tree."""
+        return Motion(*(x[:, body] for x in self.arrays))
+
+    def then(self, inner: Motion) -> Motion:
+        """Express `inner`, the motion of a frame relative to this one, in this frame's reference."""
+        r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.p_dot)
+        wd1, pdd1 = rotate(self.R, inner.w_dot), rotate(self.R, inner.p_ddot)
+        return Motion(
+            np.matmul(self.R, inner.R),
+            self.p + r,
+            self.w + w1,
+            self.p_dot + cross(self.w, r) + pd1,
+            self.w_dot + cross(self.w, w1) + wd1,
+            self.p_ddot + cross(self.w_dot, r) + cross(self.w, cross(self.w, r) + 2 * pd1) + pdd1,
+        )
+
+    def seen_from(self, base: Motion) -> Motion:
+        """Compute the motion of this frame relative to `base`, another frame in the same reference."""
+        r, w = self.p - base.p, self.w - base.w
+        slide = self.p_dot - base.p_dot - cross(base.w, r)
+        w_dot = self.w_dot - base.w_dot - cross(base.w, w)
+        swept = cross(base.w, cross(base.w, r) + 2 * slide)
+        p_ddot = self.p_ddot - base.p_ddot - cross(base.w_dot, r) - swept
+        R = np.matmul(np.swapaxes(base.R, 1, 2), self.R)
+        return Motion(R, *(rotate_back(base.R, x) for x in (r, w, slide, w_dot, p_ddot)))
 
     def twist(self, body: int) -> Array:
         """Compute a body's twist relative to the base, shape (T, 6), body frame: the paper's v_k."""
@@ -112,7 +148,7 @@ class Tree:
         self._adding_dofs = np.array([self.v_slices[i].start for i in self._adding[0]], dtype=int)
         self._single = np.array([i for i, j in enumerate(joints) if NV[j.kind] == 1], dtype=int)
         self._single_dofs = np.array([self.v_slices[i].start for i in self._single], dtype=int)
-        self._turn_parts = _turn_parts(self.joints)
+        self._turn_parts = np.array([j.turn_parts for j in joints]).reshape(-1, 3, 3, 3).swapaxes(0, 1)
         self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
 
     def _of_kind(self, *kinds: str) -> tuple[Index, Index]:
@@ -259,12 +295,3 @@ class Tree:
         at_point = linear + cross(angular, point[:, None] - select(motion.p, self.dof_body))
         J = np.concatenate([at_point, angular], axis=-1) * self.support[body][:, None]
         return np.swapaxes(J, 1, 2)
-
-
-def _turn_parts(joints: Sequence[TreeJoint]) -> tuple[Array, Array, Array]:
-    """Compute C0, C1, C2 of the child axes in the parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
-    parts = np.zeros((3, len(joints), 3, 3))
-    for i, joint in enumerate(joints):
-        along = np.outer(joint.axis, joint.axis)
-        parts[:, i] = joint.R @ np.array([along, np.eye(3) - along, hat(joint.axis)])
-    return parts[0], parts[1], parts[2]

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure
-from ..linkage.couplings import coupling_residual, coupling_rows
+from ..linkage.closures import TreeClosure, coupling_residual, coupling_rows
 from ..linkage.retraction import Retraction
 from ..spatial import Array, rotation_vector
 from ..structure.leg_model import pinocchio_joint

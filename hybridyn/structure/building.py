@@ -81,7 +81,7 @@ class ModuleBuilder:
     def add_base(self) -> None:
         """Add the floating base as a module without legs, with one platform and a = identity."""
         root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
-        joint = TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+        joint = TreeJoint("", "floating")
         spec = ModuleSpec(
             spanning=(joint,),
             tree=(joint,),

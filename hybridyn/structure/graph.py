@@ -19,8 +19,7 @@ import numpy as np
 from ..description.groups import Groups
 from ..description.records import Closure, Description
 from ..errors import ModelError
-from ..linkage.closures import TreeClosure
-from ..linkage.couplings import TreeCoupling
+from ..linkage.closures import TreeClosure, TreeCoupling
 from .bodies import Bodies, merge_fixed_joints
 from .wrists import Wrist, find_wrist, wrist_closure
 

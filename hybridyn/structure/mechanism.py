@@ -19,8 +19,8 @@ import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
+from ..linkage.generic_postures import kept_generic_postures
 from ..linkage.gimbal_lock import GIMBAL_LOCK
-from ..linkage.kept_postures import kept_generic_postures
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion

@@ -13,8 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure
-from ..linkage.couplings import TreeCoupling
+from ..linkage.closures import TreeClosure, TreeCoupling
 from ..linkage.joints import TreeJoint
 from ..spatial import Array
 from .bodies import Bodies, Body
@@ -179,7 +178,7 @@ def _cut_tree(
     for i, joint in enumerate(spanning):
         if i in platform:
             platforms.append(len(tree))
-            tree.append(TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0])))
+            tree.append(TreeJoint("", "floating"))
             tree_joint.append(None)
         elif i in gone:
             continue

@@ -9,7 +9,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..description.records import Description
 from ..errors import ModelError
-from ..linkage.joints import NQ, TreeJoint
+from ..linkage.joints import NEUTRAL, NQ
 from ..spatial import Array
 from .bodies import Bodies
 
@@ -48,5 +48,5 @@ def home_of(description: Description, bodies: Bodies, kinds: list[str], base: st
             angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
             parts.append(np.array([np.cos(angle), np.sin(angle)]))
         else:
-            parts.append(TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis).neutral)
+            parts.append(np.array(NEUTRAL[kind]))
     return np.concatenate(parts) if parts else np.zeros(0)

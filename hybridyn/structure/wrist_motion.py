@@ -117,11 +117,8 @@ class WristMotion:
         relative = tree.jacobian(motion, self._cut.tree_body(spec.target), end)
         miss = np.matmul(relative - tree.jacobian(motion, parent, end), X)
         miss[:, :3] /= self._length
-        U, s, Vt = np.linalg.svd(self.jacobian(spanning, wrist), full_matrices=False)
-        keep = (s > GIMBAL_LOCK * s[:, :1])[..., None]
-        y = np.where(keep, np.matmul(np.swapaxes(U, 1, 2), miss) / np.where(keep, s[..., None], 1.0), 0.0)
-        out: Array = np.matmul(np.swapaxes(Vt, 1, 2), y) * self._col_scale[self.columns(wrist), None]
-        return out
+        rates = least_squares(self.jacobian(spanning, wrist), miss, relative=GIMBAL_LOCK)
+        return rates * self._col_scale[self.columns(wrist), None]
 
     def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
         """Compute, in place, the least-norm rates of the wrists for which their ends follow their targets.

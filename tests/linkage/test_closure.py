@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hybridyn.linkage.closures import Closures, TreeClosure
-from hybridyn.linkage.couplings import TreeCoupling
+from hybridyn.linkage.closures import Closures, TreeClosure, TreeCoupling
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
 from hybridyn.structure.bodies import merge_fixed_joints

@@ -10,9 +10,8 @@ import pytest
 
 import hybridyn
 from hybridyn.description.cache_folder import folder
-from hybridyn.linkage import kept_postures
-from hybridyn.linkage.generic_postures import generic_postures
-from hybridyn.linkage.kept_postures import FOLDER, kept_generic_postures
+from hybridyn.linkage import generic_postures as searching
+from hybridyn.linkage.generic_postures import FOLDER, generic_postures, kept_generic_postures
 
 
 def entries() -> list[Path]:
@@ -21,7 +20,7 @@ def entries() -> list[Path]:
 
 def test_kept_postures_are_those_of_the_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path))
-    monkeypatch.setattr(kept_postures, "WORTH_KEEPING", 1)
+    monkeypatch.setattr(searching, "WORTH_KEEPING", 1)
     searched: list[Any] = []
 
     def counting(*given: Any) -> Any:
@@ -29,7 +28,7 @@ def test_kept_postures_are_those_of_the_search(tmp_path: Path, monkeypatch: pyte
         searched.append(given)
         return generic_postures(*given)
 
-    monkeypatch.setattr(kept_postures, "generic_postures", counting)
+    monkeypatch.setattr(searching, "generic_postures", counting)
     first = hybridyn.load("five_bar").modules[0].mechanism
     again = hybridyn.load("five_bar").modules[0].mechanism
     assert len(searched) == len(entries()) == 1

@@ -8,8 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import TreeClosure
-from ...linkage.couplings import TreeCoupling
+from ...linkage.closures import TreeClosure, TreeCoupling
 from .chains import Chain, motion_map, point_acceleration, point_velocity
 from .expressions import Expression, along, cross, dot, numbers, zeros
 from .guards import Scale, weighed

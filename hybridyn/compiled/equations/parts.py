@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...linkage.closures import TreeClosure
-from ...linkage.couplings import TreeCoupling
+from ...linkage.closures import TreeClosure, TreeCoupling
 from ...linkage.joints import NQ
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism

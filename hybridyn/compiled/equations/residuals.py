@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...linkage.closures import TreeClosure
-from ...linkage.couplings import TreeCoupling
+from ...linkage.closures import TreeClosure, TreeCoupling
 from .chains import Chain
 from .expressions import Expression, along, cross, dot, plus, zeros
 from .rigid import motion_to_parent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...dynamics.link_motion import body_motions
-from ...linkage.rigid_motion import RigidMotion
+from ...linkage.tree import Motion
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 
@@ -22,10 +22,10 @@ def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
     return out.reshape(len(q), -1)
 
 
-def body_motion(rows: Array, body: int) -> RigidMotion:
+def body_motion(rows: Array, body: int) -> Motion:
     """Return the motion of one body from rows of all, shape (T, WIDTH bodies)."""
     x = rows[:, WIDTH * body : WIDTH * (body + 1)]
     R, p, p_dot, w, p_ddot, w_dot = (
         x[:, i:j] for i, j in ((0, 9), (9, 12), (12, 15), (15, 18), (18, 21), (21, 24))
     )
-    return RigidMotion(R.reshape(-1, 3, 3), p, w, p_dot, w_dot, p_ddot)
+    return Motion(R.reshape(-1, 3, 3), p, w, p_dot, w_dot, p_ddot)

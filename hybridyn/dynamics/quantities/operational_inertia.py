@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ...effects.choice import Choice, Effects
 from ...errors import AT_SAMPLE, SingularityError
 from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
-from ...linkage.rigid_motion import RigidMotion
+from ...linkage.tree import Motion
 from ...spatial import Array, Index, rotate_back
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
@@ -162,12 +162,12 @@ def _pushed(
     return np.concatenate([_twist(moved[name], axes) for name in names], axis=1)
 
 
-def _in_link(motion: RigidMotion, W: Array) -> Array:
+def _in_link(motion: Motion, W: Array) -> Array:
     """Turn wrenches from world axes to those of a link, shape (T, 6)."""
     return np.concatenate([rotate_back(motion.R, W[:, :3]), rotate_back(motion.R, W[:, 3:])], axis=1)
 
 
-def _twist(motion: RigidMotion, axes: str) -> Array:
+def _twist(motion: Motion, axes: str) -> Array:
     """Return a link's twist in world axes or its own, shape (T, 6)."""
     twist = np.concatenate([motion.p_dot, motion.w], axis=1)
     return twist if axes == "world" else _in_link(motion, twist)

@@ -9,8 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ....linkage.closures import TreeClosure
-from ....linkage.couplings import TreeCoupling
+from ....linkage.closures import TreeClosure, TreeCoupling
 from ....linkage.joints import TreeJoint
 from ....spatial import Array
 from ....structure.bodies import Body

@@ -10,7 +10,7 @@ import numpy as np
 from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
 from ....assembly.requests import PoseRequest, Requests
 from ....assembly.task import module_task
-from ....linkage.rigid_motion import RigidMotion
+from ....linkage.tree import Motion
 from ....spatial import Array, cross
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
@@ -18,21 +18,21 @@ from .given import given_of, numbers_of
 from .part import CONTRADICTING_FILE, MOST_FREEDOMS, Part
 
 
-class Placed(Mapping[int, RigidMotion]):
+class Placed(Mapping[int, Motion]):
     """The motions of bodies that requests may refer to; those that do not matter are at rest.
 
     A pose relative to the base of its own module needs no motion of the base.
     """
 
     def __init__(self, samples: int) -> None:
-        self.known = {0: RigidMotion.at_rest(samples)}
+        self.known = {0: Motion.at_rest(samples)}
         self.reached = {0}
         self._still = self.known[0]
 
     def __contains__(self, body: object) -> bool:
         return body in self.reached
 
-    def __getitem__(self, body: int) -> RigidMotion:
+    def __getitem__(self, body: int) -> Motion:
         return self.known.get(body, self._still)
 
     def __iter__(self) -> Iterator[int]:
@@ -85,7 +85,7 @@ def _is_own(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
     return pose.motion is not None and other == base and joint in m.spec.platforms
 
 
-def _of_platform(robot: HybridRobot, pose: PoseRequest) -> RigidMotion:
+def _of_platform(robot: HybridRobot, pose: PoseRequest) -> Motion:
     """Compute the motion of a platform's body in its base from that of a link of it in a link of the base."""
     _, R_link, p_link = robot.bodies.place[pose.link]
     _, R_other, p_other = robot.bodies.place[pose.other]
@@ -96,7 +96,7 @@ def _of_platform(robot: HybridRobot, pose: PoseRequest) -> RigidMotion:
     p_dot = m.p_dot + swing
     p_ddot = m.p_ddot + cross(m.w_dot, arm) + cross(m.w, swing)
     back = R_other.T
-    return RigidMotion(
+    return Motion(
         R_other @ (m.R @ R_link.T), (m.p + arm) @ back + p_other, m.w @ back, p_dot @ back,
         m.w_dot @ back, p_ddot @ back,
     )  # fmt: skip
@@ -108,8 +108,8 @@ def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
     other, R_other, p_other = robot.bodies.place[pose.other]
     if pose.motion is not None and other in placed.known:
         samples = len(pose.motion.p)
-        link = placed.known[other].then(RigidMotion.at_rest(samples, R_other, p_other)).then(pose.motion)
-        placed.known[body] = link.then(RigidMotion.at_rest(samples, R.T, -R.T @ p))
+        link = placed.known[other].then(Motion.at_rest(samples, R_other, p_other)).then(pose.motion)
+        placed.known[body] = link.then(Motion.at_rest(samples, R.T, -R.T @ p))
 
 
 def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:

@@ -10,8 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from ....linkage.closures import TreeClosure
-from ....linkage.couplings import TreeCoupling
+from ....linkage.closures import TreeClosure, TreeCoupling
 from ....linkage.joints import TreeJoint
 from ....linkage.tree import Tree
 from ....spatial import Array
