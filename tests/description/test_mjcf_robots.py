@@ -17,7 +17,6 @@ from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import close_to
-from tests.description.page_robot import same_as_its_page
 from tests.judging import efforts
 from tests.mjcf import MuJoCo
 from tests.shipped import shipped, states_near_home
@@ -76,13 +75,6 @@ def test_both_models_are_those_of_the_urdf(name: str, tmp_path: Path) -> None:
 def test_the_home_of_the_file_closes_the_loops(tmp_path: Path) -> None:
     robot = hybridyn.load(written(shipped("gough_stewart"), tmp_path))
     assert hybridyn.closure_residual(robot, robot.home) < 1e-9  # what its model.toml states
-
-
-def test_the_robot_of_the_page_is_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    same_as_its_page("mjcf.md", "xml", tmp_path / "five_bar.xml", capsys)
 
 
 def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

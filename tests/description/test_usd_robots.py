@@ -12,7 +12,6 @@ import pytest
 from hybridyn.description import Coupling, Description, Joint, Link, read
 from hybridyn.description.placement import placement_from, rotation_from_rpy
 from tests.conversion.judge import written
-from tests.description.page_robot import same_as_its_page
 from tests.extras import needs
 from tests.samples import some
 from tests.shipped import ROBOTS, shipped
@@ -22,13 +21,6 @@ from pxr import Usd, UsdGeom, UsdPhysics  # noqa: E402
 
 #: usd-core computes in single precision.
 SINGLE = 2e-6
-
-
-def test_the_robot_of_the_page_is_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    same_as_its_page("usd.md", "usda", tmp_path / "five_bar.usda", capsys)
 
 
 @pytest.mark.parametrize("name", some(ROBOTS, ("delta",)))

@@ -23,7 +23,7 @@ ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 CLOSED = 1e-5  # of the module's size: the home posture is printed with six digits
 
 
-TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: test_tutorial.py
+TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: test_commands.py
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",

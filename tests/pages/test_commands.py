@@ -1,0 +1,151 @@
+"""The commands of the pages: they run, print what is shown, and write the files that they name."""
+
+from __future__ import annotations
+
+import csv
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.cli import COMMANDS
+from hybridyn.cli.cost import COLUMNS
+from hybridyn.studies.cost import settings
+from hybridyn.studies.sweep.reading import read_study
+from tests import ROOT
+from tests.command_line import call
+from tests.extras import needs
+from tests.pages.console import run_commands, shown
+from tests.samples import slow
+from tests.snippets import blocks, run_python, stand_where_a_user_does
+
+DOCS = ROOT / "docs"
+#: Number of commands of each page that has some: none is passed over.
+COUNTS = {
+    "check.md": 2, "workspace-and-sizing.md": 2, "joint-map.md": 2, "compiled.md": 1, "cost.md": 3,
+    "sweeps.md": 4, "view-and-plot.md": 6,
+}  # fmt: skip
+#: Extras that the commands of a page need, with a module of them; robots with meshes need the viewer's.
+EXTRAS = {"check.md": ["view"], "sweeps.md": ["sweep"], "view-and-plot.md": ["view"]}
+FILE = re.compile(r"[\w.]+\.(png|svg|pdf|html|mp4|csv)")
+
+
+def write_studies() -> None:
+    """Write the files of the page on sweeps."""
+    run_python(DOCS / "sweeps.md")
+    for block in blocks(DOCS / "sweeps.md", "toml"):
+        Path(block.facts.get("file", "study.toml")).write_text(block.text)
+
+
+@pytest.mark.parametrize("page", [page if page == "check.md" else slow(page) for page in COUNTS])
+def test_commands_print_what_is_shown(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    needs("view", "trimesh")  # the first page checks a robot with meshes
+    for extra in EXTRAS.get(page, ()):
+        needs(extra)
+    stand_where_a_user_does(tmp_path, monkeypatch)
+    monkeypatch.setenv("COLUMNS", "90")
+    if page == "sweeps.md":
+        write_studies()
+    if page == "cost.md":
+        monkeypatch.setattr(settings, "FACTORS", (4.0,))
+        monkeypatch.setattr(settings, "TOLERANCES", (1e-7,))
+    text = shown(DOCS / page)
+    assert text.count("$ hybridyn ") == COUNTS[page]
+    if page == "view-and-plot.md":  # it shows a part of what is printed
+        text = "\n".join(re.findall(r"^\$ .*$", text, re.MULTILINE))
+    said = run_commands(text, capsys, whole=page in ("check.md", "workspace-and-sizing.md", "joint-map.md"))
+    for word in re.findall(r"\S+", "\n".join(re.findall(r"^\$ hybridyn (.*)$", text, re.MULTILINE))):
+        assert not FILE.fullmatch(word) or Path(word).stat().st_size > 500, word
+    if page == "compiled.md":
+        kinds = {path.suffix or path.name for path in (tmp_path / "five_bar_c").iterdir()}
+        assert {".h", ".c", "Makefile", ".md"} <= kinds
+        assert said.out == ""
+    if page == "cost.md":
+        assert said.out.startswith("# ")
+        assert tomllib.loads(said.out)["solver"]["method"]
+        assert next(csv.reader(Path("cost.csv").read_text().splitlines())) == list(COLUMNS)
+
+
+def test_the_study_of_the_page_is_right(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_studies()
+    assert len(read_study("study.toml").columns) == 4
+    assert read_study("falls.toml").columns == ["landing", "speed", "braking"]
+
+
+def test_commands_that_are_only_shown_exist() -> None:
+    only = [
+        block.text for block in blocks(DOCS / "view-and-plot.md", "sh") if block.text.startswith("hybridyn")
+    ]
+    assert [text.split()[1] for text in only] == ["view"]
+    assert "view" in COMMANDS
+
+
+def test_the_tutorial_runs_from_its_first_to_its_last_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "90")
+    names: dict[str, object] = {"__name__": "__page__"}
+    robot, page = Path("five.urdf"), DOCS / "tutorial.md"
+    for block in blocks(page):
+        if "file" in block.facts:
+            assert block.facts["file"] == robot.name
+            robot.write_text(block.text)
+        elif "before" in block.facts:
+            head, found, tail = robot.read_text().partition(block.facts["before"])
+            assert found
+            robot.write_text(head + block.text + found + tail)
+        elif block.language == "console":
+            run_commands(block.text, capsys)
+        elif block.language == "python":
+            exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
+    assert {path.name for path in tmp_path.glob("*.csv")} == {
+        "wave.csv", "torques.csv", "with_friction.csv", "motors.csv"
+    }  # fmt: skip
+    assert Path("torques.png").stat().st_size > 1000
+    five = names["robot"]
+    assert isinstance(five, hybridyn.HybridRobot)
+    assert five.motors == ("left_drive", "right_drive")
+    swing = names["swing"]
+    assert np.ptp(swing.energy) < 1e-4 * swing.kinetic.max()  # type: ignore[attr-defined]  # rtol 1e-6, some 50 steps
+
+
+#: The robot of a format's page: its language, its file, motors, mobility, root and what closes at home.
+ROBOTS = {
+    "mjcf.md": ("xml", "five_bar.xml", ("motor_left", "motor_right"), "mjcf"),
+    "usd.md": ("usda", "five_bar.usda", ("motor_left", "motor_right"), "usd"),
+    "sdf.md": ("xml", "four_bar.sdf", ("motor",), None),
+}
+
+
+@pytest.mark.parametrize("page", ROBOTS)
+def test_the_robot_of_the_page_is_read(
+    page: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the page says is what hybridyn reads; lines break where the terminal ends."""
+    language, name, motors, extra = ROBOTS[page]
+    if extra:
+        needs(extra)
+    monkeypatch.chdir(tmp_path)
+    (example,) = blocks(DOCS / page, language)
+    Path(name).write_text(example.text)
+    robot = hybridyn.load(name)
+    assert (robot.motors, robot.mobility) == (motors, len(motors))
+    assert hybridyn.closure_residual(robot, robot.home) < 1e-12
+    told, _, _ = call(capsys, "info", name).out.partition("\n\n")
+    assert " ".join(told.split()) in " ".join((DOCS / page).read_text().split())
+    assert "error" not in call(capsys, "check", name).out
+    if page == "sdf.md":
+        assert robot.description.root == "frame"
+        call(capsys, "convert", name, "-o", "other.sdf", "--strict")
+        files = ["four_bar.sdf", "other.sdf", "other.sdf.model.toml"]
+        assert sorted(path.name for path in tmp_path.iterdir()) == files
+    else:
+        efforts = [joint.effort for joint in robot.description.joints if joint.name in motors]
+        assert (efforts, robot.description.notes) == ([50, 50], ())
