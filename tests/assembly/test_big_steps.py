@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,8 @@ from tests.mechanisms import KINDS, random_mechanism
 from tests.posing import far_apart, position
 from tests.samples import slow
 
+#: Computes a posture from positions of the motors and the last posture.
+Step = Callable[[Array, Array], Array]
 #: Largest difference of two closed postures that are the same [rad, m].
 SAME = 1e-6
 #: Rows of the fine motion.
@@ -29,7 +33,18 @@ def end_of_fine_motion(robot: HybridRobot, q: Array, x: Array, target: Array) ->
         return None
 
 
-def judged(robot: HybridRobot, steps: int, largest: float, compiled: hybridyn.CompiledRobot | None) -> int:
+def step_of(robot: HybridRobot) -> Step:
+    """Return the function that assembles a posture at motor positions from a last one."""
+    return lambda x, q: hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)), guess=q)[0]
+
+
+def compiled_step(robot: HybridRobot) -> Step:
+    """Return the same function of the compiled robot."""
+    compiled = hybridyn.compile(robot)
+    return lambda x, q: compiled.close(x, last=q)[0]
+
+
+def judged(robot: HybridRobot, steps: int, largest: float, step_to: Step) -> int:
     """Compare random steps from postures of the branch of home; return how many can be followed."""
     rng, followed = np.random.default_rng(0), 0
     home = robot.home, np.array([position(robot, name, robot.home) for name in robot.motors])
@@ -39,11 +54,7 @@ def judged(robot: HybridRobot, steps: int, largest: float, compiled: hybridyn.Co
         way = rng.normal(size=len(x)) * np.exp(rng.uniform(np.log(0.02), np.log(largest)))
         wanted = end_of_fine_motion(robot, q, x, x + way)
         try:
-            if compiled:
-                found = compiled.close(x + way, last=q)[0]
-            else:
-                motors = dict(zip(robot.motors, x + way, strict=True))
-                found = hybridyn.assemble(robot, motors=motors, guess=q)[0]
+            found = step_to(x + way, q)
         except AssemblyError:
             assert wanted is None, step
             continue
@@ -60,7 +71,7 @@ def test_a_step_that_straight_motions_cannot_make_is_an_error() -> None:
     q = hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)))[0]
     assert end_of_fine_motion(robot, q, x, target) is None
     with pytest.raises(AssemblyError, match=r"at sample 0 straight from the guess|do not close at sample 0"):
-        hybridyn.assemble(robot, motors=dict(zip(robot.motors, target, strict=True)), guess=q)
+        step_of(robot)(target, q)
 
 
 def test_a_step_whose_ends_look_alike_ends_on_its_branch() -> None:
@@ -70,7 +81,7 @@ def test_a_step_whose_ends_look_alike_ends_on_its_branch() -> None:
     x, target = q[[0, 2]], np.array([0.24282016420201735, 0.43762760946090973])
     wanted = end_of_fine_motion(robot, q, x, target)
     assert wanted is not None
-    found = hybridyn.assemble(robot, motors=dict(zip(robot.motors, target, strict=True)), guess=q)[0]
+    found = step_of(robot)(target, q)
     assert far_apart(robot, found[None], wanted[None]) < SAME
 
 
@@ -82,11 +93,8 @@ def test_motors_that_turn_the_rows_beyond_a_fold(compiled: bool) -> None:
     target = x + np.array([-0.1105, 0.1093, 0.0631])
     wanted = end_of_fine_motion(robot, robot.home, x, target)
     assert wanted is not None
-    if compiled:
-        found = hybridyn.compile(robot).close(target, last=robot.home)[0]
-    else:
-        motors = dict(zip(robot.motors, target, strict=True))
-        found = hybridyn.assemble(robot, motors=motors, guess=robot.home)[0]
+    step_to = compiled_step(robot) if compiled else step_of(robot)
+    found = step_to(target, robot.home)
     assert far_apart(robot, found[None], wanted[None]) < SAME
 
 
@@ -94,17 +102,34 @@ def test_motors_that_turn_the_rows_beyond_a_fold(compiled: bool) -> None:
     ("name", "steps", "largest"), [("five_bar", 25, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
 )
 def test_steps_of_shipped_robots(name: str, steps: int, largest: float) -> None:
-    assert judged(hybridyn.load(name), steps, largest, None) > 0.4 * steps
+    robot = hybridyn.load(name)
+    assert judged(robot, steps, largest, step_of(robot)) > 0.4 * steps
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "steps", "largest"), [("five_bar", 400, 2.5), ("delta", 150, 1.6)])
 def test_steps_of_compiled_robots(name: str, steps: int, largest: float) -> None:
     robot = hybridyn.load(name)
-    assert judged(robot, steps, largest, hybridyn.compile(robot)) > 0.4 * steps
+    assert judged(robot, steps, largest, compiled_step(robot)) > 0.4 * steps
+
+
+@pytest.mark.slow
+def test_steps_of_designs() -> None:
+    """Designs that each have a last posture of their own stay on its branch, too."""
+    robot = hybridyn.load("five_bar")
+    compiled = hybridyn.compile(robot, parameters=["position:m1_left_elbow"])
+    design = compiled.parameters.nominal[None]
+
+    def step_to(x: Array, q: Array) -> Array:
+        """Close the loops of one design, the nominal one."""
+        posture: Array = compiled.close(x[None], last=q[None], parameters=design)[0][0]
+        return posture
+
+    assert judged(robot, 300, 2.5, step_to) > 100
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if "serial" not in kind])
 def test_steps_of_random_mechanisms(kind: str) -> None:
-    judged(build_robot(random_mechanism(1, kind=kind)), 10, 2.0, None)
+    robot = build_robot(random_mechanism(1, kind=kind))
+    judged(robot, 10, 2.0, step_of(robot))
