@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from hybridyn.linkage.joints import TreeJoint
-from hybridyn.structure.leg_model import pinocchio_joint
+from hybridyn.structure.pinocchio_model import pinocchio_joint
 
 Rng = np.random.Generator
 ANCHORS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}

@@ -18,11 +18,10 @@ from ..linkage.newton import LoopProblem, close
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..spatial import Array, cross
-from ..structure.joint_position import joint_position
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
-from ..structure.named_columns import is_table
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
+from ..structure.samples import is_table
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
 from .requests import Requests, first_guess, gather_requests

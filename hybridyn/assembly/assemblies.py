@@ -17,9 +17,8 @@ from ..linkage.newton import SMALLEST_STEP
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
-from ..structure.joint_position import joint_position
 from ..structure.module import Module
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
 from .assemble import place_base, settled
 from .follow import follow
 from .module_request import module_request, on_own_bases, place_bodies

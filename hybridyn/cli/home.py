@@ -78,7 +78,7 @@ def command(
     """
     from ..description.side_cars.home_table import home_table, write_home
     from ..errors import ModelError
-    from ..structure.joint_position import positions
+    from ..structure.robot import positions
     from ..studies.home import homes
 
     robot = load()

@@ -138,7 +138,7 @@ def efforts(
     """
     from ..dynamics.inverse import inverse_model
     from ..streams.blocks import Rows
-    from ..structure.departures import departures
+    from ..streams.departures import departures
 
     if compiled is not None:
         before = compiled.recomputed

@@ -237,7 +237,7 @@ def _draw(ready: Stage, result: Result, plot: str) -> None:
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
-    from ..structure.departures import Departures, departures
+    from ..streams.departures import Departures, departures
 
     counters = result.counters
     reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t

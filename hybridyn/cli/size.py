@@ -137,7 +137,7 @@ class _Report:
         effects: Effects,
         engine: Engine,
     ) -> None:
-        from ..structure.departures import Departures
+        from ..streams.departures import Departures
         from ..studies.sizing import Sizing
 
         self.left = Departures()

@@ -12,8 +12,7 @@ from ..description.placement import inverse
 from ..description.records import Array, Closure, Description
 from ..errors import HybridynError, ModelError
 from ..structure.building import build_robot
-from ..structure.joint_position import positions
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, positions
 from .home import home_of, poses_at
 
 #: Opening at home that is rounding in the file [rad, or of the robot's size], as in `load`.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..spatial import Array
+from ..structure.module import ModuleState, RobotMotion
 from ..structure.robot import HybridRobot
-from ..structure.state import ModuleState, RobotMotion
 from .forward import base_motion, forward
 from .inverse_guards import Guards
 from .inverse_recursion import module_forces

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, choose, times
 from ..errors import TrajectoryError
 from ..spatial import Array
+from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
-from ..structure.state import RobotMotion
 from .backward import reactions_of
 from .direct_recursion import accelerate, articulate
 from .forward import base_motion, forward

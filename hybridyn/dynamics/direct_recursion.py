@@ -19,8 +19,8 @@ import numpy as np
 from ..linkage.reduction import Basis
 from ..linkage.tree import Motion
 from ..spatial import Array, motion_matrix
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
-from ..structure.state import ModuleState
 from .guards import check_acceleration_digits, check_closure_rank, check_massless_forces
 from .inertia_rounding import (
     force_of_slips,

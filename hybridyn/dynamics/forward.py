@@ -10,9 +10,8 @@ import numpy as np
 
 from ..effects.terms import Gravity
 from ..spatial import Array, crm, cross, motion_to_body
-from ..structure.module import Module
+from ..structure.module import Module, ModuleState
 from ..structure.robot import HybridRobot
-from ..structure.state import ModuleState
 
 GRAVITY = Gravity()
 

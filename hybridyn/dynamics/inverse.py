@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
+from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
-from ..structure.state import RobotMotion
 from .actuation import Sharing
 from .backward import backward
 from .forward import forward

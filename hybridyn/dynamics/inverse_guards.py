@@ -6,8 +6,8 @@ import numpy as np
 
 from ..linkage.reduction import Basis
 from ..spatial import Array
+from ..structure.module import ModuleState, RobotMotion
 from ..structure.robot import HybridRobot
-from ..structure.state import ModuleState, RobotMotion
 from .actuation import Need, Sharing, motor_efforts
 from .guards import LOST_PIVOT, check_closure_rank, check_effort_digits
 from .inverse_recursion import ModuleForces

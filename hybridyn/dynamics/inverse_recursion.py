@@ -12,7 +12,7 @@ import numpy as np
 
 from ..linkage.reduction import Basis
 from ..spatial import Array, wrench_to_base
-from ..structure.state import ModuleState
+from ..structure.module import ModuleState
 from .loads import Loads
 
 

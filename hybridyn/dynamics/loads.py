@@ -21,7 +21,7 @@ from ..structure.samples import as_numbers
 from .link_motion import observed_motions
 
 if TYPE_CHECKING:
-    from ..structure.state import ModuleState
+    from ..structure.module import ModuleState
 
 
 @dataclass(eq=False)

@@ -18,8 +18,7 @@ from ..linkage.reduction import Basis
 from ..linkage.tree import Motion
 from ..manifold.branch import along_branch
 from ..spatial import Array
-from ..structure.module import Module
-from ..structure.state import ModuleState
+from ..structure.module import Module, ModuleState
 from .guards import LOST_PIVOT, check_motor_map
 from .inertia_solve import InertiaFactor
 

@@ -16,7 +16,7 @@ from .guards import LOST_PIVOT
 
 if TYPE_CHECKING:
     from ..structure.mechanism import Mechanism
-    from ..structure.state import ModuleState
+    from ..structure.module import ModuleState
     from .loads import ModuleLoad
 
 

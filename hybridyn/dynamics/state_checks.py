@@ -7,9 +7,8 @@ import numpy as np
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.gimbal_lock import is_locked
 from ..spatial import Array, cross, select
-from ..structure.module import Module
+from ..structure.module import Module, ModuleState
 from ..structure.robot import HybridRobot
-from ..structure.state import ModuleState
 from .natural_sizes import REST, NaturalSizes
 
 #: Largest closure residual of given positions and rates, as a part of the module's length.

@@ -7,7 +7,7 @@ selection of effects for one call), `rebuild` (`hybridyn.with_effects`).
 May import: `structure`, `tables` and below.
 """
 
-from ..structure.payload import Payload
+from ..structure.bodies import Payload
 from .choice import DEFAULT, UNITS, Effects, choose
 from .inputs import BaseMotion, Limits
 from .joint_laws import (

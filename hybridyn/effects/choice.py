@@ -12,10 +12,10 @@ from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
 from ..linkage.tree import Motion
 from ..spatial import Array
-from ..structure.payload import Payload
+from ..structure.bodies import Payload
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
-from ..structure.state import ModuleState
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
     CoulombFriction,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..errors import ModelError
+from ..structure.bodies import Payload
 from ..structure.building import build_robot
-from ..structure.payload import Payload
 from ..structure.robot import HybridRobot
 from .choice import JOINTS, Choice, Effects, listed_units
 from .inputs import BaseMotion

@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..spatial import Array, crf, rotate_back, rotation_from_quaternion
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
-from ..structure.state import ModuleState
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ import numpy as np
 from ..errors import SingularityError
 from ..linkage.reduction import Basis
 from ..spatial import Array
-from ..structure.state import ModuleState
+from ..structure.module import ModuleState
 
 #: Singular values below this part of the largest are replaced by their limits, with an error of this size
 #: d. Without the replacement the error would be 1e-16 / d^2, since positions are known to 1e-16 / d.

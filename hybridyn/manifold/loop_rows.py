@@ -11,7 +11,6 @@ import numpy as np
 from ..linkage.closures import TreeClosure, coupling_residual, coupling_rows
 from ..linkage.retraction import Retraction
 from ..spatial import Array, rotation_vector
-from ..structure.leg_model import pinocchio_joint
 from ..structure.mechanism import Mechanism
 
 #: Largest residual of closed loops (relative to the module's length), in addition to rounding of the file.
@@ -29,6 +28,8 @@ class LoopRows:
 
     def __init__(self, mechanism: Mechanism) -> None:
         import pinocchio as pin
+
+        from ..structure.pinocchio_model import pinocchio_joint
 
         tree, closures = mechanism.spanning, mechanism.spanning_closures
         self.unit = mechanism.spanning_col_scale

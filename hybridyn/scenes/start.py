@@ -8,8 +8,7 @@ from ..assembly.assemble import assemble
 from ..description.names import did_you_mean
 from ..linkage.joints import NV
 from ..spatial import Array
-from ..structure.joint_position import joint_position
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
 from .references import Reference
 from .scene_file import SceneFile
 from .toml_source import naming

@@ -20,10 +20,10 @@ from .workers import Failure, Workers
 
 if TYPE_CHECKING:
     from ..description.records import Array
-    from ..structure.departures import Departure
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
     from ..tables.trajectory import Motion
+    from .departures import Departure
 
 #: Relative difference below which two postures are on one branch: there they agree to rounding.
 SAME_POSTURE = 1e-9

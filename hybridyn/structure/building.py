@@ -13,13 +13,12 @@ from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..linkage.threads import one_thread
 from ..spatial import LARGEST, Array, slices
-from .bodies import Bodies
+from .bodies import Bodies, payloads_of
 from .graph import ModuleGraph, find_modules, undo_cuts
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
 from .parameters.changed import with_numbers
-from .payload import payloads_of
 from .robot import Base, HybridRobot
 from .stated import home_of, joints_to_keep
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from .payload import Payload
+    from .bodies import Payload
 
 #: Acceleration of gravity if neither the caller nor the file defines one [m/s^2].
 EARTH = (0.0, 0.0, -9.81)

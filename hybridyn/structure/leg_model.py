@@ -1,8 +1,8 @@
-"""Pinocchio model of the legs of one module: H and F_b by RNEA; A, D and S1 by CRBA.
+"""Models of the legs of one module: H and F_b by RNEA; A, D and S1 by CRBA.
 
 A free-flyer represents the base body, and the leg trees are attached to it (appendices A to C of the paper).
-Gravity is zero in this model, because the acceleration of the base already contains it. Outputs have no
-inertia in this model, because the module equations add it.
+Gravity is zero in these models, because the acceleration of the base already contains it. Outputs have no
+inertia in them, because the module equations add it. `LegModel` calls Pinocchio, `LongLegs` does without.
 """
 
 from __future__ import annotations
@@ -13,68 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linkage.joints import TreeJoint
-from ..linkage.tree import Tree
-from ..spatial import Array
+from ..linkage.tree import Motion, Tree
+from ..spatial import Array, cross, hat, rotate, rotate_back
 from .bodies import Body
 
 if TYPE_CHECKING:
     import pinocchio as pin
-
-
-def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
-    """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
-    import pinocchio as pin
-
-    aligned = {
-        "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
-        "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
-        "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
-    }
-    if joint.kind in aligned:
-        for i in range(3):
-            if joint.axis[i] == 1.0:
-                return aligned[joint.kind][i]()
-        unaligned = {
-            "revolute": pin.JointModelRevoluteUnaligned,
-            "continuous": _continuous,
-            "prismatic": pin.JointModelPrismaticUnaligned,
-        }
-        return unaligned[joint.kind](joint.axis)
-    return {
-        "spherical": pin.JointModelSpherical,
-        "planar": pin.JointModelPlanar,
-        "floating": pin.JointModelFreeFlyer,
-    }[joint.kind]()
-
-
-def _continuous(axis: Array) -> pin.JointModel:
-    """Return a continuous joint about any axis, by the URDF reader, because Python cannot set the axis."""
-    import pinocchio as pin
-
-    x, y, z = (float(value) for value in axis)
-    return pin.buildModelFromXML(
-        '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
-        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} '
-        f'{z!r}"/>'
-        "</joint></robot>"
-    ).joints[1]
-
-
-def pinocchio_inertia(body: Body) -> pin.Inertia:
-    """Return Pinocchio's inertia of a body.
-
-    The entries are set one by one, because the constructor rejects unphysical inertias.
-    """
-    import pinocchio as pin
-
-    out = pin.Inertia.Zero()
-    out.mass = body.mass
-    out.lever = body.com
-    # Symmetric to the last digit, because Pinocchio checks symmetry with an absolute tolerance.
-    out.inertia = (body.inertia + body.inertia.T) / 2
-    return out
 
 
 class LegModel:
@@ -126,6 +70,8 @@ class LegModel:
     def model(self) -> pin.Model:
         """The Pinocchio model; its first joint is a free-flyer."""
         import pinocchio as pin
+
+        from .pinocchio_model import pinocchio_inertia, pinocchio_joint
 
         tree, bodies = self._built_from
         model = pin.Model()
@@ -208,3 +154,80 @@ class LegModel:
         upper = np.triu(out)
         M[:, at[:, None], at] = upper + np.swapaxes(np.triu(out, 1), 1, 2)
         return M
+
+
+class LongLegs:
+    """Leg trees of a module with hundreds of freedoms, with the same two methods as `LegModel`.
+
+    The memory grows with the square of the number of freedoms. Pinocchio's `Data` has tensors that grow with
+    the cube: several GB for a loop of 400 joints. Here the wrench and the inertia of every body are expressed
+    about the origin of the base, and summed over the bodies that each freedom moves.
+    """
+
+    def __init__(self, tree: Tree, bodies: list[Body | None]) -> None:
+        """Collect the bodies that have mass.
+
+        Args:
+            tree: The module's tree after the cuts.
+            bodies: For each body of the tree after the base, its inertia, or None for an output.
+        """
+        self.tree = tree
+        heavy = [(i + 1, b) for i, b in enumerate(bodies) if b is not None and not b.massless]
+        self._at = np.array([i for i, _ in heavy], dtype=int)
+        self._mass = np.array([b.mass for _, b in heavy])
+        self._com = np.array([b.com for _, b in heavy]).reshape(-1, 3)
+        self._inertia = np.array([(b.inertia + b.inertia.T) / 2 for _, b in heavy]).reshape(-1, 3, 3)
+        self._moved = tree.support[self._at].astype(float)  # (heavy bodies, nv)
+
+    def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Compute the inverse dynamic model of the legs, Eqs. (54)-(62), as `LegModel.rnea` does."""
+        motion = self.tree.sweep(q, v, a)
+        R, p, w, p_dot, w_dot, p_ddot = (x[:, self._at] for x in motion.arrays)
+        arm = rotate(R, np.broadcast_to(self._com, p.shape))
+        c, c_dot = p + arm, p_dot + cross(w, arm)
+        c_ddot = p_ddot + cross(w_dot, arm) + cross(w, cross(w, arm))
+        w0, wd0 = V[:, None, 3:], V_dot[:, None, 3:]
+        start = V_dot[:, None, :3] + cross(w0, V[:, None, :3])
+        swept = cross(wd0, c) + cross(w0, cross(w0, c)) + 2.0 * cross(w0, c_dot)
+        force = self._mass[:, None] * (start + swept + c_ddot)
+        turn, turn_dot = w + w0, w_dot + wd0 + cross(w0, w)
+        spin, spin_dot = rotate_back(R, turn), rotate_back(R, turn_dot)
+        own = rotate(self._inertia, spin_dot) + cross(spin, rotate(self._inertia, spin))
+        wrench = np.concatenate([force, rotate(R, own) + cross(c, force)], axis=-1)
+        beyond = np.einsum("bj,tbi->tji", self._moved, wrench, optimize=True)
+        H: Array = np.einsum("tji,tji->tj", self._columns(motion), beyond)
+        return wrench.sum(axis=1), H
+
+    def crba(self, q: Array) -> Array:
+        """Compute the mass matrix M_leg of the legs and the base, Eqs. (63)-(75), as `LegModel.crba` does."""
+        nv = self.tree.nv
+        out = np.zeros((len(q), 6 + nv, 6 + nv))
+        above = self.tree.support[self.tree.dof_body].T  # [i, j]: freedom i moves the body of freedom j
+        for t in range(len(q)):
+            motion = self.tree.sweep(q[t : t + 1])
+            inertias = self._about_base(motion)
+            S = self._columns(motion)[0]
+            beyond = np.tensordot(self._moved, inertias, axes=(0, 0))
+            F = np.einsum("jik,jk->ji", beyond, S)
+            A = np.where(above, S @ F.T, 0.0)
+            A += np.where(above, 0.0, A.T)
+            out[t, :6, :6], out[t, 6:, 6:] = inertias.sum(axis=0), A
+            out[t, 6:, :6], out[t, :6, 6:] = F, F.T
+        return out
+
+    def _columns(self, motion: Motion) -> Array:
+        """Compute the twist at the base's origin for a unit rate of each freedom, shape (T, nv, 6)."""
+        linear, angular = self.tree.columns(motion)
+        at = linear - cross(angular, motion.p[:, self.tree.dof_body])
+        return np.concatenate([at, angular], axis=-1)
+
+    def _about_base(self, motion: Motion) -> Array:
+        """Compute the bodies' inertias about the base's origin at the first sample, shape (bodies, 6, 6)."""
+        R = motion.R[0, self._at]
+        c = motion.p[0, self._at] + rotate(R, self._com)
+        out = np.zeros((len(c), 6, 6))
+        C, m = hat(c), self._mass[:, None, None]
+        out[:, :3, :3], out[:, 3:, :3] = m * np.eye(3), m * C
+        out[:, :3, 3:] = -out[:, 3:, :3]
+        out[:, 3:, 3:] = R @ self._inertia @ np.swapaxes(R, 1, 2) - m * C @ C
+        return out

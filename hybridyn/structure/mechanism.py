@@ -25,13 +25,10 @@ from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask, spatial_inertia, to_body_axes
-from .cut import Cut
-from .leg_model import LegModel
-from .long_legs import LongLegs
-from .module_spec import ModuleSpec
+from .cut import Cut, WristMotion
+from .leg_model import LegModel, LongLegs
+from .module_spec import ModuleSpec, freedom_units, leg_by_leg, module_length, row_factors
 from .rank_evidence import rank_by_home, rank_decision
-from .scaling import freedom_units, leg_by_leg, module_length, row_factors
-from .wrist_motion import WristMotion
 
 #: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
 #: limit is about 5e4 times the machine epsilon.

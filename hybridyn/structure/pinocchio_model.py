@@ -1,4 +1,4 @@
-"""Build the Pinocchio model of the spanning tree of a whole robot."""
+"""Pinocchio's joints, inertias, and model of the spanning tree of a whole robot."""
 
 from __future__ import annotations
 
@@ -10,12 +10,60 @@ import pinocchio as pin
 from ..errors import ModelError
 from ..linkage.joints import TreeJoint
 from ..spatial import Array
-from .bodies import Bodies
-from .leg_model import pinocchio_inertia, pinocchio_joint
+from .bodies import Bodies, Body
 
 #: Largest number of joints. The memory of Pinocchio's `Model` grows with its square, that of `Data` with its
 #: cube.
 MOST_JOINTS = 10_000
+
+
+def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
+    """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
+    aligned = {
+        "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
+        "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
+        "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
+    }
+    if joint.kind in aligned:
+        for i in range(3):
+            if joint.axis[i] == 1.0:
+                return aligned[joint.kind][i]()
+        unaligned = {
+            "revolute": pin.JointModelRevoluteUnaligned,
+            "continuous": _continuous,
+            "prismatic": pin.JointModelPrismaticUnaligned,
+        }
+        return unaligned[joint.kind](joint.axis)
+    return {
+        "spherical": pin.JointModelSpherical,
+        "planar": pin.JointModelPlanar,
+        "floating": pin.JointModelFreeFlyer,
+    }[joint.kind]()
+
+
+def _continuous(axis: Array) -> pin.JointModel:
+    """Return a continuous joint about any axis, by the URDF reader, because Python cannot set the axis."""
+    x, y, z = (float(value) for value in axis)
+    return pin.buildModelFromXML(
+        '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} '
+        f'{z!r}"/>'
+        "</joint></robot>"
+    ).joints[1]
+
+
+def pinocchio_inertia(body: Body) -> pin.Inertia:
+    """Return Pinocchio's inertia of a body.
+
+    The entries are set one by one, because the constructor rejects unphysical inertias.
+    """
+    out = pin.Inertia.Zero()
+    out.mass = body.mass
+    out.lever = body.com
+    # Symmetric to the last digit, because Pinocchio checks symmetry with an absolute tolerance.
+    out.inertia = (body.inertia + body.inertia.T) / 2
+    return out
 
 
 def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array, name: str) -> pin.Model:

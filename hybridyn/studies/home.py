@@ -11,8 +11,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..spatial import Array
-from ..structure.joint_position import positions
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, positions
 
 #: Coordinates of a joint at zero, where they are not all zero.
 ZERO = {

@@ -19,7 +19,7 @@ import numpy as np
 from ..description.names import counted
 from ..description.records import Joint
 from ..spatial import Array
-from ..structure.departures import TOUCHING, position_limits
+from ..streams.departures import TOUCHING, position_limits
 from ..structure.robot import HybridRobot
 from ..tables.over_time import Means, Peaks
 

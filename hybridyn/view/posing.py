@@ -14,9 +14,8 @@ import numpy as np
 from ..assembly.assemble import move_module
 from ..errors import AssemblyError, HybridynError
 from ..spatial import Array
-from ..structure.joint_position import joint_position
 from ..structure.module import Module
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
 
 #: Number of bisections that find the last reachable position on the way to one out of reach.
 HALVINGS = 6

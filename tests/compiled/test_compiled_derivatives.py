@@ -23,7 +23,7 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.leg_model import pinocchio_inertia
+from hybridyn.structure.pinocchio_model import pinocchio_inertia
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused, same_bits
 from tests.mechanisms import KINDS, random_mechanism

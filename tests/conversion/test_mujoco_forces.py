@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hybridyn.structure.joint_position import joint_position
+from hybridyn.structure.robot import joint_position
 from tests.comparing import close_to
 from tests.conversion.features import FEATURES
 from tests.conversion.test_mujoco import SAME, Model, open_postures

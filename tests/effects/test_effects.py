@@ -17,8 +17,8 @@ from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.dynamics.link_motion import observed_motions
 from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
+from hybridyn.streams.departures import departures
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.departures import departures
 from hybridyn.studies.sizing import Sizing, motor_rows, violations
 from hybridyn.studies.sweep.measures import OF_MOTORS
 from hybridyn.view.panel import effort_limits

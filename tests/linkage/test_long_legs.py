@@ -12,8 +12,7 @@ import pytest
 import hybridyn
 from hybridyn.dynamics.forward import forward
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.leg_model import LegModel
-from hybridyn.structure.long_legs import LongLegs
+from hybridyn.structure.leg_model import LegModel, LongLegs
 from tests.mechanisms import KINDS, random_mechanism, random_states
 
 CHOSEN = [kind for i, kind in enumerate(KINDS) if i % 5 == 0]

@@ -16,9 +16,8 @@ from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters, _angles
-from hybridyn.structure.parameters.expressed import expressed
 from hybridyn.structure.parameters.slots import values_of, with_values
-from hybridyn.structure.parameters.traced import Traced
+from hybridyn.structure.parameters.traced import Traced, expressed
 from tests.samples import slow
 from tests.shipped import shipped
 

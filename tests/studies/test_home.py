@@ -10,7 +10,7 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import ModelError
-from hybridyn.structure.joint_position import positions
+from hybridyn.structure.robot import positions
 from hybridyn.studies.home import homes
 from tests.command_line import call, read_table
 from tests.extras import needs

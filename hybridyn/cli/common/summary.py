@@ -41,7 +41,7 @@ class Summary:
             remarks: Lines at the end of the summary.
             engine: The engine, which counts the samples handed to the general path.
         """
-        from ...structure.departures import Departures
+        from ...streams.departures import Departures
         from ...tables.over_time import Means, Peaks
 
         self.left = Departures()

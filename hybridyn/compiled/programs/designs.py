@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
 from ...structure.building import rebuilt
-from ...structure.parameters.checks import check_signs
 from ...structure.parameters.entries import Parameters
-from ...structure.parameters.slots import with_values
+from ...structure.parameters.slots import check_signs, with_values
 from ...structure.robot import HybridRobot
 
 #: Factors on the parameters of the designs at which a new model is verified.

@@ -13,9 +13,8 @@ from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array, Index
-from ...structure.named_columns import is_table, of_joints, of_motors
 from ...structure.robot import HybridRobot
-from ...structure.samples import as_batch, as_positions, same_samples
+from ...structure.samples import as_batch, as_positions, is_table, of_joints, of_motors, same_samples
 from .body_rows import body_rows
 
 #: Quantity of the columns of a table that stands for an argument.

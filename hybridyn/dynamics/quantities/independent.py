@@ -20,8 +20,7 @@ from ...errors import AT_SAMPLE, SingularityError
 from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ...linkage.reduction import Basis
 from ...spatial import Array, Index
-from ...structure.module import Module
-from ...structure.state import ModuleState
+from ...structure.module import Module, ModuleState
 from ..actuation import SINGULAR_MOTOR_MAP
 from ..guards import check_closure_rank
 from .coordinates import Coordinates

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
+from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
-from ...structure.state import ModuleState
 from ..link_motion import named_links
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions

@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 
 from ...effects.choice import Choice, Effects, choose
 from ...spatial import Array, motion_matrix
+from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
-from ...structure.state import ModuleState
 from ..inertia_solve import congruence
 from ..loads import Loads
 from ..passive import needs_inertia

@@ -15,9 +15,8 @@ from ...errors import AssemblyError, HybridynError, TrajectoryError
 from ...linkage.joints import NV
 from ...spatial import Array
 from ...structure.building import build_robot
-from ...structure.joint_position import joint_position
 from ...structure.module import Module
-from ...structure.robot import HybridRobot
+from ...structure.robot import HybridRobot, joint_position
 from .coordinates import check_joints
 
 

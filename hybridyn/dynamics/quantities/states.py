@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...spatial import Array
+from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, as_rates, same_samples
-from ...structure.state import ModuleState
 from ..forward import forward
 from ..state_checks import check_closed
 

@@ -1,8 +1,8 @@
 """Chosen numbers of a robot's description as parameters.
 
-Read `slots` (single numbers of a description), `checks`, `entries` (names of parameters, such as
-"mass:upper", and the slots that they set), `traced` (numbers that remember how they follow from the
-parameters) and `expressed` (the numbers of a robot's modules as functions of the parameters).
+Read `slots` (single numbers of a description, and checks of them), `entries` (names of parameters, such as
+"mass:upper", and the slots that they set), `xacro` (arguments of a robot's file) and `traced` (numbers that
+remember how they follow from the parameters, and those of a robot's modules).
 
 May import: what `structure` may, and `structure`.
 """

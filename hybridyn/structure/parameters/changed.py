@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from ...description.records import Description
-from .checks import check_signs
 from .entries import Parameters
-from .slots import with_values
+from .slots import check_signs, with_values
 from .xacro import XacroArguments
 
 

@@ -12,8 +12,7 @@ from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array
-from .checks import check_known, check_load, check_one
-from .slots import Slot, values_of
+from .slots import Slot, check_known, check_load, check_one, values_of
 from .xacro import XacroArguments
 
 

@@ -15,8 +15,7 @@ import numpy as np
 from ...description.names import listed
 from ...errors import HybridynError
 from ...spatial import Array, Index
-from ...structure.joint_position import joint_position
-from ...structure.robot import HybridRobot
+from ...structure.robot import HybridRobot, joint_position
 
 #: Kinds of joint with one coordinate that a name and a position describe in every engine.
 SINGLE = ("revolute", "continuous", "prismatic")

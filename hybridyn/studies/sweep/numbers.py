@@ -15,9 +15,8 @@ from ...description.records import Description
 from ...errors import ModelError
 from ...scenes.toml_source import naming
 from ...spatial import Array
-from ...structure.parameters.checks import NOT_NEGATIVE
 from ...structure.parameters.entries import Entry, Parameters, entry_of
-from ...structure.parameters.slots import Slot, with_values
+from ...structure.parameters.slots import NOT_NEGATIVE, Slot, with_values
 from .expressions import Expression
 from .study_file import StudyFile
 

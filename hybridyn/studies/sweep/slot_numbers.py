@@ -10,9 +10,8 @@ import numpy as np
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array, Mask
-from ...structure.parameters.checks import NOT_NEGATIVE
 from ...structure.parameters.entries import entry_of
-from ...structure.parameters.slots import Slot, differences, values_of
+from ...structure.parameters.slots import NOT_NEGATIVE, Slot, differences, values_of
 from .variants import Variants
 
 

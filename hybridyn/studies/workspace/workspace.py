@@ -20,8 +20,7 @@ from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.targets import COORDINATES
 from ...linkage.threads import one_thread
 from ...spatial import Array, Index
-from ...structure.joint_position import joint_position
-from ...structure.robot import HybridRobot
+from ...structure.robot import HybridRobot, joint_position
 from .flood import CHUNK, Flood, Spread, Work, in_this_process
 from .measures import Measures
 from .steps import OUT_OF_REACH, REACHED, Closing

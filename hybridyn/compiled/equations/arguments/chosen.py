@@ -8,9 +8,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ....structure.parameters.expressed import Expressed, expressed
 from ....structure.parameters.slots import Slot
-from ....structure.parameters.traced import Decision
+from ....structure.parameters.traced import Decision, Expressed, expressed
 from ....structure.robot import HybridRobot
 from ..expressions import Expression, unpack
 from ..rigid import ten_expressions

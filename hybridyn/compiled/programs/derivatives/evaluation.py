@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from ....effects.choice import Choice, Effects, choose
 from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
 from ....spatial import Array
-from ....structure.leg_model import pinocchio_inertia
 from ....structure.robot import HybridRobot
 from ....structure.samples import as_batch, same_samples
 from ...code.library_source import library_source
@@ -252,6 +251,8 @@ class Derivatives:
     @cached_property
     def _numbers(self) -> Array:
         """The inertial parameters of the bodies, shape (10 bodies,)."""
+        from ....structure.pinocchio_model import pinocchio_inertia
+
         bodies = self.robot.bodies.bodies
         return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in bodies])
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..description.records import Joint
 from ..spatial import Array
-from .robot import HybridRobot
+from ..structure.robot import HybridRobot
 
 #: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.structure.departures import Departures, departures, position_limits
+from hybridyn.streams.departures import Departures, departures, position_limits
 from tests.command_line import call, table_text
 
 LOWER, UPPER, SPEED, EFFORT, MASS = -0.1, 0.2, 0.6, 4.0, 2.0
