@@ -124,22 +124,19 @@ def architecturally_singular(module: Module) -> str:
 
 def _of_structure(module: Module) -> list[str]:
     """Check properties of every posture: motions without inertia, motors that cannot move."""
-    m = module.mechanism
-    out = []
-    posture = m.postures[:1]
-    motion = m.tree.sweep(posture)
-    Psi = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
-    still = [
-        name
-        for name, column in zip(module.motors, module.motor_columns, strict=True)
-        if not m.mobility or np.abs(Psi[column]).max() < SINGULAR_POSTURE * np.abs(Psi).max()
-    ]
-    if still:
-        out.append(f"motor '{still[0]}' cannot move: the closures lock it")
-    elif singular := architecturally_singular(module):
-        out.append(singular)
+    held = held_motors(module)
+    singular = architecturally_singular(module)
+    out = [f"motor '{held[0]}' cannot move: the closures lock it"] if held else [singular] if singular else []
     light = () if without_mass(module) else free_motions(module).massless
     return [
         *out,
         *(f"the motion of {name} has no inertia; its direct model needs one there" for name in light),
     ]
+
+
+def held_motors(module: Module) -> list[str]:
+    """Return the motors of a module that its closures hold still at every posture."""
+    m = module.mechanism
+    Psi = np.abs(m.basis(m.generic_K[:1]).Psi[0] / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
+    moving = zip(module.motors, Psi[module.motor_columns], strict=True)
+    return [name for name, most in moving if not m.mobility or most < SINGULAR_POSTURE * Psi.max()]

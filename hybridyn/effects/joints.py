@@ -124,7 +124,7 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
             cut wrist.
     """
     numbers = effect.numbers(robot)
-    columns, at, turns, p = [], [], [], []
+    rows: list[tuple[float, ...]] = []  # column, place in q, whether it turns, parameters
     for name, values in numbers.items():
         index = robot.joint_index.get(name)
         if index is None:
@@ -138,23 +138,18 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
                 f"{effect.name}: joint '{name}' is {robot.kinds[index]}; it must have one freedom",
                 element=name,
             )
-        for column in range(freedoms.start, freedoms.stop):
-            columns.append(column)
-            at.append(robot.q_slices[index].start)
-            turns.append(robot.kinds[index] == "continuous")
-            p.append(values)
+        place = robot.q_slices[index].start, robot.kinds[index] == "continuous"
+        rows += [(column, *place, *values) for column in range(freedoms.start, freedoms.stop)]
     cut = [name for name in numbers if name in robot.cut_joints]
     if cut:
         raise ModelError(
             f"{effect.name}: {listed(cut)} sit in wrists without mass, which were cut: load the robot with "
             f"held={cut[:3]!r}, or take it from hybridyn.with_effects(robot, effects)", element=cut[0],
         )  # fmt: skip
-    if not columns:
+    if not rows:
         return None
-    rows = tuple(np.array(p, dtype=float).T)
-    return OnJoints(
-        effect, tuple(numbers), np.array(columns), np.array(at), np.array(turns, dtype=bool), rows
-    )
+    columns, at, turns, *p = np.array(rows, dtype=float).T
+    return OnJoints(effect, tuple(numbers), columns.astype(int), at.astype(int), turns.astype(bool), p)
 
 
 def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:

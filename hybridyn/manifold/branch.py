@@ -48,7 +48,7 @@ BRANCH_DIFFERENCE = 1e-3
 
 
 class Branch(NamedTuple):
-    """The scaled rows of one posture, with weak rows replaced by their limits.
+    """The scaled rows of one posture, with weak rows, if any, replaced by their limits.
 
     Attributes:
         U: Left vectors of the independent rows, shape (rows, rank), the weak ones last.
@@ -69,10 +69,10 @@ def branch_of(
     v: Array,
     along: Callable[[Array], Array],
     name: str,
-    parts: tuple[Array, ...] | None = None,
+    parts: tuple[Array, ...],
     lost: float = LOST_RATES,
-) -> Branch | None:
-    """Compute the branch of a velocity if some rows of K are weak; None if none are, or at rest.
+) -> Branch:
+    """Compute the branch of a velocity; all rows of K are strong if none is weak, or at rest.
 
     Args:
         K: Scaled closure rows, shape (rows, n).
@@ -80,28 +80,29 @@ def branch_of(
         v: Scaled velocity, shape (n,).
         along: Function that computes the derivative of K along a direction, shape (rows, n).
         name: The module's name.
-        parts: U, s, Vt of K, computed if None.
+        parts: U, s, Vt of K.
         lost: Part of the largest singular value below which rows are weak.
 
     Raises:
         SingularityError: The velocity satisfies K v = 0, but is on no branch.
     """
-    U, s, Vt = parts if parts is not None else np.linalg.svd(K)
+    U, s, Vt = parts
+    regular = Branch(U[:, :rank], Vt[:rank].T, Vt[rank:].T, s[:rank])
     speed = float(np.linalg.norm(v))
     if not rank or speed == 0.0 or s[rank - 1] > WEAK * s[0]:
-        return None
+        return regular
     direction = v / speed
     broken = np.abs(U[:, :rank].T @ (K @ direction)) > BROKEN * s[:rank]
     weak = (s[:rank] <= lost * s[0]) | (broken & (s[:rank] <= WEAK * s[0]))
     if not weak.any():
-        return None
+        return regular
     strong = int(np.argmax(weak))
     N, rest = U[:, strong:], Vt[strong:].T
     limits = N.T @ along(direction)
     P, size, Qt = np.linalg.svd(limits @ rest)
     k = rank - strong
     if len(size) < k or size[k - 1] < CROSSING:
-        return None
+        return regular
     if s[strong] <= AT_ONCE * s[0] and np.abs(limits @ direction).max() > ASTRAY * size[0]:
         raise SingularityError(
             f"module '{name}': its closures lose rank here, and the velocity is on none of the branches "
@@ -210,9 +211,9 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
         parts,
         LOST_ACCELERATIONS,
     )
-    if branch is None:
-        return None
     strong = len(branch.s)
+    if strong == r.rank:
+        return None
     N, rest, slopes = parts[0][:, strong:], parts[2][strong:].T, path.slopes(0.0)
     known = path.strong_drift(0.0, parts, strong)
     path.bend = _limits(slopes, N, rest, known, r.rank - strong)[1]

@@ -47,20 +47,17 @@ class ModuleChart:
         self.q = q
         _, K = self.rows.at(q)
         r = self.rows.rank
-        parts = U, s, Vt = np.linalg.svd(K)
-        branch = None if v is None else self._branch(K, v / self.rows.unit, parts)
-        if branch is None:
-            self.U, self.V, self.Z = U[:, :r], Vt[:r].T, Vt[r:].T
-        else:
-            self.U, self.V, self.Z = branch.U, branch.V, branch.Z
+        parts = _, s, _ = np.linalg.svd(K)
+        rates = np.zeros(K.shape[1]) if v is None else v / self.rows.unit
+        self.U, self.V, self.Z, _ = self._branch(K, rates, parts)
         self.pivot = float(s[r - 1] / s[0]) if r and s[0] > 0 else 1.0
         self.w = np.zeros(r)
         self.G = self.V.T @ self.V
         self.K = K
         self.narrow, self.lost = False, False
 
-    def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch | None:
-        """Compute the branch of scaled rates where closures lose rank; None elsewhere."""
+    def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch:
+        """Compute the branch of scaled rates."""
         rows = self.rows
 
         def along(direction: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from ...assembly.findings import (
     SINGULAR_POSTURE,
     architecturally_singular,
+    held_motors,
     home_residuals,
     motor_share,
     without_mass,
@@ -183,19 +184,14 @@ class _ModuleCheck:
             )
 
     def _held_motors(self) -> Iterator[Finding]:
-        m, module = self.module.mechanism, self.module
-        if not module.motors or not module.mobility:
-            return
-        Psi = m.basis(m.generic_K[:1]).Psi[0] / m.reduction.col_scale[:, None]
-        for name, column in zip(module.motors, module.motor_columns, strict=True):
-            if np.abs(Psi[column]).max() < SINGULAR_POSTURE * np.abs(Psi).max():
-                yield self._about(
-                    "motor-cannot-move",
-                    "is a motor, but the closures prevent it from moving at every posture",
-                    "its effort is arbitrary and moves nothing",
-                    "choose another joint as the motor, or a closure with fewer rows",
-                    name,
-                )
+        for name in held_motors(self.module) if self.module.mobility else ():
+            yield self._about(
+                "motor-cannot-move",
+                "is a motor, but the closures prevent it from moving at every posture",
+                "its effort is arbitrary and moves nothing",
+                "choose another joint as the motor, or a closure with fewer rows",
+                name,
+            )
 
     def _masses(self) -> Iterator[Finding]:
         module = self.module
