@@ -17,7 +17,7 @@ from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
 from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
-from ..spatial import Array, cross
+from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
@@ -138,11 +138,8 @@ def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Ar
     if robot.base == "fixed" or requests.base is None or requests.base_quaternion is None:
         return
     pose = requests.base
-    R = np.swapaxes(pose.R, 1, 2)
     q[:, :3], q[:, 3:7] = pose.p, requests.base_quaternion
-    v[:, :3], v[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (pose.p_dot, pose.w))
-    spatial = pose.p_ddot - cross(pose.w, pose.p_dot)
-    a[:, :3], a[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (spatial, pose.w_dot))
+    v[:, :6], a[:, :6] = pose.twist(), pose.acceleration()
 
 
 def _assemble_equal(

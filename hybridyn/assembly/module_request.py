@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 from ..linkage.tree import Motion
-from ..spatial import Array, cross, quaternion_from_rotation, rotate_back
+from ..spatial import Array, quaternion_from_rotation
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -83,26 +83,19 @@ class ModuleRequest:
         moved = motion.then(Motion.at_rest(len(motion.p), R.T, -R.T @ p))
         joint = self.mechanism.tree.joints[body - 1]
         if joint.kind == "floating" and joint.parent == 0:
-            self.give_platform(body - 1, moved)
+            placement = Motion.at_rest(len(moved.p), joint.R, joint.p)
+            self.give_floating(body - 1, moved.seen_from(placement))
             return
         velocity = np.concatenate([moved.p_dot, moved.w], axis=1)
         acceleration = np.concatenate([moved.p_ddot, moved.w_dot], axis=1)
         self.add(PoseTarget(body, moved.R, moved.p, velocity, acceleration, _units(self.mechanism)), link)
-
-    def give_platform(self, joint: int, body: Motion) -> None:
-        """Set a platform's pose as the coordinates of its `floating` joint."""
-        record = self.mechanism.tree.joints[joint]
-        self.give_floating(joint, body.seen_from(Motion.at_rest(len(body.p), record.R, record.p)))
 
     def give_floating(self, joint: int, inner: Motion) -> None:
         """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""
         at, to = self.mechanism.tree.q_slices[joint], self.mechanism.tree.v_slices[joint]
         self.known[:, at.start : at.start + 3] = inner.p
         self.known[:, at.start + 3 : at.stop] = quaternion_from_rotation(inner.R)
-        R = inner.R
-        spatial = inner.p_ddot - cross(inner.w, inner.p_dot)
-        self.known_v[:, to] = np.concatenate([rotate_back(R, inner.p_dot), rotate_back(R, inner.w)], axis=1)
-        self.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.w_dot)], axis=1)
+        self.known_v[:, to], self.known_a[:, to] = inner.twist(), inner.acceleration()
         self.given.append(joint)
 
     def give_followers(self) -> None:

@@ -146,7 +146,11 @@ def _equation_of_motion(
     for o, body in enumerate(s.mechanism.spec.outputs):
         J, I_o = s.mechanism.jacobian(s.motion, body), I_star[:, o]
         a, X = np.matmul(J, Psi), motion_matrix(*s.placement(o))
-        c = np.einsum("tij,tj->ti", J, basis.drift) + unforced.acceleration(body) + s.convective[:, o]
+        c = (
+            np.einsum("tij,tj->ti", J, basis.drift)
+            + unforced.of_body(body).acceleration()
+            + s.convective[:, o]
+        )
         b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]
         x.A_t += congruence(a, I_o)  # Eq. (43)
         x.E += np.einsum("tij,tik,tkl->tjl", a, I_o, X, optimize=True)  # Eq. (42)

@@ -82,7 +82,7 @@ def forward(
             m.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
         outputs, outputs_dot, convective = np.zeros((3, len(q), len(m.spec.outputs), 6))
         for o, body in enumerate(m.spec.outputs):
-            relative = motion.twist(body)
+            relative = motion.of_body(body).twist()
             R, p = motion.R[:, body], motion.p[:, body]
             outputs[:, o] = motion_to_body(R, p, V) + relative  # Eq. (25)
             convective[:, o] = crm(outputs[:, o], relative)
@@ -90,7 +90,7 @@ def forward(
                 convective[:, o, :3] += cross(outputs[:, o, 3:], outputs[:, o, :3])
                 outputs[:, o, :3] = 0.0
             outputs_dot[:, o] = (
-                motion_to_body(R, p, V_dot) + motion.acceleration(body) + convective[:, o]
+                motion_to_body(R, p, V_dot) + motion.of_body(body).acceleration() + convective[:, o]
             )  # Eq. (28)
         states.append(
             ModuleState(

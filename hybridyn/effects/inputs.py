@@ -11,7 +11,8 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import AT_SAMPLE, ActuationError, ModelError, TrajectoryError
-from ..spatial import Array, cross, rotate_back, rotation_from_quaternion
+from ..linkage.tree import Motion
+from ..spatial import Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..tables.rates import FEWEST_ROWS, aligned, angular_rates
 from ..tables.spline import Spline
@@ -106,10 +107,8 @@ class BaseMotion:
         x, x_dot, x_ddot = (self._spline(time, order) for order in range(3))
         w, w_dot = angular_rates(x[:, 3:], x_dot[:, 3:], x_ddot[:, 3:])
         x[:, 3:] /= np.linalg.norm(x[:, 3:], axis=1, keepdims=True)
-        R = rotation_from_quaternion(x[:, 3:])
-        spatial = x_ddot[:, :3] - cross(w, x_dot[:, :3])
-        v = np.concatenate([rotate_back(R, x_dot[:, :3]), rotate_back(R, w)], axis=1)
-        return x, v, np.concatenate([rotate_back(R, spatial), rotate_back(R, w_dot)], axis=1)
+        base = Motion(rotation_from_quaternion(x[:, 3:]), x[:, :3], w, x_dot[:, :3], w_dot, x_ddot[:, :3])
+        return x, base.twist(), base.acceleration()
 
     def into(
         self, robot: HybridRobot, time: Array | None, q: Array, v: Array, a: Array

@@ -93,16 +93,14 @@ class Motion:
         R = np.matmul(np.swapaxes(base.R, 1, 2), self.R)
         return Motion(R, *(rotate_back(base.R, x) for x in (r, w, slide, w_dot, p_ddot)))
 
-    def twist(self, body: int) -> Array:
-        """Compute a body's twist relative to the base, shape (T, 6), body frame: the paper's v_k."""
-        R = self.R[:, body]
-        return np.concatenate([rotate_back(R, self.p_dot[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
+    def twist(self) -> Array:
+        """Compute the twists of the frames, shape (T, ..., 6), own axes: the paper's v_k."""
+        return np.concatenate([rotate_back(self.R, self.p_dot), rotate_back(self.R, self.w)], axis=-1)
 
-    def acceleration(self, body: int) -> Array:
-        """Compute a body's *spatial* acceleration relative to the base, shape (T, 6), body frame."""
-        R, w, p_dot = self.R[:, body], self.w[:, body], self.p_dot[:, body]
-        linear = self.p_ddot[:, body] - cross(w, p_dot)
-        return np.concatenate([rotate_back(R, linear), rotate_back(R, self.w_dot[:, body])], axis=-1)
+    def acceleration(self) -> Array:
+        """Compute the *spatial* accelerations of the frames, shape (T, ..., 6), own axes."""
+        linear = self.p_ddot - cross(self.w, self.p_dot)
+        return np.concatenate([rotate_back(self.R, linear), rotate_back(self.R, self.w_dot)], axis=-1)
 
 
 class Tree:

@@ -67,9 +67,9 @@ class Cut:
             out_q[:, at.start : at.start + 3] = motion.p[:, body]
             out_q[:, at.start + 3 : at.stop] = quaternion_from_rotation(motion.R[:, body])
             if v is not None:
-                out_v[:, to] = motion.twist(body)
+                out_v[:, to] = motion.of_body(body).twist()
             if a is not None:
-                out_a[:, to] = motion.acceleration(body)
+                out_a[:, to] = motion.of_body(body).acceleration()
         return out_q, out_v, out_a
 
     def positions(self, q: Array) -> Array:

@@ -68,8 +68,10 @@ def test_sweep_is_pinocchios_forward_kinematics(case: tuple) -> None:
             inside = pin.SE3(turn, np.zeros(3))
             close_to(motion.R[t, body], M.rotation, ROUNDING)
             assert np.abs(motion.p[t, body] - M.translation).max() < ROUNDING
-            close_to(motion.twist(body)[t], inside.actInv(peer.data.v[index]).vector, ROUNDING)
-            close_to(motion.acceleration(body)[t], inside.actInv(peer.data.a[index]).vector, ROUNDING)
+            close_to(motion.of_body(body).twist()[t], inside.actInv(peer.data.v[index]).vector, ROUNDING)
+            close_to(
+                motion.of_body(body).acceleration()[t], inside.actInv(peer.data.a[index]).vector, ROUNDING
+            )
 
 
 def test_accelerations_left_out_leave_what_the_rates_cause(case: tuple) -> None:
