@@ -9,6 +9,7 @@ import numpy as np
 
 from ..description.placement import placement_from, rotation_from_quaternion
 from ..description.records import Array, Description, Joint
+from ..description.robot_file import ZERO
 from ..description.zero_posture import outwards
 from ..spatial import rotation_from_axis_angle
 
@@ -19,15 +20,10 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     Args:
         joint: One of its joints, not fixed.
     """
-    stated = d.home.get(joint.name)
-    if joint.kind == "spherical":
-        return stated or (0.0, 0.0, 0.0, 1.0)
-    if joint.kind == "floating":
-        return stated or (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    at = d.home.get(joint.name) or ZERO.get(joint.kind, (0.0,))
     if joint.kind == "planar":
-        x, y, c, s = stated or (0.0, 0.0, 1.0, 0.0)
-        return x, y, math.atan2(s, c)
-    return (angle_of(stated),) if stated else (0.0,)
+        return (*at[:2], math.atan2(at[3], at[2]))
+    return at if joint.kind in ("spherical", "floating") else (angle_of(at),)
 
 
 def poses_at(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..description.records import Coupling, Description
-from ..description.side_cars.home_table import key_of
+from ..description.side_cars.home_table import home_table, key_of
 
 
 def model_file(
@@ -30,8 +30,7 @@ def model_file(
     if motors:
         parts.append(f"motors = {_value(list(description.motors))}\n")
     if home and description.home:
-        values = {name: list(x) if len(x) > 1 else x[0] for name, x in description.home.items()}
-        parts.append(_table("home", values))
+        parts.append(home_table(description.home))
     for name, numbers in (joints or {}).items():
         parts.append(_table(f"joints.{key_of(name)}", numbers))
     for coupling in couplings:

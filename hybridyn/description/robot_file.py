@@ -20,6 +20,13 @@ FREEDOMS: dict[JointKind, int] = {
     "planar": 3,
     "floating": 6,
 }
+#: Coordinates of a joint at zero, where they are not all zero, by its kind.
+ZERO: dict[str, tuple[float, ...]] = {
+    "continuous": (1.0, 0.0),
+    "spherical": (0.0, 0.0, 0.0, 1.0),
+    "planar": (0.0, 0.0, 1.0, 0.0),
+    "floating": (0.0,) * 6 + (1.0,),
+}
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.names import did_you_mean
+from ..description.robot_file import ZERO
 from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot, positions
-
-#: Coordinates of a joint at zero, where they are not all zero.
-ZERO = {
-    "continuous": (1.0, 0.0),
-    "spherical": (0.0, 0.0, 0.0, 1.0),
-    "planar": (0.0, 0.0, 1.0, 0.0),
-    "floating": (0.0,) * 6 + (1.0,),
-}
 
 
 @dataclass(frozen=True, eq=False)

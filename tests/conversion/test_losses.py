@@ -263,8 +263,14 @@ def test_the_table_has_every_feature() -> None:
     assert {word for cell in CELLS.values() for word in cell} == LINES.keys() | {"kept"}
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize("name", FEATURES)
+def cases() -> Iterator[Any]:
+    """Yield the cells; those in which USD keeps a feature are slow, since a process of its own reads it."""
+    for (name, ending), cell in CELLS.items():
+        kept = ending == ".usda" and cell == ["kept"]
+        yield pytest.param(name, ending, marks=[pytest.mark.slow] if kept else [])
+
+
+@pytest.mark.parametrize(("name", "ending"), [*cases()])
 def test_what_does_not_come_back_is_listed(name: str, ending: str, tmp_path: Path) -> None:
     if ENDINGS[ending]:
         needs(ENDINGS[ending])

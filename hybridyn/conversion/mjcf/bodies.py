@@ -20,6 +20,7 @@ from ...description.mjcf.joint_marks import PARTS
 from ...description.mjcf.marks import FOLLOWER
 from ...description.placement import inverse
 from ...description.records import Array, Description, Joint
+from ...description.robot_file import ZERO
 from ..home import home_of, motion_of
 from ..losses import Losses
 from ..numerals import numeral, numerals, quaternion_of
@@ -103,7 +104,7 @@ class Builder:
         if self._d.base == "floating":
             element = ET.SubElement(world, "body", name=self._named(root))
             ET.SubElement(element, "freejoint", name=f"{root}:free")
-            x = self._d.base_home or (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+            x = self._d.base_home or ZERO["floating"]
             self.tree.qpos += [*x[:3], x[6], *x[3:6]]
             add_inertial(element, self._inertias.links[root], self._inertias, True, self._losses)
         elif root == WORLD:

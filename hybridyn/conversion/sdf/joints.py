@@ -9,6 +9,7 @@ import numpy as np
 
 from ...description.placement import placement_from
 from ...description.records import Array, Joint
+from ...description.robot_file import ZERO
 from ..losses import Losses, add_limits
 from ..numerals import angles_of, numeral, numerals
 from .posture import Posture
@@ -130,7 +131,7 @@ def _add_planar(root: ET.Element, joint: Joint, posture: Posture, losses: Losses
     losses.add("planar joints are two slides and a hinge", joint.name)
     _add_lost_numbers(joint, losses)
     parent, at = joint.parent, joint.placement
-    *ways, angle = planar_positions(posture.positions.get(joint.name, ()))
+    *ways, c, s = posture.positions.get(joint.name, ZERO["planar"])
     for (word, axis), way in zip(SLIDES.items(), ways, strict=True):
         link = f"{joint.child}_{word}"
         add_massless(root, link, parent, at @ placement_from(np.eye(3), way * np.array(axis)))
@@ -139,14 +140,9 @@ def _add_planar(root: ET.Element, joint: Joint, posture: Posture, losses: Losses
         add_axis(slide, np.array(axis))
         parent, at = link, np.eye(4)
     element = start_joint(root, joint.name, "continuous", parent, joint.child)
-    _add_position(element, angle)
+    _add_position(element, math.atan2(s, c))
     add_axis(element, joint.axis)
     return element
-
-
-def planar_positions(x: tuple[float, ...]) -> tuple[float, float, float]:
-    """Return the positions of slides [m] and hinge [rad] for Pinocchio's coordinates of a planar joint."""
-    return (x[0], x[1], math.atan2(x[3], x[2])) if x else (0.0, 0.0, 0.0)
 
 
 def _add_position(element: ET.Element, position: float) -> None:

@@ -8,14 +8,14 @@ from xml.etree import ElementTree as ET
 from ...description.names import listed
 from ...description.records import Coupling, Description, Link
 from ...description.urdf.shapes import Shape
-from ..home import free_pose
+from ..home import free_pose, home_of
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import numeral, numerals
 from ..request import Request, Written
 from .closures import add_closure
 from .couplings import add_couplings
-from .joints import TYPES, add_inertial, add_joint, add_pose, planar_positions, start_joint
+from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint
 from .naming import allowed
 from .posture import Posture
 
@@ -111,7 +111,7 @@ def _home(d: Description) -> dict[str, tuple[float, ...]]:
     for joint in d.joints:
         if joint.name in d.home and joint.kind == "planar":
             names = (f"{joint.name}_x", f"{joint.name}_y", joint.name)
-            out |= zip(names, zip(planar_positions(d.home[joint.name])), strict=True)
+            out |= zip(names, zip(home_of(d, joint)), strict=True)
         elif joint.name in d.home and joint.kind in TYPES:
             out[joint.name] = d.home[joint.name]
     return out
