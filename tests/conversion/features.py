@@ -167,7 +167,14 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "coupling with a name": ("gear", coupled("gear", ("two", 4.0), ("rail", -2.0), offset=0.5)),
     "coupling of three": ("gear", coupled("gear", ("two", 1.0), ("one", -2.0), ("rail", 3.0), offset=0.5)),
     "coupling of one": ("gear", coupled("gear", ("two", 2.0), offset=0.5)),
-    "coupling with a zero": ("two", coupled("two", ("two", 1.0), ("one", 0.0), offset=0.5)),
+    "coupling with a zero": ("two", coupled("two", ("one", 0.0), ("two", 1.0), offset=0.5)),
+    "limits in a loop": ("one", closed("revolute", d=joint("one", lower=-1.0, upper=2.0))),
+    "spring in a loop": (
+        "one", closed("revolute", d=effect("spring", stiffness={"one": 5.0}, rest={"one": 0.5})),
+    ),
+    "mimic in a loop": (
+        "two", closed("revolute", d=coupled("two", ("two", 1.0), ("one", -2.0), offset=0.5)),
+    ),
     "endless gear": (
         "two", replace(coupled("two", ("two", 1.0), ("one", -2.0)), home={"one": (3.5,), "two": (7.0,)}),
     ),

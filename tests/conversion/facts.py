@@ -1,0 +1,83 @@
+"""What a robot is, fact by fact, and which facts of a robot did not come back equal from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from hybridyn.conversion.home import home_of, poses_at
+from hybridyn.description import Closure, Description
+from hybridyn.description.placement import inverse, turned
+
+#: A pose passes through angles, quaternions and degrees once.
+SAME = 1e-12
+GRAVITY, AT_ORIGIN = (0.0, 0.0, -9.81), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+OF_JOINTS = (
+    "kind", "parent", "child", "lower", "upper", "speed_limit", "effort_limit", "damping", "friction",
+    "rotor_inertia", "gear_ratio", "placement",
+)  # fmt: skip
+
+
+def facts(d: Description, of: Description) -> dict[str, Any]:
+    """Return what a robot is, by words; massless links and fixed joints only if another one has them, too."""
+    out: dict[str, Any] = {
+        "base": (d.base, d.base_home or AT_ORIGIN if d.base == "floating" else ()),
+        "gravity": d.gravity or GRAVITY, "motors": d.motors, "name": d.name or "robot",
+        "crossed": d.crossed, "added bodies": [load.name for load in d.loads],
+        "springs": {spring.name: (spring.stiffness, spring.rest) for spring in d.springs},
+        "effects": {name: numbers for name, numbers in d.effects if name != "spring"},
+        "couplings": [terms for _, terms in _couplings(d)],
+        "names of couplings": [name for name, _ in _couplings(d)],
+        "closures": {c.name: _of_closure(c) for c in d.closures},
+    }  # fmt: skip
+    names = {one.name for one in (*of.links, *of.joints)}
+    for link in d.links:
+        if link.name in names or link.mass or link.inertia.any():
+            out[f"link {link.name}"] = (link.mass, link.com, link.inertia)
+    for joint in d.joints:
+        if joint.name in names or joint.kind != "fixed":
+            out |= {f"{word} of {joint.name}": getattr(joint, word) for word in OF_JOINTS}
+            out[f"home of {joint.name}"] = () if joint.kind == "fixed" else home_of(d, joint)
+            if joint.kind in ("revolute", "continuous", "prismatic"):
+                out[f"axis of {joint.name}"] = joint.axis
+    for word, posture in (("zero", {}), ("home", d.home)):
+        poses = poses_at(d, posture)
+        root = inverse(poses.get(of.root, np.eye(4)))
+        out[f"poses at {word}"] = {name: root @ pose for name, pose in poses.items() if name in names}
+    return out
+
+
+def _couplings(d: Description) -> Iterator[tuple[str, dict[str, float]]]:
+    for coupling in d.couplings:
+        terms = {name: factor for name, factor in coupling.terms if factor}
+        scale = next(iter(dict(sorted(terms.items())).values()))
+        yield coupling.name, {name: x / scale for name, x in (*terms.items(), ("", coupling.offset))}
+
+
+def _of_closure(c: Closure) -> list[Any]:
+    """Return the rows of a closure in its author's axes, which may turn about a free axis."""
+    locked = c.turn[:, c.translations] @ c.turn[:, c.translations].T
+    axis = c.turn[:, 2] if c.rotation in ("parallel", "perpendicular") else ()
+    other = turned(c.frame_b, c.turn.T) if c.rotation != "perpendicular" else c.frame_b[:, 2:]
+    return [c.link_a, c.link_b, c.rotation, locked, axis, turned(c.frame_a, c.turn.T), other]
+
+
+def same(a: Any, b: Any) -> bool:
+    """Say whether two facts are equal, numbers to rounding."""
+    if isinstance(a, dict):
+        return isinstance(b, dict) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list | tuple):
+        return isinstance(b, list | tuple) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, str) or isinstance(b, str):
+        return type(a) is type(b) and bool(a == b)
+    x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return x.shape == y.shape and np.allclose(x, y, rtol=SAME, atol=SAME)
+
+
+def changed(before: Description, after: Description) -> list[str]:
+    """Return the words of what did not come back equal."""
+    ours, theirs = facts(before, before), facts(after, before)
+    words = sorted(ours.keys() | theirs.keys())
+    return [word for word in words if not same(ours.get(word, ""), theirs.get(word, ""))]
