@@ -41,10 +41,14 @@ def same_bits(actual: Any, expected: Any) -> None:
 
 
 def refused(call: Callable[[], Any], error: type[Exception], words: str, **data: Any) -> Any:
-    """Check that a call raises an error with these words (a pattern) and attributes; return the error."""
+    """Check that a call raises an error with these words (a pattern) and attributes; return the error.
+
+    An error of the package is one line.
+    """
     with pytest.raises(error, match=words) as caught:
         call()
     assert {name: getattr(caught.value, name) for name in data} == data
+    assert "\n" not in str(caught.value) or not isinstance(caught.value, HybridynError)
     return caught.value
 
 

@@ -24,6 +24,7 @@ from hybridyn.errors import (
     install_advice,
 )
 from tests.command_line import call
+from tests.comparing import refused
 from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, read_text
 
@@ -88,23 +89,20 @@ def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_text_that_is_no_xml_still_says_what_it_is(text: str, told: str, tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match="not well-formed XML") as caught:
-        read_text(tmp_path, text)
-    assert told in str(caught.value)
+    caught = refused(lambda: read_text(tmp_path, text), ModelError, "not well-formed XML")
+    assert told in str(caught)
 
 
 def test_malformed_urdf_says_nothing_more(tmp_path: Path) -> None:
-    with pytest.raises(ModelError) as caught:
-        read_text(tmp_path, FOUR_BAR.replace("</robot>", ""))
-    assert ";" not in str(caught.value)
+    caught = refused(lambda: read_text(tmp_path, FOUR_BAR.replace("</robot>", "")), ModelError, "")
+    assert ";" not in str(caught)
 
 
 def test_the_extra_that_installs_a_package_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("hybridyn.description.urdf.xacro._share_dirs", list)
-    with pytest.raises(ModelError, match=f", or {re.escape(install_advice('robots'))}"):
-        hybridyn.load("stewart_ur5")
+    refused(lambda: hybridyn.load("stewart_ur5"), ModelError, f", or {re.escape(install_advice('robots'))}")
     call(capsys, "info", "stewart_ur5", status=1, says="name the folder that holds it with --package-dir, or")
 
 
@@ -119,8 +117,11 @@ def test_tables_with_named_columns() -> None:
     q, v, a = by_name
     rows = polars.DataFrame({name: q[:, i] for i, name in reversed(list(enumerate(robot.joints)))})
     np.testing.assert_array_equal(hybridyn.idm(robot, rows, v, a), hybridyn.idm(robot, q, v, a))
-    with pytest.raises(TrajectoryError, match="v is not an array of numbers"):
-        hybridyn.idm(robot, q, [["fast"] * robot.nv] * 2, a)
+    refused(
+        lambda: hybridyn.idm(robot, q, [["fast"] * robot.nv] * 2, a),
+        TrajectoryError,
+        "v is not an array of numbers",
+    )
 
 
 @pytest.mark.parametrize("wrong", ["fast", 10**400], ids=["a word", "too large"])
@@ -142,8 +143,11 @@ def test_what_is_no_number_is_named(wrong: Any) -> None:
     for name, run in calls.items():
         with pytest.raises(TrajectoryError, match=f"{name} not an array of numbers"):
             run()
-    with pytest.raises(TrajectoryError, match=f"coordinate 'x' of '{link}' needs finite numbers of shape"):
-        hybridyn.assemble(robot, platforms={link: {"x": np.zeros((2, 2))}})
+    refused(
+        lambda: hybridyn.assemble(robot, platforms={link: {"x": np.zeros((2, 2))}}),
+        TrajectoryError,
+        f"coordinate 'x' of '{link}' needs finite numbers of shape",
+    )
 
 
 def test_the_sentence_of_an_error_is_composed_of_its_data() -> None:

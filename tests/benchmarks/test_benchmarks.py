@@ -54,6 +54,7 @@ from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from tests.clocks import Clock
+from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
 from tests.samples import slow
@@ -76,16 +77,22 @@ NAN = math.nan
 
 @pytest.mark.parametrize("error", [2 * DDM_LIMIT, float("nan")])
 def test_gate_refuses_a_wrong_model(error: float) -> None:
-    with pytest.raises(WrongModelError, match=r"ddm of 4 modules: error .*, limit 1e-10"):
-        refuse(error, DDM_LIMIT, "ddm of 4 modules")
+    refused(
+        lambda: refuse(error, DDM_LIMIT, "ddm of 4 modules"),
+        WrongModelError,
+        r"ddm of 4 modules: error .*, limit 1e-10",
+    )
 
 
 def test_nothing_is_timed_of_a_wrong_model(monkeypatch: pytest.MonkeyPatch) -> None:
     right = hybridyn.ddm
     monkeypatch.setattr(hybridyn, "ddm", lambda *given: right(*given) * (1 + 1e-8))
     monkeypatch.setattr(accuracy, "interleaved", lambda *_: pytest.fail("timed"))
-    with pytest.raises(WrongModelError, match=r"hybridyn, general, 1 samples of five_bar: error 1.0e-08"):
-        accuracy.measure("ddm", "five_bar", accuracy.Effort(1, 4, 1, 100))
+    refused(
+        lambda: accuracy.measure("ddm", "five_bar", accuracy.Effort(1, 4, 1, 100)),
+        WrongModelError,
+        r"hybridyn, general, 1 samples of five_bar: error 1.0e-08",
+    )
 
 
 def test_error_is_relative_to_the_largest_entry() -> None:
@@ -143,13 +150,14 @@ def test_every_method_agrees_with_the_reference(case: str) -> None:
 def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
     by_name = {(m.model, m.name): m for m in peers.METHODS}
     robot = build_robot(shipped("five_bar"))
-    with pytest.raises(NotMeasuredError, match="it has loops"):
-        by_name["ddm", "pin.aba"].prepare(robot)
-    with pytest.raises(NotMeasuredError, match="not tried above 400 velocities"):
-        by_name["ddm", "pin.lcaba"].check_size(401)
+    refused(lambda: by_name["ddm", "pin.aba"].prepare(robot), NotMeasuredError, "it has loops")
+    refused(
+        lambda: by_name["ddm", "pin.lcaba"].check_size(401),
+        NotMeasuredError,
+        "not tried above 400 velocities",
+    )
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(NotMeasuredError, match="mujoco is not installed"):
-        by_name["ddm", "MuJoCo"].prepare(robot)
+    refused(lambda: by_name["ddm", "MuJoCo"].prepare(robot), NotMeasuredError, "mujoco is not installed")
     assert {m.name for m in peers.METHODS if m.threads} == {
         "hybridyn, compiled",
         "hybridyn, compiled, float32",
@@ -261,12 +269,9 @@ def refuse_it() -> None:
 
 def test_processes_of_their_own() -> None:
     assert in_own_process(operator.add, 1, 2) == 3
-    with pytest.raises(WrongModelError, match="a: error 1"):
-        in_own_process(refuse_it)
-    with pytest.raises(NotMeasuredError, match=r"died \(exit status 7\)"):
-        in_own_process(os._exit, 7)
-    with pytest.raises(NotMeasuredError, match="given up"):
-        in_own_process(time.sleep, 1e6, patience=0.1)
+    refused(lambda: in_own_process(refuse_it), WrongModelError, "a: error 1")
+    refused(lambda: in_own_process(os._exit, 7), NotMeasuredError, r"died \(exit status 7\)")
+    refused(lambda: in_own_process(time.sleep, 1e6, patience=0.1), NotMeasuredError, "given up")
 
 
 def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from hybridyn.description.side_cars.yaml_file import read_yaml
 from hybridyn.errors import ModelError
+from tests.comparing import refused
 
 
 @pytest.mark.parametrize(
@@ -61,8 +62,8 @@ BOMB = "a: &a [x]\n" + "".join(
     ],
 )
 def test_traps(text: str | bytes, line: int | None, message: str) -> None:
-    with pytest.raises(ModelError) as caught:
-        read_yaml(text if isinstance(text, bytes) else text.encode(), "f.yaml")
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert line is None or caught.value.line == line
+    caught = refused(
+        lambda: read_yaml(text if isinstance(text, bytes) else text.encode(), "f.yaml"), ModelError, ""
+    )
+    assert message in str(caught)
+    assert line is None or caught.line == line

@@ -16,6 +16,7 @@ from hybridyn.description.cache_folder import folder
 from hybridyn.description.side_cars import model_toml
 from hybridyn.description.urdf import xacro
 from hybridyn.errors import CompileError, ModelError
+from tests.comparing import refused
 from tests.robot_texts import FOUR_BAR, save
 
 
@@ -98,8 +99,7 @@ def test_an_entry_that_somebody_else_may_have_written_is_not_used(
 
 def test_a_failure_is_not_kept(at: Path) -> None:
     save(at, FOUR_BAR.replace("<link", "<xacro:nothing/><link", 1), "r.xacro")
-    with pytest.raises(ModelError, match="xacro"):
-        xacro.expand(str(at / "r.xacro"), {}, ())
+    refused(lambda: xacro.expand(str(at / "r.xacro"), {}, ()), ModelError, "xacro")
     assert not (folder() / "texts").exists()
 
 
@@ -112,8 +112,9 @@ def test_a_model_file_is_checked_once(at: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.undo()
     monkeypatch.setenv("HYBRIDYN_CACHE", str(at / "cache"))
     for _ in range(2):
-        with pytest.raises(ModelError, match="valid number"):
-            model_toml.read_model_file(b"home.drive = 'one'", "m.toml")
+        refused(
+            lambda: model_toml.read_model_file(b"home.drive = 'one'", "m.toml"), ModelError, "valid number"
+        )
 
 
 def test_the_entries_used_least_recently_are_removed(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,8 +141,7 @@ def test_a_large_text_and_a_folder_that_cannot_be_used_keep_nothing(
     monkeypatch.setattr(Path, "home", classmethod(_homeless))
     kept_texts.keep("any", {})
     assert kept_texts.kept("any") is None
-    with pytest.raises(CompileError, match=r"no home folder for the cache: name .* HYBRIDYN_CACHE"):
-        folder()
+    refused(folder, CompileError, r"no home folder for the cache: name .* HYBRIDYN_CACHE")
 
 
 def _homeless(_: type[Path]) -> Path:

@@ -12,6 +12,7 @@ from hybridyn.description import shipped
 from hybridyn.description.shipped import find_robot, main_names, shipped_robots
 from tests import ROOT
 from tests.command_line import call
+from tests.comparing import refused
 from tests.files import save
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
@@ -44,10 +45,12 @@ def test_a_path_that_exists_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_wrong_name_is_told_the_nearest() -> None:
-    with pytest.raises(hybridyn.ModelError, match=r"no shipped robot of that name .did you mean 'five_bar'"):
-        hybridyn.load("fivebar")
-    with pytest.raises(hybridyn.ModelError, match="the shipped robots are lx4, tanev"):
-        hybridyn.load("zebra")
+    refused(
+        lambda: hybridyn.load("fivebar"),
+        hybridyn.ModelError,
+        r"no shipped robot of that name .did you mean 'five_bar'",
+    )
+    refused(lambda: hybridyn.load("zebra"), hybridyn.ModelError, "the shipped robots are lx4, tanev")
     with pytest.raises(hybridyn.ModelError, match=r"zebra\.urdf"):  # a path stays one
         hybridyn.load("zebra.urdf")
 
@@ -104,8 +107,7 @@ def test_without_data_the_list_says_so(
     shipped_robots.cache_clear()
     try:
         call(capsys, "robots", status=1, says="urdf/ and models/ are missing")
-        with pytest.raises(hybridyn.ModelError, match="no shipped robot of that name"):
-            hybridyn.load("lx4")
+        refused(lambda: hybridyn.load("lx4"), hybridyn.ModelError, "no shipped robot of that name")
     finally:
         monkeypatch.undo()
         shipped_robots.cache_clear()

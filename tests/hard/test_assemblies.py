@@ -12,6 +12,7 @@ from hybridyn.assembly.assemblies import SAME_ASSEMBLY, Assemblies
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.command_line import call
+from tests.comparing import refused
 from tests.hard import dietmaier
 from tests.hard.claims import Claim
 from tests.posing import of_link, position
@@ -168,27 +169,36 @@ def test_stacked_modules_multiply() -> None:
 @pytest.mark.slow
 def test_too_many_stacked_postures_are_refused() -> None:
     lx4 = build_robot(shipped("lx4"))
-    with pytest.raises(
-        AssemblyError, match=r"at least .* postures .*limit 10000.*Give the poses of some platforms"
-    ):
-        hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400)
+    refused(
+        lambda: hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400),
+        AssemblyError,
+        r"at least .* postures .*limit 10000.*Give the poses of some platforms",
+    )
 
 
 @pytest.mark.slow
 def test_what_is_out_of_reach_has_no_posture() -> None:
     lengths = dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])
-    with pytest.raises(AssemblyError, match="do not close at sample 0"):
-        hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(lengths), starts=5)
+    refused(
+        lambda: hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(lengths), starts=5),
+        AssemblyError,
+        "do not close at sample 0",
+    )
 
 
 def test_wrong_arguments_are_named() -> None:
     robot = dietmaier.robot()
-    with pytest.raises(TrajectoryError, match="one sample"):
-        hybridyn.assemblies(robot, motors=dietmaier.motors(np.tile(dietmaier.LENGTHS, (2, 1))))
-    with pytest.raises(TrajectoryError, match="starts must be at least 1, not 0"):
-        hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=0)
-    with pytest.raises(AssemblyError, match="freedoms open"):
-        hybridyn.assemblies(robot)
+    refused(
+        lambda: hybridyn.assemblies(robot, motors=dietmaier.motors(np.tile(dietmaier.LENGTHS, (2, 1)))),
+        TrajectoryError,
+        "one sample",
+    )
+    refused(
+        lambda: hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=0),
+        TrajectoryError,
+        "starts must be at least 1, not 0",
+    )
+    refused(lambda: hybridyn.assemblies(robot), AssemblyError, "freedoms open")
 
 
 def test_the_command_line_counts_postures_by_module(capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,6 +21,7 @@ import hybridyn
 from hybridyn.manifold.branch import LOST_ACCELERATIONS, LOST_RATES
 from hybridyn.simulation.motion_law import MotionLaw
 from tests import ROOT
+from tests.comparing import refused
 from tests.hard.benchmark_references import all_bars, n_four_bar
 from tests.hard.one_freedom import REFERENCE, OneFreedom
 from tests.hard.redundant_loops import crossed_bars, loaded
@@ -166,5 +167,8 @@ def test_a_velocity_on_no_branch_is_refused(crossed: OneFreedom) -> None:
 
 def test_at_rest_there_the_motion_is_not_defined(crossed: OneFreedom) -> None:
     q, v, _ = crossed.state(0.0, 0.0)
-    with pytest.raises(hybridyn.SingularityError, match="closures lose rank"):
-        hybridyn.simulate(crossed.robot, q, v, (0, 0.1))
+    refused(
+        lambda: hybridyn.simulate(crossed.robot, q, v, (0, 0.1)),
+        hybridyn.SingularityError,
+        "closures lose rank",
+    )

@@ -13,6 +13,7 @@ from hybridyn.scenes import controllers
 from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points, from_table
 from tests import ROOT
 from tests.command_line import table_text
+from tests.comparing import refused
 from tests.files import save
 
 ROUNDING = 1e-12  # the same sums in another order
@@ -77,8 +78,7 @@ def test_a_table_is_met_in_its_rows_and_ends_with_them(robot) -> None:
     step = 1e-4
     rate = (reference.at(t + step)[0] - reference.at(t - step)[0]) / (2 * step)
     assert rate == pytest.approx(reference.at(t)[1], rel=1e-4)
-    with pytest.raises(TrajectoryError, match="is outside"):
-        reference.at(float(reference.time[-1]) + 1e-3)
+    refused(lambda: reference.at(float(reference.time[-1]) + 1e-3), TrajectoryError, "is outside")
 
 
 def test_endless_motors_take_the_short_way_round(tmp_path: Path) -> None:
@@ -127,8 +127,7 @@ def test_computed_torque_leaves_an_error_to_its_own_decay(robot, reference) -> N
 def test_efforts_over_time(robot, state) -> None:
     law = controllers.EffortTable(np.array([0.0, 1.0]), np.array([[0.0, 4.0], [2.0, 0.0]]))
     assert law(0.25, *state) == pytest.approx([0.5, 3.0])
-    with pytest.raises(TrajectoryError, match="outside"):
-        law(1.5, *state)
+    refused(lambda: law(1.5, *state), TrajectoryError, "outside")
     assert list(controllers.constant(robot, {"m1_right_drive": 3.0})) == [0.0, 3.0]
 
 
@@ -137,8 +136,7 @@ def test_efforts_over_time(robot, state) -> None:
     [({"m1_left_driv": 1.0}, "did you mean"), ({"m1_left_drive": 1.0}, "no number"), (-1.0, "not negative")],
 )
 def test_gains_that_cannot_be(robot, reference, kp, words) -> None:
-    with pytest.raises(ModelError, match=words):
-        controllers.Pd(robot, reference, kp, 1.0)
+    refused(lambda: controllers.Pd(robot, reference, kp, 1.0), ModelError, words)
 
 
 @pytest.mark.parametrize(
@@ -148,10 +146,12 @@ def test_gains_that_cannot_be(robot, reference, kp, words) -> None:
 )  # fmt: skip
 def test_python_that_is_none(robot, tmp_path: Path, text: str, words: str) -> None:
     path = save(tmp_path, text, "law.py")
-    with pytest.raises(ModelError, match=words):
-        controllers.from_file(robot, str(path), "controller")
-    with pytest.raises(ModelError, match="no such Python file"):
-        controllers.from_file(robot, str(tmp_path / "none.py"), "controller")
+    refused(lambda: controllers.from_file(robot, str(path), "controller"), ModelError, words)
+    refused(
+        lambda: controllers.from_file(robot, str(tmp_path / "none.py"), "controller"),
+        ModelError,
+        "no such Python file",
+    )
 
 
 def test_a_table_of_platforms_gives_the_motors_their_motion(robot, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from hybridyn.scenes.stage import Stage, identity, play, stage
 from hybridyn.simulation.run_size import NUMBER_BYTES, ROW_BYTES
 from hybridyn.simulation.table import columns_of, rows_of
 from tests import ROOT
+from tests.comparing import refused
 from tests.files import save
 from tests.shipped import ROBOTS
 
@@ -199,8 +200,7 @@ def test_a_prescribed_motion_takes_the_inverse_models_efforts(tmp_path: Path) ->
     assert (result.status, result.method, list(result.t)) == ("finished", "prescribed", [0.0, 0.0421, 0.2])
     found = hybridyn.ddm(ready.robot, result.q, result.v, result.tau, effects="model")
     assert found == pytest.approx(result.a, abs=1e-8 * np.abs(result.a).max())
-    with pytest.raises(hybridyn.HybridynError, match="nothing to resume"):
-        play(ready, resume=result)
+    refused(lambda: play(ready, resume=result), hybridyn.HybridynError, "nothing to resume")
 
 
 @pytest.mark.parametrize(

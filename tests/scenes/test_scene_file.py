@@ -13,6 +13,7 @@ from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
 from tests import ROOT
+from tests.comparing import refused
 from tests.files import save
 
 HEAD = f'duration = 1.0\n[robot]\nfile = "{ROOT}/urdf/five_bar.urdf.xacro"\n'
@@ -25,10 +26,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def refusal(folder: Path, text: str) -> ModelError:
-    with pytest.raises(HybridynError) as caught:
-        stage(written(folder, text))
-    assert "\n" not in str(caught.value)
-    return caught.value
+    return refused(lambda: stage(written(folder, text)), HybridynError, "")
 
 
 def test_a_scene_is_read_with_its_defaults(tmp_path: Path) -> None:
@@ -112,11 +110,9 @@ def test_what_the_robot_refuses(tmp_path: Path, text: str, line: int, words: str
 def test_no_toml_no_robot_no_text(tmp_path: Path) -> None:
     assert ":4: not readable as TOML" in str(refusal(tmp_path, "x =\n"))
     path = save(tmp_path, b"\xff", "other.toml")
-    with pytest.raises(ModelError, match="UTF-8"):
-        read_scene(path)
+    refused(lambda: read_scene(path), ModelError, "UTF-8")
     path.write_text('duration = 1.0\n[robot]\nfile = "none.urdf"\n')
-    with pytest.raises(ModelError, match=r"other.toml:3: 'robot.file': .*none.urdf"):
-        stage(path)
+    refused(lambda: stage(path), ModelError, r"other.toml:3: 'robot.file': .*none.urdf")
 
 
 def test_a_shipped_robot_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,8 +129,7 @@ def test_a_shipped_robot_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (folder / "five_bar").write_text((ROOT / "urdf/delta.urdf.xacro").read_text())
     assert read_scene(path).robot == str(folder / "five_bar")
     path.write_text('duration = 1.0\n[robot]\nfile = "fivebar"\n')
-    with pytest.raises(ModelError, match=r"scene.toml:3: 'robot.file': .*no shipped robot.*'five_bar'"):
-        stage(path)
+    refused(lambda: stage(path), ModelError, r"scene.toml:3: 'robot.file': .*no shipped robot.*'five_bar'")
 
 
 def test_lines_of_arrays_of_tables() -> None:

@@ -17,7 +17,7 @@ from hybridyn.studies import effect_worth
 from hybridyn.studies.effect_worth import EffectSets, Selection, Worth
 from tests import ROOT
 from tests.clocks import Clock
-from tests.comparing import close_to
+from tests.comparing import close_to, refused
 from tests.effect_cases import every
 from tests.mechanisms import random_mechanism, random_states
 from tests.shipped import shipped, states_near_home
@@ -140,9 +140,7 @@ def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -
     parts = Worth(robot, q, v, a, choose(robot, None))
     assert np.abs(parts.full - whole.full).max() < LINEAR * weight
     q[3, 1] += 0.5
-    with pytest.raises(AssemblyError, match="at sample 3") as caught:
-        Worth(robot, q, v, a, choose(robot, None))
-    assert caught.value.sample == 3
+    refused(lambda: Worth(robot, q, v, a, choose(robot, None)), AssemblyError, "at sample 3", sample=3)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from hybridyn.errors import ModelError
 from hybridyn.structure.robot import positions
 from hybridyn.studies.home import homes
 from tests.command_line import call, read_table
+from tests.comparing import refused
 from tests.extras import needs
 from tests.robot_texts import save
 
@@ -61,8 +62,9 @@ def test_motors_may_stand_elsewhere(file: Path) -> None:
     robot = hybridyn.load(file)
     (first, _) = homes(robot, {"drive": 0.1}).postures
     assert abs(abs(positions(robot, first.q)["a"][0]) - np.arccos((9 + 16 - 16) / 24)) < EXACT
-    with pytest.raises(ModelError, match=r"no such motor 'driwe' \(did you mean 'drive'\?\)"):
-        homes(robot, {"driwe": 0.1})
+    refused(
+        lambda: homes(robot, {"driwe": 0.1}), ModelError, r"no such motor 'driwe' \(did you mean 'drive'\?\)"
+    )
 
 
 def test_postures_have_names_that_differ(capsys: pytest.CaptureFixture[str]) -> None:

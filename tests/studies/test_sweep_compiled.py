@@ -21,6 +21,7 @@ from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
 from hybridyn.studies.sweep.variants import Variants, scaled
 from tests import ROOT
+from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
 from tests.studies.test_sweep import SCALES, Here, folder, here, rows_of, written
@@ -155,8 +156,11 @@ def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided
 
     monkeypatch.setattr(compiled_chunks, "CompiledDesigns", refuse)
     next(Path("compiled").glob("designs-*")).unlink()
-    with pytest.raises(HybridynError, match=r"are of compiled models.*: no C compiler$"):
-        hybridyn.sweep(study, "compiled", format="csv", resume=True)
+    refused(
+        lambda: hybridyn.sweep(study, "compiled", format="csv", resume=True),
+        HybridynError,
+        r"are of compiled models.*: no C compiler$",
+    )
 
 
 def refuse(*_: object, **__: object) -> None:
@@ -178,8 +182,11 @@ def test_descriptions_of_many_designs_are_those_of_each(
     monkeypatch.setattr(variants_module, "read", refuse)
     for own, wanted in zip(values, each, strict=True):
         assert differences(variants.description(variants.named(own)), wanted) == []
-    with pytest.raises(HybridynError, match="no C compiler"):
-        variants.description(variants.named(np.array([0.28, 1.0, 0.3])))
+    refused(
+        lambda: variants.description(variants.named(np.array([0.28, 1.0, 0.3]))),
+        HybridynError,
+        "no C compiler",
+    )
 
 
 def test_efforts_that_are_rounding_stop_no_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -205,8 +212,11 @@ def test_models_that_differ_are_refused(folder: Path, here: Any, monkeypatch: py
     here(Here())
     study = five_bar_in(folder)
     monkeypatch.setattr(compiled_designs, "EQUAL", 0.0)
-    with pytest.raises(HybridynError, match=r"design \d+, task 'swing': compiled .* differ by"):
-        hybridyn.sweep(study, "out", format="csv")
+    refused(
+        lambda: hybridyn.sweep(study, "out", format="csv"),
+        HybridynError,
+        r"design \d+, task 'swing': compiled .* differ by",
+    )
 
 
 @pytest.mark.slow
@@ -257,8 +267,7 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
     assert found(11) == [two]
     assert found(12) == [two, one]  # 2 designs of 6 are 4 of 12
     monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), "singular", 0, 0, (), ""))
-    with pytest.raises(HybridynError, match="none of 6 designs"):
-        found(12)
+    refused(lambda: found(12), HybridynError, "none of 6 designs")
 
 
 @pytest.mark.slow

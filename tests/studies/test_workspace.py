@@ -14,6 +14,7 @@ from hybridyn.studies.workspace.steps import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.command_line import call, read_table
+from tests.comparing import refused
 from tests.files import save
 from tests.samples import slow
 
@@ -197,18 +198,23 @@ def test_no_step_changes_the_branch() -> None:
     ],
 )
 def test_wrong_arguments_are_refused(words: dict[str, object], message: str) -> None:
-    with pytest.raises(hybridyn.HybridynError, match=message):
-        workspace(hybridyn.load("five_bar"), **words)  # type: ignore[arg-type]
+    refused(lambda: workspace(hybridyn.load("five_bar"), **words), hybridyn.HybridynError, message)
 
 
 def test_a_stack_needs_the_module() -> None:
-    with pytest.raises(hybridyn.TrajectoryError, match=r"choose a module: 1 \(m1_platform\), 2"):
-        workspace(hybridyn.load("lx4"))
+    refused(
+        lambda: workspace(hybridyn.load("lx4")),
+        hybridyn.TrajectoryError,
+        r"choose a module: 1 \(m1_platform\), 2",
+    )
 
 
 def test_an_origin_outside_the_limits_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(hybridyn.ModelError, match=r"joint 'm1_\w+_drive' is outside its limits"):
-        workspace(hybridyn.load("five_bar"), link="m1_tool", at={"x": 0.0, "z": -0.12})
+    refused(
+        lambda: workspace(hybridyn.load("five_bar"), link="m1_tool", at={"x": 0.0, "z": -0.12}),
+        hybridyn.ModelError,
+        r"joint 'm1_\w+_drive' is outside its limits",
+    )
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ import pytest
 from hybridyn.description.records import Description, Joint, JointKind, Link
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import Layout, acceleration_columns, read_layout
+from tests.comparing import refused
 
 
 def link(name: str) -> Link:
@@ -41,10 +42,7 @@ def layout(columns: list[str], robot: Description = ROBOT, **options: Any) -> La
 
 
 def refusal(columns: list[str], **options: Any) -> TrajectoryError:
-    with pytest.raises(TrajectoryError) as caught:
-        layout(columns, **options)
-    assert caught.value.file == "t.csv"
-    return caught.value
+    return refused(lambda: layout(columns, **options), TrajectoryError, "", file="t.csv")
 
 
 def test_motors_with_some_rates() -> None:

@@ -10,6 +10,7 @@ import pytest
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import check_target, open_results
+from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
 
@@ -46,8 +47,7 @@ def test_an_error_leaves_the_old_file_and_nothing_else(
             write(NUMBERS)
             raise error
 
-    with pytest.raises(error):
-        interrupted()
+    refused(interrupted, error, "")
     assert path.read_text() == "old"
     assert [file.name for file in tmp_path.iterdir()] == [name]
 
@@ -78,11 +78,9 @@ def test_follows_a_link(tmp_path: Path) -> None:
 )
 def test_refuses_a_bad_target_before_any_work(tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / "d.csv").mkdir()
-    with pytest.raises(TrajectoryError, match=words):
-        check_target(tmp_path / name)
+    refused(lambda: check_target(tmp_path / name), TrajectoryError, words)
 
 
 def test_parquet_needs_polars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "polars", None)
-    with pytest.raises(TrajectoryError, match=r"hybridyn\[io\]"):
-        check_target(tmp_path / "out.parquet")
+    refused(lambda: check_target(tmp_path / "out.parquet"), TrajectoryError, r"hybridyn\[io\]")

@@ -13,6 +13,7 @@ from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
 from hybridyn.tables.trajectory import Motion, full_state, read_motions
+from tests.comparing import refused
 
 ROUNDING = 1e-13
 FIT = 1e-6  # fitted accelerations of the motions below, sampled at 100 Hz
@@ -56,10 +57,9 @@ def motions(
 
 
 def refusal(tmp_path: Path, columns: dict[str, np.ndarray], **options: Any) -> TrajectoryError:
-    with pytest.raises(TrajectoryError) as caught:
-        motions(tmp_path, columns, **options)
-    assert caught.value.file == str(tmp_path / "t.csv")
-    return caught.value
+    return refused(
+        lambda: motions(tmp_path, columns, **options), TrajectoryError, "", file=str(tmp_path / "t.csv")
+    )
 
 
 def pose_columns(owner: str, pose: np.ndarray) -> dict[str, np.ndarray]:

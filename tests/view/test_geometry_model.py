@@ -12,7 +12,7 @@ from lxml import etree
 import hybridyn
 from hybridyn.description.shape_files import urdf_root
 from hybridyn.errors import ModelError
-from tests.comparing import ROUNDING
+from tests.comparing import ROUNDING, refused
 from tests.extras import needs, robots_of_others, skip
 from tests.robot_texts import FOUR_BAR, save
 
@@ -77,14 +77,20 @@ def test_a_missing_mesh_is_named_with_its_line(tmp_path: Path) -> None:
     text = FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{mesh}', 1)
     line = text[: text.index("<mesh")].count("\n") + 1
     robot = hybridyn.load(save(tmp_path, text))
-    with pytest.raises(ModelError, match=r"package://nowhere/part.stl.*package_dirs") as error:
-        hybridyn.geometry_model(robot)
-    assert error.value.line == line
+    refused(
+        lambda: hybridyn.geometry_model(robot),
+        ModelError,
+        r"package://nowhere/part.stl.*package_dirs",
+        line=line,
+    )
 
 
 def test_other_kinds_and_formats_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(hybridyn.TrajectoryError, match="kind must be 'visual' or 'collision'"):
-        hybridyn.geometry_model(hybridyn.load("five_bar"), "mesh")
+    refused(
+        lambda: hybridyn.geometry_model(hybridyn.load("five_bar"), "mesh"),
+        hybridyn.TrajectoryError,
+        "kind must be 'visual' or 'collision'",
+    )
     needs("mjcf")
     path = save(
         tmp_path,
@@ -92,5 +98,4 @@ def test_other_kinds_and_formats_are_refused(tmp_path: Path) -> None:
         "</mujoco>",
         "arm.xml",
     )
-    with pytest.raises(ModelError, match="URDF and xacro files only"):
-        hybridyn.geometry_model(hybridyn.load(path))
+    refused(lambda: hybridyn.geometry_model(hybridyn.load(path)), ModelError, "URDF and xacro files only")

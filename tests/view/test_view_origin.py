@@ -11,6 +11,7 @@ import pytest
 
 from hybridyn.errors import HybridynError
 from hybridyn.view.own_origin import refusal, start_server
+from tests.comparing import refused
 from tests.extras import needs
 from tests.waiting import PATIENCE
 
@@ -108,7 +109,6 @@ def test_a_server_that_is_not_guarded_is_refused(monkeypatch: pytest.MonkeyPatch
 
     before = server.serve
     monkeypatch.setattr(viser, "ViserServer", Other)
-    with pytest.raises(HybridynError, match="cannot guard"):
-        start_server(HOME, 0, "test")
+    refused(lambda: start_server(HOME, 0, "test"), HybridynError, "cannot guard")
     assert Other.stopped == 1
     assert server.serve is before
