@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import io
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,33 +131,47 @@ def refused(run, stopped: tuple[Path, Path], text: str) -> None:
     assert (target.read_bytes(), state.read_bytes()) == before
 
 
-@pytest.mark.parametrize("part", [0.0, 0.01, 0.4, 0.9, 0.999])
-def test_a_state_file_cut_short_is_refused(run, stopped: tuple[Path, Path], part: float) -> None:
-    state = Path(f"{stopped[1]}.state")
-    data = state.read_bytes()
-    state.write_bytes(data[: int(part * len(data))])
-    refused(run, stopped, "not a result of a simulation")
-
-
-def test_a_changed_state_file_is_refused(run, stopped: tuple[Path, Path]) -> None:
-    """An array is replaced as a program would, the archive's own check sums included."""
-    state = Path(f"{stopped[1]}.state")
+def arrays(state: Path) -> dict[str, np.ndarray]:
     with np.load(state) as file:
-        data = dict(file)
-    data["state_v"] = data["state_v"] * 1.001
-    with state.open("wb") as file:
-        np.savez(file, **data)
-    refused(run, stopped, "was changed after it was written")
+        return dict(file)
 
 
-@pytest.mark.parametrize("name", ["texts", "going_on", "state_q", "event_t"])
-def test_a_state_file_with_an_array_missing_is_refused(run, stopped: tuple[Path, Path], name: str) -> None:
-    state = Path(f"{stopped[1]}.state")
-    with np.load(state) as file:
-        data = {key: x for key, x in file.items() if key != name}
-    with state.open("wb") as file:
-        np.savez(file, **data)
-    refused(run, stopped, "was changed")
+def packed(data: dict[str, np.ndarray]) -> bytes:
+    """Return an archive of arrays as a program would write it, the archive's own check sums included."""
+    out = io.BytesIO()
+    np.savez(out, **data)
+    return out.getvalue()
+
+
+CHANGED: dict[str, tuple[Callable[[Path], bytes], str]] = {
+    **{
+        f"cut at {part}": (
+            lambda state, part=part: state.read_bytes()[: int(part * state.stat().st_size)],
+            "not a result of a simulation",
+        )
+        for part in (0.0, 0.01, 0.4, 0.9, 0.999)
+    },
+    "an array changed": (
+        lambda state: packed(arrays(state) | {"state_v": arrays(state)["state_v"] * 1.001}),
+        "was changed after it was written",
+    ),
+    **{
+        f"{name} missing": (
+            lambda state, name=name: packed({key: x for key, x in arrays(state).items() if key != name}),
+            "was changed",
+        )
+        for name in ("texts", "going_on", "state_q", "event_t")
+    },
+}
+
+
+@pytest.mark.parametrize("how", CHANGED)
+def test_a_state_file_that_is_not_as_it_was_written_is_refused(
+    run, stopped: tuple[Path, Path], how: str
+) -> None:
+    state, (change, told) = Path(f"{stopped[1]}.state"), CHANGED[how]
+    state.write_bytes(change(state))
+    refused(run, stopped, told)
 
 
 @pytest.mark.parametrize(("t", "text"), [(np.nan, "no run can continue"), (-5.0, "before the start")])

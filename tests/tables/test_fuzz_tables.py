@@ -6,22 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.description.records import Description, Joint, Link
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import full_state, read_motions
 from tests.files import save
+from tests.tables.arm import ARM
 
 ROUNDS = 2_000
-ROBOT = Description(
-    name="arm",
-    links=tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in ("base", "slider", "tool")),
-    joints=(
-        Joint("lift", "prismatic", "base", "slider", np.eye(4), np.array([0.0, 0.0, 1.0])),
-        Joint("spin", "continuous", "slider", "tool", np.eye(4), np.array([0.0, 0.0, 1.0])),
-    ),
-)
 NASTY = [
     b"nan", b"inf", b"-inf", b"1e400", b"1e308", b"-1e-400", b"", b" ", b"\x00", b"\xff\xfe", b"\xef\xbb\xbf",
     b'"', b'""', b"'", b"#", b";", b"\t", b"\r", b"\r\n", b"\n\n", b",", b",,", b"1_0", b"0x1", b"1,5",
@@ -68,14 +60,14 @@ def mutated(content: bytes, draw: random.Random) -> bytes:
 def use(path: Path) -> None:
     """Read a table to the end, and check that what comes out is finite."""
     with open_table(path, block_rows=5) as table:
-        layout = read_layout(table.columns, ROBOT, motors=("lift", "spin"), file=table.file)
+        layout = read_layout(table.columns, ARM, motors=("lift", "spin"), file=table.file)
         for motion in read_motions(table, layout):
             for triple in [*motion.joints.values(), *motion.platforms.values()]:
                 for level in triple:
                     for numbers in level.values() if isinstance(level, dict) else [level]:
                         assert np.isfinite(numbers).all()
             if layout.full_state:
-                assert all(np.isfinite(numbers).all() for numbers in full_state(motion, ROBOT.joints))
+                assert all(np.isfinite(numbers).all() for numbers in full_state(motion, ARM.joints))
 
 
 def refused(path: Path) -> str | None:

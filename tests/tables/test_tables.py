@@ -9,11 +9,7 @@ from hybridyn.errors import TrajectoryError
 from hybridyn.tables.csv_table import LINE_LIMIT
 from hybridyn.tables.opening import open_table
 from tests.comparing import refused
-
-
-def write(path: Path, text: str | bytes) -> Path:
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
+from tests.files import save
 
 
 def read(path: Path, block_rows: int = 2000) -> tuple[tuple[str, ...], np.ndarray]:
@@ -21,10 +17,10 @@ def read(path: Path, block_rows: int = 2000) -> tuple[tuple[str, ...], np.ndarra
         return table.columns, np.concatenate([block.values for block in table.blocks])
 
 
-def refusal(path: Path) -> TrajectoryError:
-    caught = refused(lambda: read(path), TrajectoryError, "", file=str(path))
-    assert str(path) in str(caught)
-    return caught
+def refusal(path: Path, words: str) -> TrajectoryError:
+    error: TrajectoryError = refused(lambda: read(path), TrajectoryError, words, file=str(path))
+    assert str(path) in str(error)
+    return error
 
 
 @pytest.mark.parametrize(
@@ -42,7 +38,7 @@ def refusal(path: Path) -> TrajectoryError:
     ids=["plain", "crlf", "bom", "semicolon", "tab", "quotes", "comments", "spaces"],
 )
 def test_reads_the_csv_files_that_programs_write(tmp_path: Path, text: str) -> None:
-    columns, values = read(write(tmp_path / "t.csv", text))
+    columns, values = read(save(tmp_path, text, "t.csv"))
     assert columns == ("a", "b")
     assert values.tolist() == [[1.0, 2.5], [-300.0, 0.5]]
 
@@ -57,14 +53,14 @@ def test_reads_the_csv_files_that_programs_write(tmp_path: Path, text: str) -> N
 def test_cells_have_the_bits_that_python_reads(tmp_path: Path, cell: str) -> None:
     """Cells that JSON knows are read as JSON, the others by `float`."""
     for row in (f"{cell},0.1", f"0.1,{cell}"):
-        values = read(write(tmp_path / "t.csv", f"a,b\n{row}\n"))[1]
+        values = read(save(tmp_path, f"a,b\n{row}\n"))[1]
         assert values.tobytes() == np.array([float(x) for x in row.split(",")]).tobytes()
 
 
 @pytest.mark.parametrize("block_rows", [1, 3, 10, 1000])
 def test_blocks_hold_every_row_once_and_know_their_number(tmp_path: Path, block_rows: int) -> None:
     numbers = np.arange(20.0).reshape(10, 2)
-    path = write(tmp_path / "t.csv", "a,b\n" + "".join(f"{x},{y}\n" for x, y in numbers))
+    path = save(tmp_path, "a,b\n" + "".join(f"{x},{y}\n" for x, y in numbers))
     with open_table(path, block_rows=block_rows) as table:
         blocks = list(table.blocks)
     assert np.array_equal(np.concatenate([block.values for block in blocks]), numbers)
@@ -72,89 +68,49 @@ def test_blocks_hold_every_row_once_and_know_their_number(tmp_path: Path, block_
     assert all(len(block.values) <= block_rows for block in blocks)
 
 
-@pytest.mark.parametrize(
-    ("cell", "words"),
-    [
-        ("nan", "not a finite number"),
-        ("-inf", "not a finite number"),
-        ("1e400", "not a finite number"),
-        ("", "empty"),
-        ("  ", "empty"),
-        ("fast", "not a number"),
-        ("1_000", "not a number"),
-        ("٣", "not a number"),
-        ("0x10", "not a number"),
-        ("1 2", "not a number"),
-        ("1e", "not a number"),
-        ("\x00", "not a number"),
-    ],
-)
-def test_names_the_cell_that_is_not_a_finite_number(tmp_path: Path, cell: str, words: str) -> None:
-    error = refusal(write(tmp_path / "t.csv", f"a,b\n1,2\n3,{cell}\n5,6\n"))
-    assert (error.row, error.column) == (2, "b")
-    assert words in str(error)
+#: A table, row and column of what is wrong in it, and what is told.
+REFUSED: list[tuple[str | bytes, int | None, str | None, str]] = [
+    *(
+        (f"a,b\n1,2\n3,{cell}\n5,6\n", 2, "b", words)
+        for cells, words in (
+            (("nan", "-inf", "1e400"), "not a finite number"),
+            (("", "  "), "empty"),
+            (("fast", "1_000", "٣", "0x10", "1 2", "1e", "\x00"), "not a number"),
+        )
+        for cell in cells
+    ),
+    ("a;b\n1,5;2\n", 1, "a", "decimal point"),
+    *((f"a,b\n1,2\n{row}\n", 2, None, "cells") for row in ("1", "1,2,3", "1,2,")),
+    ("a,b\n1,2\n\n3,4\n", 2, None, "empty line"),
+    ("a,a\nnot,numbers\n", None, "a", "twice"),
+    ("a,\nnot,numbers\n", None, None, "column 2 of the header has no name"),
+    ("a,1.5\nnot,numbers\n", None, None, "first line must name"),
+    ("a,b\x07\nnot,numbers\n", None, None, "unprintable"),
+    (b"", None, None, "empty"),
+    (b"\n\n", None, None, "empty"),
+    (b"a,b\n", None, None, "no rows"),
+    ("a,b\n1,2\n".encode("utf-16"), None, None, "not UTF-8"),
+    (b"\x1f\x8b\x08\x00\xff", None, None, "not UTF-8"),
+    ("a" * (LINE_LIMIT + 1), None, None, "longer than"),
+]
 
 
-def test_advises_on_decimal_commas(tmp_path: Path) -> None:
-    error = refusal(write(tmp_path / "t.csv", "a;b\n1,5;2\n"))
-    assert (error.row, error.column) == (1, "a")
-    assert "decimal point" in str(error)
-
-
-@pytest.mark.parametrize("row", ["1", "1,2,3", "1,2,"])
-def test_refuses_ragged_rows(tmp_path: Path, row: str) -> None:
-    error = refusal(write(tmp_path / "t.csv", f"a,b\n1,2\n{row}\n"))
-    assert error.row == 2
-    assert "cells" in str(error)
-
-
-def test_refuses_an_empty_line_between_rows(tmp_path: Path) -> None:
-    error = refusal(write(tmp_path / "t.csv", "a,b\n1,2\n\n3,4\n"))
-    assert error.row == 2
-    assert "empty line" in str(error)
-
-
-@pytest.mark.parametrize(
-    ("header", "words", "column"),
-    [
-        ("a,a", "twice", "a"),
-        ("a,", "column 2 of the header has no name", None),
-        ("a,1.5", "first line must name", None),
-        ("a,b\x07", "unprintable", None),
-    ],
-)
-def test_checks_the_header_before_any_number(
-    tmp_path: Path, header: str, words: str, column: str | None
+@pytest.mark.parametrize(("content", "row", "column", "words"), REFUSED, ids=range(len(REFUSED)))
+def test_what_is_wrong_is_named_with_its_place(
+    tmp_path: Path, content: str | bytes, row: int | None, column: str | None, words: str
 ) -> None:
-    path = write(tmp_path / "t.csv", f"{header}\nnot,numbers\n")
-    refused(lambda: open_table(path), TrajectoryError, words, column=column)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"", "empty"),
-        (b"\n\n", "empty"),
-        (b"a,b\n", "no rows"),
-        ("a,b\n1,2\n".encode("utf-16"), "not UTF-8"),
-        (b"\x1f\x8b\x08\x00\xff", "not UTF-8"),
-    ],
-)
-def test_refuses_files_that_are_no_tables(tmp_path: Path, content: bytes, words: str) -> None:
-    assert words in str(refusal(write(tmp_path / "t.csv", content)))
-
-
-def test_refuses_absurdly_long_lines(tmp_path: Path) -> None:
-    assert "longer than" in str(refusal(write(tmp_path / "t.csv", "a" * (LINE_LIMIT + 1))))
+    """The header is checked before any number."""
+    error = refusal(save(tmp_path, content, "t.csv"), words)
+    assert (error.row, error.column) == (row, column)
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "missing.parquet", "."])
 def test_refuses_what_cannot_be_opened(tmp_path: Path, name: str) -> None:
-    assert "cannot be read" in str(refusal(tmp_path / name))
+    refusal(tmp_path / name, "cannot be read")
 
 
 def test_tells_how_far_it_is(tmp_path: Path) -> None:
-    path = write(tmp_path / "t.csv", "a\n" + "1.0\n" * 100_000)
+    path = save(tmp_path, "a\n" + "1.0\n" * 100_000)
     with open_table(path) as table:
         next(table.blocks)
         assert 0.0 < table.fraction() < 0.5
@@ -165,7 +121,7 @@ def test_tells_how_far_it_is(tmp_path: Path) -> None:
 def test_memory_does_not_grow_with_the_table(tmp_path: Path) -> None:
     import tracemalloc
 
-    path = write(tmp_path / "t.csv", "a,b\n" + "1.0,2.0\n" * 50_000)
+    path = save(tmp_path, "a,b\n" + "1.0,2.0\n" * 50_000)
     tracemalloc.start()
     with open_table(path, block_rows=500) as table:
         for _ in table.blocks:
