@@ -8,7 +8,18 @@ import os
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 import pytest
+
+#: The general claims: backward error per module, forward error per condition number.
+EPS = float(np.finfo(float).eps)
+BACKWARD, FORWARD = 1e-13, 100 * EPS
+
+
+def apart(actual: np.ndarray, expected: np.ndarray) -> float:
+    """Return the largest difference relative to the largest entry."""
+    largest = max(np.abs(expected).max(initial=0.0), 1e-300)
+    return float(np.abs(actual - expected).max(initial=0.0) / largest)
 
 
 class Claim(Protocol):

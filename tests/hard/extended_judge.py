@@ -27,9 +27,9 @@ import mpmath
 import numpy as np
 
 from hybridyn.description import Description
+from tests.hard.claims import EPS
 from tests.oracle import Extended, Oracle
 
-EPS = float(np.finfo(float).eps)
 RANK = 1e-30  # geometry in doubles is dependent to 1e-16 or to all fifty digits, nothing in between
 mp = mpmath.mp.clone()
 mp.dps = 50

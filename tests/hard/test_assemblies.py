@@ -14,12 +14,11 @@ from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
 from tests.hard import dietmaier
-from tests.hard.claims import Claim
+from tests.hard.claims import EPS, Claim
 from tests.posing import of_link, position
 from tests.samples import slow
 from tests.shipped import shipped
 
-EPS = float(np.finfo(float).eps)
 DIGITS = 50
 ZERO = 1e-30  # left-hand sides of Dietmaier's equations after refinement in DIGITS digits
 PROOF = 0.5  # Kantorovich: J^-1's bound times the second derivatives times the last step, below this

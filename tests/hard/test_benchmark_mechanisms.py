@@ -9,8 +9,6 @@ time or at a looser tolerance.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
@@ -26,12 +24,10 @@ from tests.hard.benchmark_references import (
     heavy_top,
     n_four_bar,
 )
+from tests.hard.claims import Claim
 from tests.hard.one_freedom import OneFreedom
 from tests.hard.redundant_loops import bricard_law
 from tests.samples import slow
-
-if TYPE_CHECKING:
-    from tests.hard.claims import Claim
 
 SCENES = {
     name: ROOT / "models" / "benchmarks" / name / f"{scene}.toml"

@@ -15,7 +15,7 @@ is on. Claims, for smooth motions through the singularity in closed form:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,13 +24,11 @@ from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
+from tests.hard.claims import Claim
 from tests.hard.closed_forms import vector, wrap
 from tests.hard.extended_judge import Judge, mp
 from tests.hard.singular_postures import PLACES, posture
 from tests.oracle import Oracle
-
-if TYPE_CHECKING:
-    from tests.hard.claims import Claim
 
 WAYS = ["four_bar constraint", "parallelogram constraint", "five_bar constraint", "rps3 constraint"]
 LIMIT = 1e-10

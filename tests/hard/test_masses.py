@@ -21,13 +21,11 @@ from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
-from tests.hard.claims import Claim
+from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge
 from tests.oracle import Base, Extended, Oracle
 from tests.shipped import shipped, states_near_home
 
-EPS = float(np.finfo(float).eps)
-BACKWARD, FORWARD = 1e-13, 100 * EPS
 LIGHTER = 1e-25  # inertia tolerance of the reference: square roots of masses, fifty digits
 CASES: dict[str, Callable[[str], float]] = {
     "legs without mass": lambda name: float(is_end(name)),
@@ -54,11 +52,6 @@ def massed(description: Description, factor: Callable[[str], float]) -> Descript
 def efforts(description: Description) -> np.ndarray:
     """Draw efforts, shape (motors,)."""
     return 20 * np.random.default_rng(5).normal(size=len(description.motors))
-
-
-def apart(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Return the largest difference relative to the largest entry."""
-    return float(np.abs(actual - expected).max() / np.abs(expected).max())
 
 
 def judged(description: Description, q: np.ndarray, case: str, claim: Claim) -> None:

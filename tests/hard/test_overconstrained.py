@@ -11,7 +11,6 @@ inertia and the rows. A simulation adds up the errors of some fifty steps of rto
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +18,9 @@ import pytest
 
 import hybridyn
 from tests import ROOT
+from tests.hard.claims import Claim
 from tests.hard.one_freedom import OneFreedom, slope_error
 from tests.hard.redundant_loops import LINKAGES, Linkage, bricard_law, four_bar, loaded
-
-if TYPE_CHECKING:
-    from tests.hard.claims import Claim
 
 EFFORT, SOLVED = 1e-13, 1e-12
 CLOSED_FORM = 1e-14  # the closed forms close the loops and are differentiated to rounding

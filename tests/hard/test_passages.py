@@ -11,7 +11,7 @@ distance down to `branch.LOST`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,12 +23,10 @@ from hybridyn.simulation.motion_law import MotionLaw
 from tests import ROOT
 from tests.comparing import refused
 from tests.hard.benchmark_references import all_bars, n_four_bar
+from tests.hard.claims import Claim
 from tests.hard.one_freedom import REFERENCE, OneFreedom
 from tests.hard.redundant_loops import crossed_bars, loaded
 from tests.samples import slow, some
-
-if TYPE_CHECKING:
-    from tests.hard.claims import Claim
 
 BARS = ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"
 DISTANCES = (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 2e-2)

@@ -11,13 +11,12 @@ from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.hard import dietmaier
-from tests.hard.claims import Claim
+from tests.hard.claims import EPS, Claim
 from tests.posing import of_link, position
 from tests.shipped import shipped
 
 CRANK, ROD, BASE = 0.4, 0.55, 0.5  # of the five-bar [m]
 CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module
-EPS = float(np.finfo(float).eps)
 FORWARD = 100.0  # eps times the condition number, likewise
 MEND = "out of reach, or contradicts another one; move it, or give a better guess"
 

@@ -21,7 +21,7 @@ from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.scenes.start import _check_rates
-from tests.hard.claims import Claim
+from tests.hard.claims import Claim, apart
 from tests.hard.scaling import Scale
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
 from tests.oracle import Base
@@ -35,12 +35,6 @@ EXTREMES = [Scale(BIG, BIG), Scale(SMALL, SMALL)]
 OTHERS = [Scale(BIG, SMALL), Scale(SMALL, BIG), Scale(BIG), Scale(SMALL), Scale(mass=BIG), Scale(mass=SMALL)]
 CHOSEN = ("delta_bars", "gear_rack", "serial_all")
 Results = dict[str, Any]
-
-
-def apart(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Return the largest difference relative to the largest entry."""
-    largest = max(np.abs(expected).max(initial=0.0), 1e-300)
-    return float(np.abs(actual - expected).max(initial=0.0) / largest)
 
 
 def described(kind: str, base: Base) -> tuple[Description, dict[str, np.ndarray], tuple[np.ndarray, ...]]:

@@ -20,7 +20,7 @@ import pinocchio as pin
 import pytest
 
 from hybridyn import ddm
-from tests.hard.claims import Claim
+from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended import LONG, Arithmetic, multiprecision, needs_long_double
 from tests.hard.extended_stack import Stack
 from tests.hard.stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
@@ -28,20 +28,12 @@ from tests.oracle import Extended, Oracle
 from tests.peers import Peer
 from tests.samples import slow
 
-EPS = float(np.finfo(float).eps)
-BACKWARD = 1e-13  # per module
-FORWARD = 100 * EPS  # per condition number
 LINEAR = 1.0  # exponent of n
 REFERENCE = 1e-30  # of 40 digits, condition numbers of 1e4 leave 35
 LONG_DOUBLE = 1e-15  # what the reference may miss in the states where condition numbers are 1e3
 CHANGE = 1e-9  # of the efforts: linear to 18 - 9 digits, and known to 9
 LUCK = 2.0  # of the peer's best setting among a dozen, where both are at the last digit
 SIZES = (1, 4, 16, 64, 256)
-
-
-def apart(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Return the largest difference relative to the largest entry."""
-    return float(np.abs(actual - expected).max() / np.abs(expected).max())
 
 
 def reference(kind: str, count: int, state: State, on: Arithmetic = LONG) -> Stack:

@@ -18,14 +18,12 @@ import pytest
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.structure.building import build_robot
-from tests.hard.claims import Claim
+from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge
-from tests.hard.test_masses import apart, arm, efforts
+from tests.hard.test_masses import arm, efforts
 from tests.oracle import Extended, Oracle
 from tests.shipped import shipped, states_near_home
 
-EPS = float(np.finfo(float).eps)
-BACKWARD, FORWARD = 1e-13, 100 * EPS
 TWELVE = 1e-12  # efforts over the terms that they are summed from
 NO_DIGIT = "have no correct digit"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,16 +18,13 @@ import pytest
 from hybridyn import ddm, idm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
+from tests.hard.claims import FORWARD, Claim
 from tests.hard.closed_forms import about, balls, gough_stewart, numbers, placement, vector
-from tests.hard.extended_judge import EPS, Judge, mp, norm
+from tests.hard.extended_judge import Judge, mp, norm
 from tests.oracle import Oracle
 from tests.samples import slow
 from tests.shipped import shipped
 
-if TYPE_CHECKING:
-    from tests.hard.claims import Claim
-
-FORWARD = 100 * EPS
 WRIST = "m1_leg1_wrist"
 LOCKED = 1e-9  # gimbal_lock.GIMBAL_LOCK: nearer, the hinges' rates are the least-norm ones
 DISTANCES = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 0.0]
