@@ -12,7 +12,7 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import LONGEST, ModelError
-from tests.command_line import call
+from tests.command_line import call, read_table, without_remarks
 from tests.comparing import refused
 from tests.files import save
 
@@ -130,8 +130,7 @@ def test_a_floating_base_is_placed_without_naming_every_motor(
         "scene.toml",
     )
     call(capsys, "simulate", scene, "-o", tmp_path / "run.csv")
-    text = [line for line in (tmp_path / "run.csv").read_text().splitlines() if not line.startswith("#")]
-    first = dict(zip(text[0].split(","), map(float, text[1].split(",")), strict=True))
+    first = {name: column[0] for name, column in read_table(without_remarks(tmp_path / "run.csv")).items()}
     assert [first[f"{root}/pose/{axis}"] for axis in "xyz"] == [0.1, 0.0, 0.5]
     assert first[f"{root}/velocity/x"] == pytest.approx(0.3, rel=1e-12)
     assert first[f"{robot.motors[0]}/position"] == pytest.approx(0.1, rel=1e-12)

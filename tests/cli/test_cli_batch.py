@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from hybridyn.cli import main
 from hybridyn.description.writing import locked
 from hybridyn.studies.sweep.pool import WorkerDiedError
 from tests.extras import needs
+from tests.files import save
 from tests.studies.test_sweep import pendulum_in
 
 
@@ -67,99 +67,82 @@ def shards(folder: str) -> dict[str, bytes]:
 
 
 def test_each_table_has_its_shard_and_a_broken_one_is_named(
-    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
+    place: Path, lost: dict[str, int], run: Any
 ) -> None:
     lost |= {"t1": 1}  # its process ends once
     words = ["idm", "pendulum.urdf", "in/*.csv", "-o", "out"]
-    assert main(words) == 1
-    err = capsys.readouterr().err
+    err = run(*words, status=1).err
     assert "error: in/t2.csv, row 13, column 'turn/position'" in err
     assert "3 tables of 4 in 'out', 3 computed now" in err
     assert list(shards("out")) == ["t0.csv", "t1.csv", "t3.csv"]
     for name, shard in shards("out").items():
-        assert main(["idm", "pendulum.urdf", f"in/{name}", "-o", name, "-q"]) == 0
+        run("idm", "pendulum.urdf", f"in/{name}", "-o", name, "-q")
         assert Path(name).read_bytes() == shard
-    assert main(words) == 1
-    assert "continue it with --resume" in capsys.readouterr().err
+    assert "continue it with --resume" in run(*words, status=1).err
     Path("out", "t0.csv").unlink()
     (place / "in" / "t2.csv").write_text((place / "in" / "t1.csv").read_text())
-    assert main([*words, "--resume"]) == 0
-    assert "4 tables of 4 in 'out', 2 computed now" in capsys.readouterr().err
-    assert main([*words, "--resume", "--effects", "none"]) == 1
-    assert "its shards are of other options" in capsys.readouterr().err
+    assert "4 tables of 4 in 'out', 2 computed now" in run(*words, "--resume").err
+    said = run(*words, "--resume", "--effects", "none", status=1)
+    assert "its shards are of other options" in said.err
 
 
 def test_a_shard_is_done_if_it_has_the_bytes_of_its_table(
-    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
+    place: Path, lost: dict[str, int], run: Any
 ) -> None:
     """No newer file of another hand counts as done, and no older table that replaced the one computed."""
     words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
-    assert main(words) == 0
+    run(*words)
     whole = shards("out")
     (place / "out" / "t0.csv").write_text("another's\n")
     (place / "in" / "t1.csv").write_text((place / "in" / "t3.csv").read_text())
     os.utime(place / "in" / "t1.csv", (0, 0))
     os.utime(place / "in" / "t3.csv")  # newer than its shard, and the same
-    capsys.readouterr()
-    assert main([*words, "--resume"]) == 0
-    assert "3 tables of 3 in 'out', 2 computed now" in capsys.readouterr().err
+    assert "3 tables of 3 in 'out', 2 computed now" in run(*words, "--resume").err
     assert shards("out") == {**whole, "t1.csv": whole["t3.csv"]}
-    assert main([*words, "--resume"]) == 0
-    assert "3 tables of 3 in 'out', 0 computed now" in capsys.readouterr().err
+    assert "3 tables of 3 in 'out', 0 computed now" in run(*words, "--resume").err
 
 
-def test_a_folder_belongs_to_one_process(
-    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_belongs_to_one_process(place: Path, lost: dict[str, int], run: Any) -> None:
     words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
     with locked("out"):
-        assert main(words) == 1
-        assert "out: another process writes its results here" in capsys.readouterr().err
-    assert main(words) == 0
+        assert "out: another process writes its results here" in run(*words, status=1).err
+    run(*words)
 
 
-def test_a_table_that_ends_every_process_is_named(
-    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_that_ends_every_process_is_named(place: Path, lost: dict[str, int], run: Any) -> None:
     lost |= {"t3": 10}
-    assert main(["size", "pendulum.urdf", "in/t[013].csv", "-o", "out"]) == 1
-    out, err = capsys.readouterr()
-    assert "error: in/t3.csv: its process ended without a result 2 times" in err
+    said = run("size", "pendulum.urdf", "in/t[013].csv", "-o", "out", status=1)
+    assert "error: in/t3.csv: its process ended without a result 2 times" in said.err
     assert list(shards("out")) == ["t0.csv", "t1.csv"]
-    assert [line for line in out.splitlines() if line.startswith("in/")] == ["in/t0.csv:", "in/t1.csv:"]
+    assert [line for line in said.out.splitlines() if line.startswith("in/")] == ["in/t0.csv:", "in/t1.csv:"]
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "status", "said"),
     [
-        (["in/*.csv"], "several tables need a folder for their shards"),
-        (["in", "-o", "out"], "'in/*.parquet' matches no table; others by a glob: 'in/*.csv'"),
-        (["in/*.csv", "-o", "in"], "'in/t0.csv', the shard of 'in/t0.csv', would replace a table"),
-        (["**/*.csv", "-o", "out"], "'out/t0.csv', the shard of 'in/t0.csv', would replace that of 'a/"),
-        (["swing.csv", "--resume"], "--resume, --pool and --scheduler belong to several tables"),
-        (["in/*.csv", "-o", "out", "--plot", "x.png"], "--plot belongs to a single table"),
-        (["in/*.csv", "-o", "out", "--scheduler", "x"], "'x' is no address of a scheduler"),
-        (["swing.csv", "-o", "out"], "a result file ends in .csv or .parquet"),
+        (["in/*.csv"], 2, "several tables need a folder for their shards"),
+        (["in", "-o", "out"], 2, "'in/*.parquet' matches no table; others by a glob: 'in/*.csv'"),
+        (["in/*.csv", "-o", "in"], 2, "'in/t0.csv', the shard of 'in/t0.csv', would replace a table"),
+        (["**/*.csv", "-o", "out"], 2, "'out/t0.csv', the shard of 'in/t0.csv', would replace that of 'a/"),
+        (["swing.csv", "--resume"], 2, "--resume, --pool and --scheduler belong to several tables"),
+        (["in/*.csv", "-o", "out", "--plot", "x.png"], 2, "--plot belongs to a single table"),
+        (["in/*.csv", "-o", "out", "--scheduler", "x"], 1, "'x' is no address of a scheduler"),
+        (["swing.csv", "-o", "out"], 2, "a result file ends in .csv or .parquet"),
     ],
 )  # fmt: skip
-def test_wrong_words_are_one_line(
-    place: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
-) -> None:
-    Path("a").mkdir()
-    Path("a", "t0.csv").write_text("")
-    assert main(["idm", "pendulum.urdf", *words]) in (1, 2)
-    err = capsys.readouterr().err
-    assert said in err
+def test_wrong_words_are_one_line(place: Path, run: Any, words: list[str], status: int, said: str) -> None:
+    save(place / "a", "", "t0.csv")
+    assert said in run("idm", "pendulum.urdf", *words, status=status).err
     assert not list(place.glob("out/*"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pool", ["loky", "dask"])
-def test_other_processes_write_the_same_bits(place: Path, pool: str) -> None:
+def test_other_processes_write_the_same_bits(place: Path, run: Any, pool: str) -> None:
     polars = needs("dask" if pool == "dask" else "sweep") and needs("io")
     for path in place.glob("in/t[013].csv"):
         polars.read_csv(path).write_parquet(path.with_suffix(".parquet"))
-    assert main(["idm", "pendulum.urdf", "in", "-o", "out", "--pool", pool, "-j", "2"]) == 0
+    run("idm", "pendulum.urdf", "in", "-o", "out", "--pool", pool, "-j", "2")
     for path in sorted(place.glob("in/*.parquet")):
-        assert main(["idm", "pendulum.urdf", str(path), "-o", "one.parquet", "-q"]) == 0
+        run("idm", "pendulum.urdf", path, "-o", "one.parquet", "-q")
         assert polars.read_parquet("one.parquet").equals(polars.read_parquet(f"out/{path.name}"))

@@ -17,7 +17,7 @@ import hybridyn.streams.blocks as blocks
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.tables.columns import Layout
 from tests import ROOT
-from tests.command_line import Said, read_table, table_text
+from tests.command_line import Said, read_table, table_text, without_remarks
 from tests.robot_texts import door, save
 
 Run = Callable[..., Said]
@@ -39,8 +39,7 @@ SLIGHTLY_OPEN = 1e-8
 
 def numbers(path: Path) -> np.ndarray:
     """Return a table without the remarks before its header and without its first column, the time."""
-    text = "\n".join(line for line in path.read_text().splitlines() if not line.startswith("#"))
-    return np.column_stack([*read_table(text).values()][1:])
+    return np.column_stack([*read_table(without_remarks(path)).values()][1:])
 
 
 def same(one: Path, other: Path, tolerance: float = AGREE) -> bool:

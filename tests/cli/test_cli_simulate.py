@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests import ROOT
-from tests.command_line import program, read_table
+from tests.command_line import program, read_table, without_remarks
 from tests.extras import needs
 from tests.files import save
 from tests.waiting import PATIENCE
@@ -36,7 +36,7 @@ def scene(tmp_path: Path) -> Path:
 
 
 def table(path: Path) -> dict[str, np.ndarray]:
-    return read_table("\n".join(line for line in path.read_text().splitlines() if not line.startswith("#")))
+    return read_table(without_remarks(path))
 
 
 def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:

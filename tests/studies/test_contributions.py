@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn import HybridRobot
 from hybridyn import effects as fx
-from hybridyn.cli import main
 from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
@@ -17,8 +17,10 @@ from hybridyn.studies import effect_worth
 from hybridyn.studies.effect_worth import EffectSets, Selection, Worth
 from tests import ROOT
 from tests.clocks import Clock
+from tests.command_line import call, read_table, table_text, without_remarks
 from tests.comparing import close_to, refused
 from tests.effect_cases import every
+from tests.files import save
 from tests.mechanisms import random_mechanism, random_states
 from tests.shipped import shipped, states_near_home
 
@@ -26,11 +28,15 @@ FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/
 LINEAR = 1e-11  # sums of efforts instead of efforts of sums
 
 
+def near_home() -> tuple[HybridRobot, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the five-bar with five states."""
+    description = shipped("five_bar")
+    return build_robot(description), *states_near_home(description, "fixed", 0, 5)
+
+
 @pytest.fixture(scope="module")
 def worth() -> Worth:
-    description = shipped("five_bar")
-    robot = build_robot(description)
-    q, v, a = states_near_home(description, "fixed", 0, 5)
+    robot, q, v, a = near_home()
     on = choose(robot, ["model", *every(robot), fx.Limits(dict.fromkeys(robot.motors, 1e6))])
     return Worth(robot, q, v, a, on, time=np.full(5, 0.7))
 
@@ -62,9 +68,7 @@ def test_a_sufficient_set_stays_within(worth: Worth) -> None:
 @pytest.mark.slow
 def test_compiled_models_give_the_same() -> None:
     """Each effect is left out once; models without inertia are refused, which the general path computes."""
-    description = shipped("five_bar")
-    robot = build_robot(description)
-    q, v, a = states_near_home(description, "fixed", 0, 5)
+    robot, q, v, a = near_home()
     on = choose(robot, ["default", fx.Spring(dict.fromkeys(robot.motors, 40.0)), fx.Limits({})])
     sets = EffectSets(hybridyn.compile(robot, on))
     general, compiled = Worth(robot, q, v, a, on), Worth(robot, q, v, a, on, compiled=sets)
@@ -87,8 +91,7 @@ CART_POLE = """<robot name="cart_pole"><link name="rail"/><link name="cart"><ine
 @pytest.mark.slow
 def test_compiled_models_too_say_what_a_passive_motion_needs(tmp_path: Path) -> None:
     """Gravity, inertia and velocity together determine the pole's motion; the robot has no legs."""
-    (tmp_path / "cart_pole.urdf").write_text(CART_POLE)
-    robot = hybridyn.load(tmp_path / "cart_pole.urdf", motors=["slide"])
+    robot = hybridyn.load(save(tmp_path, CART_POLE, "cart_pole.urdf"), motors=["slide"])
     rng = np.random.default_rng(3)
     q, v, tau = (rng.normal(size=(5, n)) for n in (robot.nq, robot.nv, 1))
     q[:, 1:] /= np.linalg.norm(q[:, 1:], axis=1, keepdims=True)
@@ -113,27 +116,23 @@ def test_an_effect_that_a_passive_motion_needs_is_kept() -> None:
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    assert main(["effects", *FIVE_BAR, "--within", "100%"]) == 0
-    out, err = capsys.readouterr()
-    lines = [line.split() for line in out.splitlines()]
-    robot = hybridyn.load(FIVE_BAR[0])
-    names = choose(robot, "model").names
+    said = call(capsys, "effects", *FIVE_BAR, "--within", "100%")
+    lines = [line.split() for line in said.out.splitlines()]
+    names = choose(hybridyn.load(FIVE_BAR[0]), "model").names
     assert [row[0] for row in lines[1 : 1 + 2 * len(names)]] == [name for name in names for _ in range(2)]
-    assert "sufficient within 1 of the peak efforts: --effects" in out
-    assert "effects on: gravity, inertia" in err
+    assert "sufficient within 1 of the peak efforts: --effects" in said.out
+    assert "effects on: gravity, inertia" in said.err
     selection = Selection(("gravity",), 0.25, 1, 1e-6, 2e-6)
     monkeypatch.setattr(Worth, "sufficient", lambda self, within: selection)
     monkeypatch.setattr(effect_worth, "clock", Clock())  # it stands still, as coarse ones do
-    assert main(["effects", *FIVE_BAR, "--effects", "default", "--within", "0.3"]) == 0
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us" in last
+    said = call(capsys, "effects", *FIVE_BAR, "--effects", "default", "--within", "0.3")
+    told = "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us"
+    assert told in said.out.splitlines()[-1]
 
 
 def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sample number does not depend on the blocks."""
-    description = shipped("five_bar")
-    robot = build_robot(description)
-    q, v, a = states_near_home(description, "fixed", 0, 5)
+    robot, q, v, a = near_home()
     weight = np.abs(hybridyn.idm(robot, q, 0 * v, 0 * a, effects=["gravity", "leg_inertia"])).max()
     whole = Worth(robot, q, v, a, choose(robot, None))
     monkeypatch.setattr("hybridyn.dynamics.in_blocks.NUMBERS_AT_ONCE", 2 * robot.nq)
@@ -144,46 +143,39 @@ def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "status", "message"),
     [
-        (["--within", "much"], "neither a percentage"),
-        (["--within", "-1%"], "neither a percentage"),
-        (["--effects", "gravty"], "did you mean 'gravity'?"),
-        (["--effects", "gravity,velocity"], "'velocity' needs 'inertia'"),
-        (["--effects", "spring"], "state no numbers for the effect 'spring'"),
+        (["--within", "much"], 2, "neither a percentage"),
+        (["--within", "-1%"], 2, "neither a percentage"),
+        (["--effects", "gravty"], 2, "did you mean 'gravity'?"),
+        (["--effects", "gravity,velocity"], 1, "'velocity' needs 'inertia'"),
+        (["--effects", "spring"], 1, "state no numbers for the effect 'spring'"),
     ],
 )
-def test_mistakes_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["effects", *FIVE_BAR, *words]) in (1, 2)
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
+def test_mistakes_are_one_line(
+    words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call(capsys, "effects", *FIVE_BAR, *words, status=status, says=message)
 
 
 @pytest.mark.slow
 def test_effects_of_idm_and_ddm(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    out = tmp_path / "tau.csv"
-    assert main(["idm", *FIVE_BAR, "--effects", "model", "-o", str(out)]) == 0
-    assert "effects on: gravity, inertia, leg_inertia, velocity, rotor_inertia, v" in capsys.readouterr().err
-    robot = hybridyn.load(FIVE_BAR[0])
-    motion = np.genfromtxt(FIVE_BAR[1], delimiter=",", names=True, deletechars="", max_rows=20)
-    tau = np.genfromtxt(out, delimiter=",", names=True, deletechars="", max_rows=20)
-    motors = {
-        m: tuple(motion[f"{m}/{rate}"] for rate in ("position", "velocity", "acceleration"))
-        for m in robot.motors
-    }
+    efforts = call(capsys, "idm", *FIVE_BAR, "--effects", "model")
+    assert "effects on: gravity, inertia, leg_inertia, velocity, rotor_inertia, v" in efforts.err
+    robot, tau = hybridyn.load(FIVE_BAR[0]), read_table(efforts.out)
+    motion = read_table(without_remarks(FIVE_BAR[1]))
+    rates = ("position", "velocity", "acceleration")
+    motors = {m: tuple(motion[f"{m}/{rate}"][:20] for rate in rates) for m in robot.motors}
+    tau = {m: tau[f"{m}/effort"][:20] for m in robot.motors}
     q, v, a = hybridyn.assemble(robot, motors=motors)
-    efforts = np.column_stack([tau[f"{m}/effort"] for m in robot.motors])
-    close_to(efforts, hybridyn.idm(robot, q, v, a, effects="model"), 1e-9)
-    states = tmp_path / "states.csv"
+    wanted = hybridyn.idm(robot, q, v, a, effects="model")
+    close_to(np.column_stack([*tau.values()]), wanted, 1e-9)
     columns = [f"{m}/{rate}" for m in robot.motors for rate in ("position", "velocity", "effort")]
-    rows = np.column_stack([x for m in robot.motors for x in (*motors[m][:2], tau[f"{m}/effort"])])
-    np.savetxt(states, rows, delimiter=",", header=",".join(columns), comments="")
-    back = tmp_path / "back.csv"
-    assert main(["ddm", FIVE_BAR[0], str(states), "--effects", "model", "-o", str(back)]) == 0
-    assert "effects on: gravity" in capsys.readouterr().err
-    table = np.genfromtxt(back, delimiter=",", names=True, deletechars="")
-    found = np.column_stack([table[f"{m}/acceleration"] for m in robot.motors])
+    rows = np.column_stack([x for m in robot.motors for x in (*motors[m][:2], tau[m])])
+    states = save(tmp_path, table_text(columns, rows), "states.csv")
+    back = call(capsys, "ddm", FIVE_BAR[0], states, "--effects", "model")
+    assert "effects on: gravity" in back.err
+    found = np.column_stack([read_table(back.out)[f"{m}/acceleration"] for m in robot.motors])
     close_to(found, np.column_stack([motors[m][2] for m in robot.motors]), 1e-8)
-    assert main(["ddm", FIVE_BAR[0], str(states), "--effects", "gravity", "-o", str(back)]) == 1
-    assert "needs the effect 'inertia'" in capsys.readouterr().err
+    said = call(capsys, "ddm", FIVE_BAR[0], states, "--effects", "gravity", status=1)
+    assert "needs the effect 'inertia'" in said.err

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.cli import main
 from hybridyn.description.writing import locked
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.structure.parameters.slots import differences, values_of
@@ -34,6 +33,7 @@ from hybridyn.studies.sweep.shards import About, Shards, read_shards
 from hybridyn.studies.sweep.slot_numbers import SlotNumbers
 from hybridyn.studies.sweep.variants import Variants
 from tests.clocks import Clock
+from tests.command_line import call
 from tests.comparing import refused
 from tests.extras import needs
 
@@ -579,27 +579,14 @@ def test_the_command_evaluates_and_asks(
     here(Here())
     monkeypatch.setattr(sweeping, "time", Clock())  # it stands still, as coarse ones do
     written("method = 'grid'")
-    words = [
-        "sweep",
-        "study.toml",
-        "--best",
-        "peak_effort",
-        "--format",
-        "csv",
-        "--plot",
-        "sweep.png",
-        "--top",
-        "1",
-    ]
-    assert main(words) == 0
-    out, err = capsys.readouterr()
-    assert "6 designs in 'results', 6 evaluated now" in err
-    assert out.splitlines()[-1].split()[:3] == ["0", "0.5", "1"]
+    words = ["sweep", "study.toml", "--best", "peak_effort", "--format", "csv", "--top", "1"]
+    said = call(capsys, *words, "--plot", "sweep.png")
+    assert "6 designs in 'results', 6 evaluated now" in said.err
+    assert said.out.splitlines()[-1].split()[:3] == ["0", "0.5", "1"]
     assert Path("sweep.png").stat().st_size > 1000
-    assert main(["sweep", "--best", "-length", "--where", "rod > 2", "--top", "1"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].split()[:3] == ["4", "1.5", "3"]
-    assert main(["sweep", "study.toml"]) == 1
-    assert "continue them with --resume" in capsys.readouterr().err
+    said = call(capsys, "sweep", "--best", "-length", "--where", "rod > 2", "--top", "1")
+    assert said.out.splitlines()[-1].split()[:3] == ["4", "1.5", "3"]
+    assert "continue them with --resume" in call(capsys, "sweep", "study.toml", status=1).err
 
 
 def test_sensitivities_are_those_of_a_linear_function(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hybridyn.spatial import Array
 from hybridyn.studies.workspace.steps import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
-from tests.command_line import call, read_table
+from tests.command_line import call, read_table, without_remarks
 from tests.comparing import refused
 from tests.files import save
 from tests.samples import slow
@@ -225,8 +225,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert said.out == ""
     call(capsys, *words, "-o", two, "--jobs", "2")
     assert one.read_bytes() == two.read_bytes()
-    text = "".join(line for line in one.read_text().splitlines(keepends=True) if not line.startswith("#"))
-    table = read_table(text)
+    table = read_table(without_remarks(one))
     count = len(table["conditioning"])
     assert f"module 1: {count} poses of 'm1_tool' in 'm1_base'" in said.err
     assert "largest effort against gravity: " in said.err
