@@ -35,6 +35,11 @@ def slices(lengths: Iterable[int]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(accumulate(lengths, initial=0))]
 
 
+def indices(parts: Iterable[slice]) -> Index:
+    """Return the indices in slices, one after the other."""
+    return np.concatenate([np.zeros(0, dtype=int), *(np.arange(at.start, at.stop) for at in parts)])
+
+
 def samples_inside(shape: tuple[int, ...], dtype: DTypeLike = float) -> Array:
     """Return zeros of shape (T, ...) with the samples contiguous in memory (long inner loops are fast)."""
     return np.zeros((*shape[1:], shape[0]), dtype).transpose(-1, *range(len(shape) - 1))

@@ -176,8 +176,8 @@ def _assemble_modules(
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
     m.cut.to_spanning(x_dot, vk)
     m.cut.to_spanning(x_ddot, ak)
-    m.wrists.recover_rates(qk, vk, target)
-    m.wrists.recover_accelerations(qk, vk, ak, target)
+    m.wrists.recover(qk, vk, None, target)
+    m.wrists.recover(qk, vk, ak, target)
     for robots, own, index in ((q, qk, q_index), (v, vk, v_index), (a, ak, v_index)):
         robots[:, index] = own.reshape(len(parts), len(q), -1).swapaxes(0, 1)
 

@@ -12,13 +12,15 @@ from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..linkage.threads import one_thread
-from ..spatial import LARGEST, Array, slices
+from ..spatial import LARGEST, Array, indices, slices
 from .bodies import Bodies, payloads_of
 from .graph import ModuleGraph, find_modules, undo_cuts
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
-from .parameters.changed import with_numbers
+from .parameters.entries import Parameters
+from .parameters.slots import check_signs, with_values
+from .parameters.xacro import XacroArguments
 from .robot import Base, HybridRobot
 from .stated import home_of, joints_to_keep
 
@@ -107,7 +109,7 @@ class ModuleBuilder:
     def add(self, graph: ModuleGraph) -> None:
         """Add a module of the kinematic graph."""
         names = [self.bodies.joints[j].joint.name for j in graph.joints]
-        q_index = np.concatenate([np.arange(self.home.size)[self.q_slices[self.number[n]]] for n in names])
+        q_index = indices(self.q_slices[self.number[name]] for name in names)
         spec = module_spec(self.bodies, graph, self.home[q_index])
         report = self._mechanism(spec).reduction.report
         if graph.wrists and report.dropped > ROUNDED_ROWS:
@@ -153,7 +155,6 @@ class ModuleBuilder:
         """Append a module; `stands_on` is the parent and its output, the others are those of `Module`."""
         mechanism = self._mechanism(spec)
         check_mechanism(mechanism, name, self.description.source, self.tolerances.closure)
-        every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
         numbers = [self.number[j] for j in joints]
         tree_joint = {joints[s]: i for i, s in enumerate(spec.tree_joint) if s is not None}
         motors = tuple(j for j in joints if j in self.motor_number)
@@ -170,8 +171,8 @@ class ModuleBuilder:
                 mechanism=mechanism,
                 parent=stands_on[0],
                 parent_output=stands_on[1],
-                q_index=np.concatenate([every_q[self.q_slices[i]] for i in numbers]),
-                v_index=np.concatenate([every_v[self.v_slices[i]] for i in numbers]),
+                q_index=indices(self.q_slices[i] for i in numbers),
+                v_index=indices(self.v_slices[i] for i in numbers),
                 motor_index=np.array([self.motor_number[m] for m in motors], dtype=int),
                 motor_columns=np.array(columns, dtype=int),
             )
@@ -268,7 +269,14 @@ def _gravity(stated: ArrayLike) -> Array:
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:
     """Build a robot with other parameters, see `HybridRobot.with_parameters`."""
-    return rebuilt(robot, with_numbers(robot.description, values))
+    description, arguments = robot.description, [name for name in values if ":" not in name]
+    if arguments:
+        description = XacroArguments(description, arguments).expanded([values[name] for name in arguments])
+    named = {name: value for name, value in values.items() if ":" in name}
+    parameters = Parameters(description, list(named))
+    slots = parameters.slot_values(parameters.vector(named)[None])[0]
+    check_signs(parameters.slots, slots)
+    return rebuilt(robot, with_values(description, parameters.slots, slots.tolist()))
 
 
 def rebuilt(robot: HybridRobot, description: Description) -> HybridRobot:

@@ -10,7 +10,7 @@ from ..linkage.elimination import least_squares
 from ..linkage.gimbal_lock import GIMBAL_LOCK, warn_of_gimbal_lock
 from ..linkage.joints import TreeJoint
 from ..linkage.tree import Motion, Tree
-from ..spatial import Array, Index, cross, quaternion_from_rotation, select, to_body_axes
+from ..spatial import Array, Index, cross, indices, quaternion_from_rotation, select, to_body_axes
 from .module_spec import ModuleSpec, WristSpec
 
 
@@ -27,17 +27,11 @@ class Cut:
         self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
         self.bodies = np.array(spec.tree_body)
         self._spec = spec
-        self._q_from: list[int] = []
-        self._q_to: list[int] = []
-        self._v_from: list[int] = []
-        self._v_to: list[int] = []
-        for i, source in enumerate(spec.tree_joint):
-            if source is None:
-                continue
-            self._q_from += range(*self.spanning.q_slices[source].indices(self.spanning.nq))
-            self._q_to += range(*self.tree.q_slices[i].indices(self.tree.nq))
-            self._v_from += range(*self.spanning.v_slices[source].indices(self.spanning.nv))
-            self._v_to += range(*self.tree.v_slices[i].indices(self.tree.nv))
+        joints = {i: source for i, source in enumerate(spec.tree_joint) if source is not None}
+        self._q_from = indices(self.spanning.q_slices[source] for source in joints.values())
+        self._v_from = indices(self.spanning.v_slices[source] for source in joints.values())
+        self._q_to = indices(self.tree.q_slices[i] for i in joints)
+        self._v_to = indices(self.tree.v_slices[i] for i in joints)
 
     def coordinates(
         self, q: Array, v: Array | None, a: Array | None, motion: Motion
@@ -141,13 +135,11 @@ class WristMotion:
 
     def positions(self, wrist: int) -> Index:
         """Return the indices of a wrist's position coordinates in the spanning tree."""
-        every = np.arange(self._cut.spanning.nq)
-        return np.concatenate([every[self._cut.spanning.q_slices[i]] for i in self.specs[wrist].joints])
+        return indices(self._cut.spanning.q_slices[i] for i in self.specs[wrist].joints)
 
     def columns(self, wrist: int) -> Index:
         """Return the indices of a wrist's freedoms in the spanning tree."""
-        every = np.arange(self._cut.spanning.nv)
-        return np.concatenate([every[self._cut.spanning.v_slices[i]] for i in self.specs[wrist].joints])
+        return indices(self._cut.spanning.v_slices[i] for i in self.specs[wrist].joints)
 
     def near_gimbal_lock(self, spanning: Motion) -> Index:
         """Return the samples at which a wrist that carries a platform is near gimbal lock."""
@@ -181,28 +173,25 @@ class WristMotion:
         Returns:
             Shape (T, 6, n).
         """
-        tree, number = self._cut.tree, next(i for i, w in enumerate(self.specs) if body - 1 in w.joints)
-        wrist, cols = self.specs[number], self.columns(number)
-        parent = self._cut.tree_body(self._cut.spanning.joints[wrist.joints[0]].parent)
-        target = self._cut.tree_body(wrist.target)
-        end, here = spanning.p[:, wrist.end], spanning.p[:, body]
-        miss = tree.jacobian(motion, target, end) - tree.jacobian(motion, parent, end)
-        miss[:, :3] /= self._length
-        rates = np.matmul(np.linalg.pinv(self.jacobian(spanning, number), rcond=1e-12), miss)
-        own = self._cut.spanning.jacobian(spanning, body, here)[:, :, cols] * self._col_scale[cols]
+        tree, spanning_tree = self._cut.tree, self._cut.spanning
+        number = next(i for i, w in enumerate(self.specs) if body - 1 in w.joints)
+        rates = self.rates_of(spanning, motion, number, np.eye(tree.nv))
+        parent = self._cut.tree_body(spanning_tree.joints[self.specs[number].joints[0]].parent)
+        here = spanning.p[:, body]
+        own = spanning_tree.jacobian(spanning, body, here)[:, :, self.columns(number)]
         J = tree.jacobian(motion, parent, here) + np.matmul(own, rates)
         return to_body_axes(spanning.R[:, body], J)
 
     def rates_of(self, spanning: Motion, motion: Motion, wrist: int, X: Array) -> Array:
         """Compute the least-norm joint rates with which a wrist follows the bodies that it connects.
 
-        The linear map of `recover_rates`, for many motions of one posture.
+        The linear map of `recover`, for many motions of one posture.
 
         Args:
             spanning: Motion of the spanning tree.
             motion: Motion of the tree after the cuts.
             wrist: Number of the wrist.
-            X: Columns of rates of the tree after the cuts, shape (T, n, k).
+            X: Columns of rates of the tree after the cuts, shape (T, n, k) or (n, k).
 
         Returns:
             Shape (T, joints of the wrist, k).
@@ -216,32 +205,16 @@ class WristMotion:
         rates = least_squares(self.jacobian(spanning, wrist), miss, relative=GIMBAL_LOCK)
         return rates * self._col_scale[self.columns(wrist), None]
 
-    def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
-        """Compute, in place, the least-norm rates of the wrists for which their ends follow their targets.
+    def recover(self, q: Array, v: Array, a: Array | None, target: Motion, at: Motion | None = None) -> None:
+        """Compute, in place, the least-norm rates (accelerations) of wrists whose ends follow their targets.
 
         Args:
             q: Positions of the spanning tree, shape (T, nq).
-            v: Rates of the spanning tree, shape (T, nv); those of the wrists are overwritten.
-            target: Motion of the tree after the cuts, with rates.
-        """
-        self._recover(q, v, None, target)
-
-    def recover_accelerations(
-        self, q: Array, v: Array, a: Array, target: Motion, at: Motion | None = None
-    ) -> None:
-        """Compute, in place, the least-norm accelerations of the wrists for which their ends follow.
-
-        Args:
-            q: Positions of the spanning tree, shape (T, nq).
-            v: Rates of the spanning tree, shape (T, nv).
+            v: Rates of the spanning tree, shape (T, nv); if `a` is None, those of the wrists are overwritten.
             a: Accelerations of the spanning tree, shape (T, nv); those of the wrists are overwritten.
-            target: Motion of the tree after the cuts, with accelerations.
+            target: Motion of the tree after the cuts, with rates (or accelerations).
             at: A known motion of the spanning tree at the same positions, or None.
         """
-        self._recover(q, v, a, target, at)
-
-    def _recover(self, q: Array, v: Array, a: Array | None, target: Motion, at: Motion | None = None) -> None:
-        """Compute, in place, the rates of the wrists or, if `a` is given, their accelerations."""
         unknown = v if a is None else a
         motion: Motion | None = None
         for number, wrist in enumerate(self.specs):

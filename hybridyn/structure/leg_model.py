@@ -7,14 +7,13 @@ inertia in them, because the module equations add it. `LegModel` calls Pinocchio
 
 from __future__ import annotations
 
-import itertools
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..linkage.tree import Motion, Tree
-from ..spatial import Array, cross, hat, rotate, rotate_back
+from ..spatial import Array, cross, hat, indices, rotate, rotate_back
 from .bodies import Body
 
 if TYPE_CHECKING:
@@ -57,11 +56,8 @@ class LegModel:
             self._joints.append((i, number[tree.joints[i].parent]))
             number[i + 1] = len(self._joints) + 1
             stack.extend(reversed(children.get(i + 1, [])))
-        q_columns = [range(*tree.q_slices[i].indices(tree.nq)) for i, _ in self._joints]
-        v_columns = [range(*tree.v_slices[i].indices(tree.nv)) for i, _ in self._joints]
-        self._q_columns, self.columns = (
-            np.array([*itertools.chain(*columns)], dtype=int) for columns in (q_columns, v_columns)
-        )
+        self._q_columns = indices(tree.q_slices[i] for i, _ in self._joints)
+        self.columns = indices(tree.v_slices[i] for i, _ in self._joints)
         self._nv = tree.nv
         self.empty = not len(self.columns)
         self._base_q = np.array([0.0, 0, 0, 0, 0, 0, 1])

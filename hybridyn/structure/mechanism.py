@@ -24,7 +24,7 @@ from ..linkage.gimbal_lock import GIMBAL_LOCK
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
-from ..spatial import Array, Index, Mask, spatial_inertia, to_body_axes
+from ..spatial import Array, Index, Mask, indices, spatial_inertia, to_body_axes
 from .cut import Cut, WristMotion
 from .leg_model import LegModel, LongLegs
 from .module_spec import ModuleSpec, freedom_units, leg_by_leg, module_length, row_factors
@@ -213,8 +213,7 @@ class Mechanism:
             motion: Motion of `tree` as computed from the spanning tree.
             samples: The samples to correct (`WristMotion.near_gimbal_lock`).
         """
-        r, slices = self.reduction, [self.tree.v_slices[i] for i in self.spec.platforms]
-        cols = np.concatenate([np.arange(s.start, s.stop) for s in slices])
+        r, cols = self.reduction, indices(self.tree.v_slices[i] for i in self.spec.platforms)
         K = r.scaled(self.closures.matrix(motion.take(samples)))
 
         def missing(rates: Array, drift: Array) -> Array:

@@ -207,5 +207,5 @@ class ModuleState:
         if m.spec.wrists:
             target = m.tree.sweep(self.q, self.v, x_ddot, unforced)
             own = q[:, self.module.q_index], v[:, self.module.v_index]
-            m.wrists.recover_accelerations(*own, out, target, self.spanning)
+            m.wrists.recover(*own, out, target, self.spanning)
         return out

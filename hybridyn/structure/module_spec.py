@@ -17,7 +17,7 @@ from ..linkage.closures import Closures, TreeClosure, TreeCoupling
 from ..linkage.joints import TreeJoint
 from ..linkage.reduction import Block, Reduction
 from ..linkage.tree import Tree
-from ..spatial import Array
+from ..spatial import Array, indices
 from .bodies import Bodies, Body
 from .graph import ModuleGraph
 
@@ -236,8 +236,7 @@ def row_factors(tree: Tree, closures: Closures, length: float) -> Array:
 
 def leg_by_leg(spec: ModuleSpec, tree: Tree, closures: Closures, length: float) -> Reduction:
     """Build the elimination of a module's closures on the tree after the cuts, without fixed ranks."""
-    slices = [tree.v_slices[i] for i in spec.platforms]
-    shared = np.array([c for s in slices for c in range(s.start, s.stop)], dtype=int)
+    shared = indices(tree.v_slices[i] for i in spec.platforms)
     scales = row_factors(tree, closures, length), freedom_units(tree, length)
     return Reduction(*scales, _blocks(spec, tree, closures), shared)
 
@@ -253,5 +252,5 @@ def _blocks(spec: ModuleSpec, tree: Tree, closures: Closures) -> list[Block]:
     for i, coupling in enumerate(closures.couplings):
         at = closures.row_slices[len(closures.closures) + i]
         rows[leg_of[coupling.terms[0][0] + 1]] += range(at.start, at.stop)
-    cols = [[c for b in leg for c in range(tree.nv)[tree.v_slices[b - 1]]] for leg in spec.legs]
-    return [Block(np.array(r, dtype=int), np.array(c, dtype=int)) for r, c in zip(rows, cols, strict=True)]
+    cols = [indices(tree.v_slices[b - 1] for b in leg) for leg in spec.legs]
+    return [Block(np.array(r, dtype=int), c) for r, c in zip(rows, cols, strict=True)]

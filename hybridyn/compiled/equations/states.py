@@ -67,7 +67,7 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         out = np.zeros((count, m.spanning.nv))
         m.cut.to_spanning(rates, out)
         if m.spec.wrists:
-            m.wrists.recover_rates(own, out, m.tree.sweep(x, rates))
+            m.wrists.recover(own, out, None, m.tree.sweep(x, rates))
         v[:, module.v_index] = out
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
     return q, v, tau

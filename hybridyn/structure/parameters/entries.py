@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,11 @@ from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array
-from .slots import Slot, check_known, check_load, check_one, values_of
+from .slots import Slot, check_load, check_one, values_of
 from .xacro import XacroArguments
+
+#: Numbers in slots of each design, shape (T, slots), and the errors of the designs that are not possible.
+Numbers = tuple[Array, dict[int, ModelError]]
 
 
 @dataclass(frozen=True)
@@ -24,23 +27,21 @@ class Entry:
         name: Its name, such as "mass:upper".
         labels: Name of each of its numbers.
         slots: The slots that it sets.
-        numbers: Computes the numbers in the slots, shape (T, slots), from the parameter's, shape (T, size).
+        numbers: Computes the numbers in the slots, shape (T, slots), from the parameter's, shape (T, size):
+            NaN for designs that are not possible, and the errors of these designs.
         own: Computes the parameter's numbers, shape (size,), from those in the slots, shape (slots,).
-        possible: Computes `numbers` with NaN for designs that are not possible, and these designs' errors;
-            None where every design is.
     """
 
     name: str
     labels: tuple[str, ...]
     slots: tuple[Slot, ...]
-    numbers: Callable[[Array], Array]
+    numbers: Callable[[Array], Numbers]
     own: Callable[[Array], Array]
-    possible: Callable[[Array], tuple[Array, dict[int, ModelError]]] | None = None
 
     @property
     def of_matrix(self) -> bool:
         """Whether it is an entry of a rotation matrix itself."""
-        return self.numbers is _same and any(slot.in_rotation for slot in self.slots)
+        return self.own is _same and any(slot.in_rotation for slot in self.slots)
 
     @property
     def size(self) -> int:
@@ -53,7 +54,12 @@ def _same(values: Array) -> Array:
     return values
 
 
-def _rotation(rpy: Array) -> Array:
+def _copied(values: Array) -> Numbers:
+    """Return the numbers in the slots that a parameter is."""
+    return values, {}
+
+
+def _rotation(rpy: Array) -> Numbers:
     """Compute the entries of rotation matrices from roll, pitch and yaw as in URDF, shape (T, 9)."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy).T, np.sin(rpy).T
     rows = [
@@ -61,7 +67,7 @@ def _rotation(rpy: Array) -> Array:
         sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
         -sp, cp * sr, cp * cr,
     ]  # fmt: skip
-    return np.stack(rows, axis=1)
+    return np.stack(rows, axis=1), {}
 
 
 def _angles(entries: Array) -> Array:
@@ -76,9 +82,9 @@ def _angles(entries: Array) -> Array:
     return np.array([np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]), pitch, yaw])
 
 
-def _placed(values: Array) -> Array:
+def _placed(values: Array) -> Numbers:
     """Compute origin and rotation, shape (T, 12), from x, y, z, roll, pitch, yaw, shape (T, 6)."""
-    return np.concatenate([values[:, :3], _rotation(values[:, 3:])], axis=1)
+    return np.concatenate([values[:, :3], _rotation(values[:, 3:])[0]], axis=1), {}
 
 
 def _unplaced(entries: Array) -> Array:
@@ -91,25 +97,34 @@ _UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")
 _ORIGIN = tuple((i, 3) for i in range(3))
 _AXES = tuple((i, j) for i in range(3) for j in range(3))
 _FRAMED = {
-    "position": (_XYZ, _ORIGIN, _same, _same),
+    "position": (_XYZ, _ORIGIN, _copied, _same),
     "rotation": (_RPY, _AXES, _rotation, _angles),
     "placement": (_XYZ + _RPY, _ORIGIN + _AXES, _placed, _unplaced),
 }
 _OF_LINKS = {
-    "mass": ("mass", ((),), ("mass",)),
-    "centre": ("com", tuple((i,) for i in range(3)), _XYZ),
-    "inertia": ("inertia", tuple((i, j) for i in range(3) for j in range(i, 3)), _UPPER),
+    "mass": ("mass", ("mass",), ((),)),
+    "centre": ("com", _XYZ, tuple((i,) for i in range(3))),
+    "inertia": ("inertia", _UPPER, tuple((i, j) for i in range(3) for j in range(i, 3))),
 }
 #: Prefix of the parameters of links that are those of the payload on a link.
 PAYLOAD = "payload_"
-#: Fields of springs by kind.
-_OF_SPRINGS = {"spring_stiffness": "stiffness", "spring_rest": "rest"}
 #: Fields of joints, which count with the effect of that name.
 OF_EFFECTS = {"viscous_friction": "damping", "coulomb_friction": "friction"}
+#: For other kinds than `_FRAMED`: the table and its word in messages, then field, labels and places there.
+_FIELDS = {
+    **{kind: ("links", "link", *where) for kind, where in _OF_LINKS.items()},
+    "offset": ("couplings", "coupling", "offset", ("offset",), ((),)),
+    **{kind: ("joints", "joint", field, (kind,), ((),)) for kind, field in OF_EFFECTS.items()},
+    **{
+        f"spring_{field}": ("springs", "spring on the joint", field, (field,), ((),))
+        for field in ("stiffness", "rest")
+    },
+    **{PAYLOAD + kind: ("loads", "payload on the link", *where) for kind, where in _OF_LINKS.items()},
+}
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
 _SIDES = {"predecessor": "frame_a", "successor": "frame_b"}
 #: Kinds of parameters, before the colon.
-KINDS = (*_OF_LINKS, *_FRAMED, "offset", *OF_EFFECTS, *_OF_SPRINGS, *(PAYLOAD + kind for kind in _OF_LINKS))
+KINDS = (*_FRAMED, *_FIELDS)
 
 
 def entry_of(description: Description, name: str) -> Entry:
@@ -135,33 +150,21 @@ def entry_of(description: Description, name: str) -> Entry:
             f"{', '.join(KINDS)}, or the name of a xacro argument of the robot's file",
             element=name,
         )
-    if kind in _OF_LINKS:
-        field, places, labels = _OF_LINKS[kind]
-        check_known(name, of, [link.name for link in description.links], "link")
-        return _entry(name, labels, [Slot("links", of, field, at) for at in places])
-    if kind == "offset":
-        check_known(name, of, [c.name for c in description.couplings], "coupling")
-        return _entry(name, ("offset",), [Slot("couplings", of, "offset")])
-    if kind in _OF_SPRINGS:
-        check_one(name, of, [spring.name for spring in description.springs], "spring on the joint")
-        return _entry(name, (kind,), [Slot("springs", of, _OF_SPRINGS[kind])])
-    if kind.startswith(PAYLOAD):
-        check_one(name, of, [load.name for load in description.loads], "payload on the link")
-        check_load(name, description, of)
-        field, places, labels = _OF_LINKS[kind.removeprefix(PAYLOAD)]
-        return _entry(name, labels, [Slot("loads", of, field, at) for at in places])
-    joints = [joint.name for joint in description.joints]
-    if kind in OF_EFFECTS:
-        check_known(name, of, joints, "joint")
-        return _entry(name, (kind,), [Slot("joints", of, OF_EFFECTS[kind])])
+    if kind in _FIELDS:
+        table, what, field, labels, places = _FIELDS[kind]
+        check_one(name, of, [record.name for record in getattr(description, table)], what)
+        if table == "loads":
+            check_load(name, description, of)
+        return _entry(name, labels, [Slot(table, of, field, at) for at in places])
     labels, places, numbers, own = _FRAMED[kind]
     base, _, side = of.rpartition("/")
     if side in _SIDES:
-        check_known(name, base, [c.name for c in description.closures], "closure")
+        check_one(name, base, [c.name for c in description.closures], "closure")
         slots = [Slot("closures", base, _SIDES[side], at) for at in places]
     else:
-        ends = [f"{c.name}/{side}" for c in description.closures for side in _SIDES]
-        check_known(name, of, [*joints, *ends], "joint or side of a closure")
+        names = [joint.name for joint in description.joints]
+        names += [f"{c.name}/{side}" for c in description.closures for side in _SIDES]
+        check_one(name, of, names, "joint or side of a closure")
         slots = [Slot("joints", of, "placement", at) for at in places]
     return _entry(name, labels, slots, numbers, own)
 
@@ -170,7 +173,7 @@ def _entry(
     name: str,
     labels: tuple[str, ...],
     slots: Sequence[Slot],
-    numbers: Callable[[Array], Array] = _same,
+    numbers: Callable[[Array], Numbers] = _copied,
     own: Callable[[Array], Array] = _same,
 ) -> Entry:
     """Return a parameter; a single number is called like the parameter."""
@@ -180,10 +183,8 @@ def _entry(
 
 def of_xacro(arguments: XacroArguments) -> Entry:
     """Return the parameter whose numbers are arguments of a xacro file."""
-    return Entry(
-        ", ".join(arguments.names), arguments.names, arguments.slots, arguments.numbers, arguments.own,
-        arguments.possible,
-    )  # fmt: skip
+    name = ", ".join(arguments.names)
+    return Entry(name, arguments.names, arguments.slots, arguments.numbers, arguments.own)
 
 
 class Parameters:
@@ -248,26 +249,25 @@ class Parameters:
         return np.where(np.array(fixed, dtype=bool), 1.0, factor) * self.nominal
 
     def slot_values(self, p: Array) -> Array:
-        """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size)."""
-        parts = [entry.numbers(own) for entry, own in self._each(p)]
-        return np.concatenate([np.zeros((len(p), 0)), *parts], axis=1)
+        """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size).
 
-    def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
+        Raises:
+            ModelError: A design is not possible.
+        """
+        values, errors = self.possible(p)
+        if errors:
+            raise errors[min(errors)]
+        return values
+
+    def possible(self, p: Array) -> Numbers:
         """Compute `slot_values` with NaN for designs that are not possible, and these designs' errors."""
-        parts = [np.zeros((len(p), 0))]
-        errors: dict[int, ModelError] = {}
-        for entry, own in self._each(p):
-            values, wrong = (entry.numbers(own), {}) if entry.possible is None else entry.possible(own)
+        parts, errors, at = [np.zeros((len(p), 0))], dict[int, ModelError](), 0
+        for entry in self.entries:
+            values, wrong = entry.numbers(p[:, at : at + entry.size])
             parts.append(values)
             errors |= wrong
-        return np.concatenate(parts, axis=1), errors
-
-    def _each(self, p: Array) -> Iterator[tuple[Entry, Array]]:
-        """Yield each parameter and its numbers, shape (T, its size)."""
-        at = 0
-        for entry in self.entries:
-            yield entry, p[:, at : at + entry.size]
             at += entry.size
+        return np.concatenate(parts, axis=1), errors
 
     def vector(self, values: Mapping[str, Any]) -> Array:
         """Return the numbers of all parameters, shape (size,), those left out as in the description.
@@ -278,7 +278,7 @@ class Parameters:
         out, at = self.nominal.copy(), 0
         names = [entry.name for entry in self.entries]
         for name in values:
-            check_known(name, name, names, "parameter")
+            check_one(name, name, names, "parameter")
         for entry in self.entries:
             if entry.name in values:
                 own = np.asarray(values[entry.name], dtype=float).ravel()

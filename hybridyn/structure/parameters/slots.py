@@ -154,16 +154,11 @@ def _differing(table: str, x: Any, y: Any) -> list[Slot]:
 NOT_NEGATIVE = ("mass", "stiffness", "damping", "friction")
 
 
-def check_known(name: str, of: str, names: Sequence[str], what: str) -> None:
-    """Check that a record exists."""
+def check_one(name: str, of: str, names: Sequence[str], what: str) -> None:
+    """Check that there is exactly one record of a name."""
     if of not in names:
         hint = did_you_mean(of, names)
         raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
-
-
-def check_one(name: str, of: str, names: Sequence[str], what: str) -> None:
-    """Check that there is exactly one record of a name."""
-    check_known(name, of, names, what)
     if names.count(of) > 1:
         raise ModelError(
             f"parameter '{name}': there are {names.count(of)} of {what} '{of}': state one instead", element=of

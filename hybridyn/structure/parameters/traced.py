@@ -10,6 +10,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partialmethod
 from typing import Any
 
 import numpy as np
@@ -95,33 +96,22 @@ class Traced:
     def __abs__(self) -> Traced:
         return Traced(abs(self.value), abs(self.expression), self.record)
 
-    def _compared(self, other: Any, compare: Callable[[Any, Any], Any]) -> bool:
+    def _compared(self, compare: Callable[[Any, Any], Any], other: Any) -> bool:
         """Compare by value and record the decision."""
         value, expression = _both(other)
         outcome = bool(compare(self.value, value))
         self.record.decisions.append(Decision(compare, self.expression, expression, outcome))
         return outcome
 
-    def __lt__(self, other: Any) -> bool:
-        return self._compared(other, operator.lt)
-
-    def __le__(self, other: Any) -> bool:
-        return self._compared(other, operator.le)
-
-    def __gt__(self, other: Any) -> bool:
-        return self._compared(other, operator.gt)
-
-    def __ge__(self, other: Any) -> bool:
-        return self._compared(other, operator.ge)
-
-    def __eq__(self, other: object) -> bool:
-        return self._compared(other, operator.eq)
-
-    def __ne__(self, other: object) -> bool:
-        return self._compared(other, operator.ne)
+    __lt__ = partialmethod(_compared, operator.lt)
+    __le__ = partialmethod(_compared, operator.le)
+    __gt__ = partialmethod(_compared, operator.gt)
+    __ge__ = partialmethod(_compared, operator.ge)
+    __eq__ = partialmethod(_compared, operator.eq)
+    __ne__ = partialmethod(_compared, operator.ne)
 
     def __bool__(self) -> bool:
-        return self != 0.0
+        return self._compared(operator.ne, 0.0)
 
     def __float__(self) -> float:
         """Return the value, for scales and tolerances: what follows from it does not follow the parameter."""

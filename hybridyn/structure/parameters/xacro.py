@@ -84,22 +84,16 @@ class XacroArguments:
             found |= dict.fromkeys(self._changes(values))
         return tuple(sorted(found))
 
-    def numbers(self, p: Array) -> Array:
-        """Compute the numbers in the slots, shape (T, slots), by expanding the file at each design.
+    def numbers(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
+        """Compute the numbers in the slots by expanding the file at each design.
 
         Args:
             p: Values of the arguments, shape (T, size).
 
-        Raises:
-            ModelError: A design has another structure, or numbers change that did not change before.
+        Returns:
+            Shape (T, slots), NaN for designs that are not possible (another structure, or numbers change that
+            did not change before), and the errors of these designs.
         """
-        rows, errors = self.possible(p)
-        if errors:
-            raise errors[min(errors)]
-        return rows
-
-    def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
-        """Compute `numbers` with NaN for designs that are not possible, and these designs' errors."""
         designs, which = np.unique(p, axis=0, return_inverse=True)
         rows, wrong = np.full((len(designs), len(self.slots)), np.nan), {}
         for k, design in enumerate(designs):
@@ -138,13 +132,9 @@ class XacroArguments:
         Raises:
             ModelError: The file is wrong with them.
         """
-        origin, arguments = self._origin, self._arguments(values)
+        origin, chosen = self._origin, map(text_of, values)
+        arguments = {**origin.xacro_args, **dict(zip(self.names, chosen, strict=True))}
         return read(origin.file, motors=origin.motors, xacro_args=arguments, package_dirs=origin.package_dirs)
-
-    def _arguments(self, values: Sequence[Any]) -> dict[str, object]:
-        """Return all arguments of the file with other values of these."""
-        chosen = {name: text_of(value) for name, value in zip(self.names, values, strict=True)}
-        return {**self._origin.xacro_args, **chosen}
 
     def _changes(self, values: Array) -> list[Slot]:
         """Return the numbers that change with other values."""

@@ -99,8 +99,8 @@ def _move(part: Part, number: int, start: Array, wanted: State) -> State:
     v, a = np.zeros((2, 1, m.spanning.nv))
     m.cut.to_spanning(x_dot, v)
     m.cut.to_spanning(x_ddot, a)
-    m.wrists.recover_rates(q, v, motion)
-    m.wrists.recover_accelerations(q, v, a, motion)
+    m.wrists.recover(q, v, None, motion)
+    m.wrists.recover(q, v, a, motion)
     wanted[0][at], wanted[1][to], wanted[2][to] = q[0], v[0], a[0]
     held, bodies = part.given.columns(tree), part.given.bodies
     twists = [np.concatenate([motion.p_dot[0, b], motion.w[0, b]]) for b in bodies]
