@@ -13,20 +13,22 @@ from typing import Any
 import numpy as np
 
 from ..errors import HybridynError, TrajectoryError
+from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
+from ..linkage.reduction import Block
+from ..linkage.targets import PoseTarget
 from ..linkage.threads import one_thread
-from ..linkage.tree import Motion
+from ..linkage.tree import Motion, Tree
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
 from ..structure.samples import is_table
 from .follow import follow
-from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
+from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
 from .requests import Requests, first_guess, gather_requests
-from .task import check_bounded, module_task
-from .wrist_positions import spanning_positions
+from .task import Task, check_bounded, module_task
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
 SETTLED = 1e-14
@@ -180,6 +182,43 @@ def _assemble_modules(
     m.wrists.recover(qk, vk, ak, target)
     for robots, own, index in ((q, qk, q_index), (v, vk, v_index), (a, ak, v_index)):
         robots[:, index] = own.reshape(len(parts), len(q), -1).swapaxes(0, 1)
+
+
+def spanning_positions(
+    module: Module, x: Array, target: Motion, guess: Array, *, trajectories: int = 0
+) -> Array:
+    """Compute positions of the spanning tree, including the wrists that connect ends with their targets.
+
+    Args:
+        x: Positions of the tree after the cuts, shape (T, its nq).
+        target: Motion of that tree.
+        guess: Posture near the first sample, shape (nq,), or one near each sample, shape (T, nq).
+        trajectories: Number K of trajectories of equal length, one after the other in `x`; if it is not zero,
+            `guess` holds a posture near the first sample of each, shape (K, nq).
+    """
+    m = module.mechanism
+    samples = len(x) // trajectories if trajectories else 1
+    q = np.empty((len(x), m.spanning.nq))
+    q[:] = np.repeat(guess, samples, axis=0) if trajectories else guess
+    m.cut.positions_to_spanning(x, q)
+    for number, wrist in enumerate(m.spec.wrists):
+        tree = Tree(list(m.wrists.joints(number)))
+        end = target.of_body(m.cut.tree_body(wrist.target)).then(Motion.at_rest(len(x), wrist.R, wrist.p))
+        first = m.spanning.joints[wrist.joints[0]].parent
+        relative = end.seen_from(target.of_body(m.cut.tree_body(first)))
+        rest, free = np.zeros((len(x), 6)), np.ones(tree.nv, dtype=bool)
+        goal = PoseTarget(len(tree.joints), relative.R, relative.p, rest, rest, units_of_pose(m))
+        none, units = Closures(tree, [], []), m.spanning_col_scale[m.wrists.columns(number)]
+        blocks = [Block(np.arange(6), np.arange(tree.nv))]
+        problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)
+        name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
+        at = m.wrists.positions(number)
+        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
+        if trajectories or guess.ndim == 1:
+            q[:, at] = follow(task, guess[..., at], keep_branch=False)
+        else:
+            q[:, at] = task.solve(guess[:, at], np.arange(len(x))).q
+    return q
 
 
 def settled(m: Mechanism, x: Array) -> Array:

@@ -19,13 +19,12 @@ from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
-from .assemble import place_base, settled
+from .assemble import place_base, settled, spanning_positions
 from .follow import follow
 from .module_request import module_request, on_own_bases, place_bodies
 from .requests import Requests, gather_requests
 from .residual import closure_residual
 from .task import Task, module_task
-from .wrist_positions import spanning_positions
 
 #: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
 SAME_ASSEMBLY = 1e-5
@@ -170,7 +169,7 @@ class _Search:
         self.counts = np.minimum(self.counts[rows], np.concatenate([counts for _, counts in found]))
         once = max(float((counts == 1).sum()) for _, counts in found) / self.starts
         self.unseen = 1 - (1 - self.unseen) * (1 - once)
-        self._bodies = {body: _row(motion, rows) for body, motion in self._bodies.items()}
+        self._bodies = {body: motion.take(rows) for body, motion in self._bodies.items()}
         motion = module.mechanism.spanning.sweep(self.q[:, module.q_index])
         place_bodies(self.robot, module, motion, self._bodies)
 
@@ -178,19 +177,13 @@ class _Search:
         """Return `postures` of a module for one posture of the modules below, searched once per request."""
         robot, module = self.robot, self.robot.modules[number]
         m = module.mechanism
-        below = {body: _row(motion, row) for body, motion in self._bodies.items()}
+        below = {body: motion.take(np.array([row])) for body, motion in self._bodies.items()}
         task = module_task(robot, module, module_request(self.requests, robot, number, below))
         asked = task.problem.residual(m.home[None], np.zeros(1, dtype=int))
         key = id(m), np.round(np.concatenate([task.known, asked], axis=1), 9).tobytes()
         if key not in self._known:
             self._known[key] = postures(robot, module, task, self.starts, self.seed)
         return self._known[key]
-
-
-def _row(motion: Motion, rows: int | Index) -> Motion:
-    """Return some samples of a frame's motion."""
-    at = np.atleast_1d(rows)
-    return Motion(*(x[at] for x in motion.arrays))
 
 
 def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> tuple[Array, Index]:

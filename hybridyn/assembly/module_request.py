@@ -88,7 +88,9 @@ class ModuleRequest:
             return
         velocity = np.concatenate([moved.p_dot, moved.w], axis=1)
         acceleration = np.concatenate([moved.p_ddot, moved.w_dot], axis=1)
-        self.add(PoseTarget(body, moved.R, moved.p, velocity, acceleration, _units(self.mechanism)), link)
+        self.add(
+            PoseTarget(body, moved.R, moved.p, velocity, acceleration, units_of_pose(self.mechanism)), link
+        )
 
     def give_floating(self, joint: int, inner: Motion) -> None:
         """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""
@@ -198,7 +200,7 @@ def module_request(
     return request
 
 
-def _units(m: Mechanism) -> Array:
+def units_of_pose(m: Mechanism) -> Array:
     """Return the units of a pose's six rows: the module's length, and a radian."""
     return np.array([m.length] * 3 + [1.0] * 3)
 
@@ -217,7 +219,7 @@ def _coordinate_target(
     body, R, p = place
     names = tuple(pose.coordinates)
     value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
-    units = _units(module.mechanism)[[COORDINATES.index(n) for n in names]]
+    units = units_of_pose(module.mechanism)[[COORDINATES.index(n) for n in names]]
     links = pose.link, pose.other
     return CoordinateTarget(body, links, names, other_R, other_p, (R, p), value, rate, acceleration, units)
 

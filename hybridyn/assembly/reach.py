@@ -10,11 +10,10 @@ from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
-from .assemble import place_base
+from .assemble import place_base, spanning_positions
 from .module_request import module_request, place_bodies
 from .requests import first_guess, gather_requests
 from .task import Task, module_task
-from .wrist_positions import spanning_positions
 
 #: Rounds in which open samples are started again from the nearest closed ones.
 ROUNDS = 4

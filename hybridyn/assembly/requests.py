@@ -34,7 +34,8 @@ class PoseRequest:
     def part(self, start: int, stop: int) -> PoseRequest:
         """Return the pose at some consecutive samples."""
         coordinates = {name: x[:, start:stop] for name, x in self.coordinates.items()}
-        return PoseRequest(self.link, self.other, _part(self.motion, start, stop), coordinates)
+        motion = self.motion and self.motion.take(np.arange(start, stop))
+        return PoseRequest(self.link, self.other, motion, coordinates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +67,10 @@ class Requests:
             False,
             {name: x[:, start:stop] for name, x in self.joints.items()},
             tuple(pose.part(start, stop) for pose in self.poses),
-            _part(self.base, start, stop),
+            self.base and self.base.take(np.arange(start, stop)),
             None if self.base_quaternion is None else self.base_quaternion[start:stop],
             self.strict,
         )
-
-
-def _part(motion: Motion | None, start: int, stop: int) -> Motion | None:
-    return None if motion is None else Motion(*(x[start:stop] for x in motion.arrays))
 
 
 def gather_requests(

@@ -95,18 +95,12 @@ class Effects:
             kept(self.limits), kept(self.base), tuple(name for name in self.names if name in names),
         )  # fmt: skip
 
-    def leg_forces(self, s: ModuleState) -> tuple[Array, Array]:
-        """Compute F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""
+    def leg_forces(self, s: ModuleState, *, bias: bool = False) -> tuple[Array, Array]:
+        """Compute F_b, shape (T, 6), and H, shape (T, n), of a module's legs; p and h if `bias`."""
         if self.leg_inertia is None:
             return np.zeros_like(s.V), np.zeros_like(s.v)
         V, v = self.velocity.twists(s) if self.velocity else (np.zeros_like(s.V), np.zeros_like(s.v))
-        return self.leg_inertia.forces(s, V, v)
-
-    def leg_bias(self, s: ModuleState) -> tuple[Array, Array]:
-        """Compute p, shape (T, 6), and h, shape (T, n), of a module's legs."""
-        if self.leg_inertia is None or self.velocity is None:
-            return np.zeros_like(s.V), np.zeros_like(s.v)
-        return self.leg_inertia.bias(s)
+        return self.leg_inertia.forces(s, V, v, bias)
 
     def leg_matrix(self, s: ModuleState) -> Array:
         """Compute M_leg, shape (T, 6 + n, 6 + n)."""
@@ -156,8 +150,6 @@ class Effects:
             TrajectoryError: A law depends on a table and there is no time, or its table is too short.
         """
         for law in self.links:
-            if law.needs_time and time is None:
-                raise TrajectoryError(f"the effect '{law.name}' follows a table: pass time=")
             yield law.wrenches(time, motions, samples)
 
 

@@ -10,14 +10,14 @@ from typing import ClassVar
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..errors import AT_SAMPLE, ActuationError, ModelError, TrajectoryError
+from ..errors import AT_SAMPLE, ActuationError, ModelError
 from ..linkage.tree import Motion
 from ..spatial import Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..tables.rates import FEWEST_ROWS, aligned, angular_rates
 from ..tables.spline import Spline
 from .joints import Numbers
-from .links import at_times, table
+from .links import table, within
 
 
 @dataclass(frozen=True)
@@ -97,13 +97,13 @@ class BaseMotion:
         time, pose = table(self.name, self.time, self.pose, 7)
         return Spline(time, np.concatenate([pose[:, :3], aligned(pose[:, 3:])], axis=1))
 
-    def at(self, time: Array) -> tuple[Array, Array, Array]:
+    def at(self, time: Array | None) -> tuple[Array, Array, Array]:
         """Compute the base's q (T, 7), v and a (T, 6): Pinocchio's local velocity and spatial acceleration.
 
         Raises:
-            TrajectoryError: A time is outside the table.
+            TrajectoryError: There is no time, or one is outside the table.
         """
-        at_times(self.name, np.asarray(self.time, dtype=float), time)
+        time = within(self.name, np.asarray(self.time, dtype=float), time)
         x, x_dot, x_ddot = (self._spline(time, order) for order in range(3))
         w, w_dot = angular_rates(x[:, 3:], x_dot[:, 3:], x_ddot[:, 3:])
         x[:, 3:] /= np.linalg.norm(x[:, 3:], axis=1, keepdims=True)
@@ -124,8 +124,6 @@ class BaseMotion:
                 f"{self.name}: the robot's base is '{robot.base}': load it with base=\"moving\", or take it "
                 "from hybridyn.with_effects(robot, effects)"
             )
-        if time is None:
-            raise TrajectoryError(f"the effect '{self.name}' follows a table: pass time=")
         parts = self.at(time)
         return tuple(
             np.concatenate([new, old[:, n:]], axis=1)

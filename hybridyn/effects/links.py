@@ -15,18 +15,21 @@ from ..spatial import Array, cross, rotate, rotate_back
 from .joints import WIDTH
 
 
-def at_times(name: str, table_time: Array, time: Array) -> None:
-    """Check that times are within a table.
+def within(name: str, table_time: Array, time: Array | None) -> Array:
+    """Return times, which are within a table.
 
     Raises:
-        TrajectoryError: A time is before the first row or after the last.
+        TrajectoryError: There is none, or one is before the first row or after the last.
     """
+    if time is None:
+        raise TrajectoryError(f"the effect '{name}' follows a table: pass time=")
     out = np.flatnonzero((time < table_time[0]) | (time > table_time[-1]))
     if len(out):
         raise TrajectoryError(
             f"{name}: its table runs from {table_time[0]:g} s to {table_time[-1]:g} s; "
             f"t = {time[out[0]]:g} s is outside"
         )
+    return time
 
 
 def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
@@ -79,11 +82,6 @@ class Wrench:
         return (self.link,)
 
     @property
-    def needs_time(self) -> bool:
-        """Whether the wrench is a table."""
-        return self.time is not None
-
-    @property
     def needs_motion(self) -> bool:
         """Whether the wrench is in world axes."""
         return self.frame == "world"
@@ -93,9 +91,8 @@ class Wrench:
         if self.time is None:
             W = np.tile(np.asarray(self.wrench, dtype=float), (samples, 1))
         else:
-            assert time is not None
             rows_time, rows = np.asarray(self.time, dtype=float), np.asarray(self.wrench, dtype=float)
-            at_times(f"{self.name} on '{self.link}'", rows_time, time)
+            time = within(f"{self.name} on '{self.link}'", rows_time, time)
             W = np.stack([np.interp(time, rows_time, column) for column in rows.T], axis=1)
         if self.frame == "world":
             R = motions[self.link].R
@@ -129,7 +126,6 @@ class GroundContact:
     width: float = WIDTH
     height: float = 0.0
     name: ClassVar[str] = "ground_contact"
-    needs_time: ClassVar[bool] = False
     needs_motion: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

@@ -55,13 +55,13 @@ class LegInertia:
 
     name: ClassVar[str] = "leg_inertia"
 
-    def forces(self, s: ModuleState, V: Array, v: Array) -> tuple[Array, Array]:
-        """Compute F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for given twists V and rates v."""
-        return s.mechanism.legs.rnea(V, s.V_dot, s.q, v, s.a)
+    def forces(self, s: ModuleState, V: Array, v: Array, bias: bool) -> tuple[Array, Array]:
+        """Compute F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for given twists V and rates v.
 
-    def bias(self, s: ModuleState) -> tuple[Array, Array]:
-        """Compute p, shape (T, 6), and h, shape (T, n), Eqs. (71)-(73)."""
-        return s.mechanism.legs.rnea(s.V, np.zeros_like(s.V), s.q, s.v, np.zeros_like(s.v))
+        If `bias`, compute p and h, Eqs. (71)-(73): the same without accelerations.
+        """
+        V_dot, a = (np.zeros_like(s.V_dot), np.zeros_like(s.a)) if bias else (s.V_dot, s.a)
+        return s.mechanism.legs.rnea(V, V_dot, s.q, v, a)
 
     def matrix(self, s: ModuleState) -> Array:
         """Compute M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...assembly.assemble import settled
+from ...assembly.assemble import settled, spanning_positions
 from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.module_request import module_request
 from ...assembly.requests import gather_requests
 from ...assembly.task import module_task
-from ...assembly.wrist_positions import spanning_positions
 from ...linkage.newton import close
 from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ....assembly.wrist_positions import spanning_positions
+from ....assembly.assemble import spanning_positions
 from ....errors import CompileError
 from ....linkage.newton import LoopProblem, close
 from ....spatial import Array

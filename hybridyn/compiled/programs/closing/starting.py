@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....assembly.wrist_positions import spanning_positions
+from ....assembly.assemble import spanning_positions
 from ....linkage.newton import LoopProblem, close
 from ....spatial import Array
 from ....structure.robot import HybridRobot
