@@ -11,13 +11,9 @@ from .dynamics.direct import ddm
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
 from .dynamics.inverse import idm
 from .dynamics.link_motion import LinkMotion, kinematics
-from .dynamics.quantities.bias import bias, coriolis, gravity
-from .dynamics.quantities.coriolis_matrix import coriolis_matrix
 from .dynamics.quantities.joint_map import JointMap, joint_map
-from .dynamics.quantities.link_jacobian import link_jacobian
-from .dynamics.quantities.mass_matrix import mass_matrix
-from .dynamics.quantities.motion_map import motion_map
-from .dynamics.quantities.operational_inertia import delassus, operational_inertia
+from .dynamics.quantities.links import delassus, link_jacobian, operational_inertia
+from .dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
 from .dynamics.reactions import Reactions
 from .effects import with_effects
 from .errors import (

@@ -136,7 +136,7 @@ def accelerations(
             time=block.motion.time,
             reactions=reactions,
         )
-        a, residual = found.a, found.residual
+        a, residual = found.values, found.residual
         inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
     rows = a if robot.base == "fixed" else a[:, 6:]
     if robot.base == "floating":

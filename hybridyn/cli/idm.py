@@ -159,9 +159,9 @@ def efforts(
         time=block.motion.time,
         reactions=reactions,
     )
-    left = departures(robot, block.q, block.v, found.tau)
+    left = departures(robot, block.q, block.v, found.values)
     inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
-    return Rows(found.tau, inner, left=left, residual=found.residual)
+    return Rows(found.values, inner, left=left, residual=found.residual)
 
 
 def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None:

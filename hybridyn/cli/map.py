@@ -92,7 +92,7 @@ def command(
     """
     import numpy as np
 
-    from ..dynamics.quantities.coordinates import check_joints
+    from ..dynamics.quantities.independent import check_joints
     from ..dynamics.quantities.joint_map import motors_beside
     from ..tables.results import open_results
 

@@ -22,7 +22,7 @@ def efforts_along(
     """
     import numpy as np
 
-    from ..dynamics.in_blocks import efforts_in_blocks
+    from ..dynamics.inverse import efforts_in_blocks
     from ..effects import choose
     from ..tables.opening import open_table
 

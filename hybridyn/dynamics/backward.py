@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linkage.reduction import Basis
 from ..spatial import Array
 from ..structure.module import ModuleState, RobotMotion
 from ..structure.robot import HybridRobot
+from .actuation import Need, Sharing, motor_efforts
 from .forward import base_motion, forward
-from .inverse_guards import Guards
-from .inverse_recursion import module_forces
+from .guards import EFFORT_DIGITS, EPS, LOST_PIVOT, NEAR_LOST_PIVOT, check, check_closure_rank, check_digits
+from .inverse_recursion import ModuleForces, needed_forces
 from .loads import Loads
+from .possible_motions import along_motion, possible_motions
 from .reactions import Reactions, module_reactions
+from .state_checks import force_rounding, robot_weight
 
 
 def backward(
     robot: HybridRobot,
     states: list[ModuleState],
     loads: Loads,
-    guards: Guards,
+    sharing: Sharing | None,
     tau: Array,
     result: Reactions | None,
     motion: RobotMotion,
@@ -28,24 +32,32 @@ def backward(
     Args:
         states: States of its modules.
         loads: External wrenches and effects.
-        guards: Checks of the results, and how the load is distributed among motors.
-        tau: Efforts, shape (T, motors); filled in place, or read if `guards.sharing` is None.
+        sharing: How the load is distributed among motors, or None if efforts are known and not checked.
+        tau: Efforts, shape (T, motors); filled in place, or read if `sharing` is None.
         result: Reactions, filled in place, or None.
         motion: Motion of the robot.
+
+    Raises:
+        SingularityError: Closures lose rank and `on_singular` is "raise"; or a velocity belongs to no branch;
+            or the efforts have no correct digit, or the motors lose a direction.
+        ActuationError: A passive motion would need an effort.
     """
-    received = [np.zeros((len(motion.q), len(s.module.outputs), 6)) for s in states]
+    strict = sharing is not None and sharing.on_singular == "raise"
+    weight, rounding = robot_weight(robot), force_rounding(robot, motion.v, motion.a)
+    sizes = [np.zeros((len(motion.q), len(s.module.outputs))) for s in states]
     root = np.zeros((len(motion.q), 6))
-    for k in reversed(range(len(states))):
-        s = states[k]
-        needed = module_forces(s, loads, k, guards.motions(s), received[k])
-        if guards.sharing is not None:
-            tau[:, s.module.motor_index] = guards.efforts(k, s, needed)  # Eq. (33)
+    for k, needed in needed_forces(states, loads, lambda k: _motions(states[k], strict)):
+        s, module = states[k], states[k].module
+        if sharing is not None:
+            size = _largest_term(s, needed, sizes[k])
+            if module.parent >= 0:
+                sizes[module.parent][:, module.parent_output] += size
+            _check_effort_digits(s, needed, size, weight * s.mechanism.length)
+            tau[:, module.motor_index] = _efforts(robot, s, needed, size, rounding, sharing)  # Eq. (33)
         if result is not None:
-            module_reactions(result, s, loads.modules[k], needed.F, needed.H, tau[:, s.module.motor_index])
-        if s.module.parent < 0:
+            module_reactions(result, s, loads.modules[k], needed.F, needed.H, tau[:, module.motor_index])
+        if module.parent < 0:
             root += needed.F
-        else:
-            received[s.module.parent][:, s.module.parent_output] += needed.F
     if result is not None:
         result.base[:] = root + _root_body(robot, loads, motion)
 
@@ -60,7 +72,7 @@ def reactions_of(robot: HybridRobot, motion: RobotMotion, tau: Array, loads: Loa
     """
     result, on = Reactions.empty(len(motion.q)), loads.on
     states = forward(robot, motion.q, motion.v, motion.a, on.gravity, classical=on.velocity is not None)
-    backward(robot, states, loads, Guards(robot, motion, None), tau, result, motion)
+    backward(robot, states, loads, None, tau, result, motion)
     return result
 
 
@@ -73,3 +85,78 @@ def _root_body(robot: HybridRobot, loads: Loads, motion: RobotMotion) -> Array:
     )
     I0 = robot.root_inertia
     return V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
+
+
+def _motions(s: ModuleState, strict: bool) -> Basis:
+    """Compute the motions of a module; if its closures lose rank, those of the branch of its velocity.
+
+    Raises:
+        SingularityError: Closures lose rank and this is `strict`, or a velocity belongs to no branch.
+    """
+    basis = s.mechanism.basis(s.K)
+    if strict:
+        check_closure_rank(s.module, basis)
+    return along_motion(s, basis)
+
+
+def _efforts(
+    robot: HybridRobot, s: ModuleState, needed: ModuleForces, size: Array, rounding: Array, sharing: Sharing
+) -> Array:
+    """Compute the efforts of a module's motors, shape (T, motors of the module), [N or N m].
+
+    Args:
+        s: State of the module.
+        needed: Forces that its motion needs.
+        size: Largest term in the sum Q, shape (T,), [N m].
+        rounding: Rounding that may remain in Q if all terms cancel, shape (T,), [N m].
+        sharing: How the load is distributed among motors.
+    """
+    module, Psi = s.module, needed.basis.Psi
+    tau = motor_efforts(robot, module, Need(Psi, needed.Q, size, rounding, s.motion), sharing)
+    for t in np.flatnonzero(needed.basis.pivot < LOST_PIVOT) if s.mechanism.reduction.rank else ():
+        # The branch is unknown, so the motors must balance the forces along all possible motions.
+        at = slice(t, t + 1)
+        every = possible_motions(module, s.K[t])[None]
+        Q = np.einsum("tij,ti->tj", every, needed.H[at])
+        need = Need(every, Q, size[at], rounding[at], s.motion.take(np.array([t])))
+        tau[t] = motor_efforts(robot, module, need, sharing)[0]
+    return tau
+
+
+def _largest_term(s: ModuleState, needed: ModuleForces, on_outputs: Array) -> Array:
+    """Compute the largest term in the sum Q of a module, shape (T,), [N m].
+
+    Args:
+        on_outputs: Summed sizes of the modules on each output, shape (T, outputs), [N m].
+    """
+    unit, length = s.mechanism.reduction.col_scale, s.mechanism.length
+    size: Array = np.abs(needed.legs * unit).max(axis=1, initial=0.0)
+    for o, wrenches in enumerate(zip(needed.F_p, needed.F_e, strict=True)):
+        for W in wrenches:
+            size = size + (np.linalg.norm(W[:, :3], axis=1) * length + np.linalg.norm(W[:, 3:], axis=1))
+        size = size + on_outputs[:, o]
+    return size
+
+
+def _check_effort_digits(s: ModuleState, needed: ModuleForces, size: Array, weight: float) -> None:
+    """Raise if efforts have no correct digit next to a constraint singularity; warn elsewhere.
+
+    A motion that is not smooth next to a singularity has accelerations proportional to 1 / pivot and closure
+    wrenches proportional to 1 / pivot^2. The efforts are the small difference of these large terms.
+
+    Args:
+        size: Largest term in the sum Q, shape (T,), [N m].
+        weight: Largest effort that the robot's weight can cause [N m]; rounding below it is harmless.
+
+    Raises:
+        SingularityError: The message names module, sample and condition number.
+    """
+    if not s.module.motors:
+        return
+    left, pivot = np.abs(needed.Q).max(axis=1, initial=0.0), needed.basis.pivot
+    near = (pivot >= LOST_PIVOT) & (pivot < NEAR_LOST_PIVOT)
+    check(
+        EFFORT_DIGITS, s.module, np.where(near, EPS * size, 0.0), np.maximum(left, weight) * pivot,
+        lambda t: {"what": "closures", "condition": 1 / float(pivot[t]), "size": size[t]},
+    )  # fmt: skip
+    check_digits(s.module, "efforts", "N m", left, size, weight)

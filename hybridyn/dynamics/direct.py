@@ -7,41 +7,24 @@ There are three recursions: forward for placements and twists (`forward`), backw
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, choose, times
-from ..errors import TrajectoryError
+from ..effects.choice import Choice, Effects, choose, times
+from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
+from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
 from .direct_recursion import accelerate, articulate
 from .forward import base_motion, forward
-from .loads import all_loads
-from .passive import needs_inertia
+from .loads import Loads, all_loads, in_every_sample
 from .reactions import Reactions
-from .single_calls import count_single_call
+from .results import Result
 from .state_checks import check_closed
-
-
-@dataclass(frozen=True, eq=False)
-class DirectResult:
-    """Result of the direct model.
-
-    Attributes:
-        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
-        residual: Largest closure residual of each sample, as computed by `closure_residual`, shape (T,).
-        reactions: Wrenches between modules and in the closures, or None if they were not requested.
-    """
-
-    a: Array
-    residual: Array
-    reactions: Reactions | None
 
 
 @overload
@@ -105,20 +88,14 @@ def ddm(
         robot, q, v, tau, base_acceleration=base_acceleration, wrenches=wrenches, effects=effects, time=time,
         reactions=reactions,
     )  # fmt: skip
-    single = np.ndim(q) == 1
-    if single:
-        count_single_call()
-    a = found.a[0] if single else found.a
-    if found.reactions is None:
-        return a
-    return a, found.reactions.sample(0) if single else found.reactions
+    return found.returned(np.ndim(q) == 1)
 
 
 def direct_model(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = None,
     wrenches: Mapping[str, Array] | None = None, effects: Choice = None, time: ArrayLike | None = None,
     reactions: bool = False,
-) -> DirectResult:  # fmt: skip
+) -> Result:  # fmt: skip
     """Compute the result of `ddm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
@@ -140,18 +117,57 @@ def direct_model(
     modules = articulate(robot, states, loads, tau, None)
     accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
     result = reactions_of(robot, RobotMotion(q, v, a), tau, loads) if reactions else None
-    return DirectResult(a, residual, result)
+    return Result(a, residual, result)
 
 
 def acceleration_of_base(robot: HybridRobot, acceleration: ArrayLike, samples: int) -> Array:
-    """Check and return the acceleration of a moving base, shape (1, 6) or (samples, 6).
+    """Check and return the acceleration of a moving base, shape (samples, 6).
 
     Raises:
         TrajectoryError: The base is not "moving", the shape is wrong, or a number is not finite.
     """
     if robot.base != "moving":
         raise TrajectoryError("base_acceleration is for base='moving'")
-    given, one = as_batch(acceleration, 6, "base_acceleration")
-    if not one and len(given) != samples:
-        raise TrajectoryError(f"base_acceleration has shape {given.shape}; wanted (6,) or ({samples}, 6)")
-    return given
+    return in_every_sample(acceleration, "base_acceleration", samples)
+
+
+def needs_inertia(on: Effects) -> None:
+    """Raise if the effects of a direct model do not include inertia.
+
+    Raises:
+        ModelError: The effect "inertia" is missing.
+    """
+    if on.inertia is None:
+        raise ModelError(
+            "the direct model needs the effect 'inertia': without it efforts cause no accelerations. "
+            "For statics use the inverse model",
+            element="inertia",
+        )
+
+
+def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
+    """Compute accelerations that equal `a` at motors and at a moving base, and need no effort elsewhere.
+
+    The recursions are those of the direct model without motor efforts, with two changes: Psi Z replaces Psi,
+    where Z spans the motions with fixed motors, and the drift includes the prescribed accelerations.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+        loads: External wrenches and effects.
+
+    Returns:
+        Accelerations, shape (T, nv).
+    """
+    needs_inertia(loads.on)
+    whole = loads.on.velocity is not None
+    states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
+    check_closed(robot, states, q, v)
+    modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
+    out = np.zeros_like(a)
+    if robot.base == "moving":
+        out[:, :6] = a[:, :6]
+    root = base_motion(robot, q, v, a, loads.on.gravity, classical=whole)[1]
+    accelerate(robot, modules, root, q, v, out)
+    return out

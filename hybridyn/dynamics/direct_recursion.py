@@ -6,13 +6,14 @@ A module whose base accelerates with V_dot moves with u_dot, and its outputs o w
 
 `articulate` is the backward sweep, `accelerate` the forward one. Inertias have the congruence form of
 Eqs. (45), (47), which keeps them positive semidefinite; the paper's S2, S3, K and alpha are not needed.
-`inertia_rounding` computes, from what a module keeps here, what rounding feigns in A_t; `guards` says what is
+`inertia_solve` bounds, from what a module keeps here, what rounding feigns in A_t; `guards` says what is
 refused.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +22,11 @@ from ..linkage.tree import Motion
 from ..spatial import Array, motion_matrix
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
-from .guards import check_acceleration_digits, check_closure_rank, check_massless_forces
-from .inertia_rounding import (
+from .guards import FORCED, MASSLESS, check, check_closure_rank, check_digits
+from .inertia_solve import (
+    InertiaFactor,
+    congruence,
+    factor_inertia,
     force_of_slips,
     largest_term,
     largest_term_of,
@@ -30,7 +34,6 @@ from .inertia_rounding import (
     seeming,
     seeming_at_base,
 )
-from .inertia_solve import InertiaFactor, congruence, factor_inertia
 from .loads import LegTerms, Loads
 from .possible_motions import least_norm, motions_of
 
@@ -110,7 +113,7 @@ def articulate(
         x.inertia = factor_inertia(x.A_t, seeming(x, noise[k]))
         solved, left = x.inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
         x.size = largest_term_of(x)
-        check_massless_forces(module, basis, left[..., 6], x.size, force_of_slips(x))
+        _check_massless(x, left[..., 6])
         x.G, x.y = solved[..., :6], solved[..., 6]
         out.insert(0, x)
         if module.parent >= 0:
@@ -199,5 +202,28 @@ def accelerate(
             ]
         )
         x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eq. (36)
-        check_acceleration_digits(module, x_ddot, largest_term(x, carried), robot.gravity)
+        natural = float(np.linalg.norm(robot.gravity)) / s.mechanism.length
+        size = np.abs(x_ddot / s.mechanism.reduction.col_scale).max(axis=1, initial=0.0)
+        check_digits(module, "accelerations", "rad/s^2", size, largest_term(x, carried), natural)
         a[:, module.v_index] = s.spanning_accelerations(q, v, x_ddot, x.unforced)
+
+
+def _check_massless(x: ArticulatedModule, left: Array) -> None:
+    """Raise if a force acts on a motion without inertia.
+
+    Args:
+        x: The module's equation of motion.
+        left: Forces on massless motions (`InertiaFactor.solve`), shape (T, N), [N m].
+
+    Raises:
+        SingularityError: The message names the motion, the force and the sample.
+    """
+    module, force = x.state.module, np.abs(left).max(axis=1, initial=0.0)
+
+    def words(t: int) -> dict[str, Any]:
+        """Name the motion and the force on it."""
+        motion = x.basis.Psi[t, :, int(np.argmax(np.abs(left[t])))] / module.mechanism.reduction.col_scale
+        freedom = module.freedom_names()[int(np.argmax(np.abs(motion)))]
+        return {"what": "inertia", "condition": np.inf, "freedom": freedom, "force": force[t]}
+
+    check(MASSLESS, module, force, np.maximum(x.size, force_of_slips(x) / FORCED), words)

@@ -12,24 +12,31 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import AT_SAMPLE, HybridynError, SingularityError
+from ..errors import AT_SAMPLE, ActuationError, AssemblyError, HybridynError, SingularityError
 from ..linkage.reduction import Basis
-from ..spatial import Array
+from ..spatial import Array, Index
 from ..structure.module import Module
-from .natural_sizes import NOISE
 
 EPS = float(np.finfo(float).eps)
+#: Rounding of a sum of forces, relative to its largest term times the number of terms.
+NOISE = 8 * EPS
 #: A closure row is lost at a posture if its pivot is below this part of the largest: the pivot is rounding.
 LOST_PIVOT = 1e-13
 #: Below this pivot ratio, the correct digits of the efforts are checked.
 NEAR_LOST_PIVOT = 1e-6
+#: A motor map with a reciprocal condition number below this is at a parallel (type 2) singularity.
+SINGULAR_MOTOR_MAP = 1e-10
 #: Smallest squared pivot ratio of the motors' map if only the accelerations of motors are given. The errors
 #: of the motion grow with the condition number of this map, and the errors of the efforts with its square.
 SINGULAR_ACCELERATION_MAP = 1e-10
+#: Largest generalised force that may remain without a motor, as a part of the largest term.
+UNDRIVEN = 1e-6
 #: Largest force that may act on a motion without inertia, as a part of the largest term.
 FORCED = 1e-9
 #: Rounding below this part of the effect of the robot's weight is harmless.
 HARMLESS = 1e-6
+#: Links whose Delassus matrix has a smaller reciprocal condition cannot be moved in some direction.
+IMMOVABLE = 1e-10
 
 _log = logging.getLogger("hybridyn")
 
@@ -41,7 +48,7 @@ class Guard(NamedTuple):
         limit: Largest ratio of value to scale that is accepted.
         raises: Class of the error; None if a warning is logged.
         data: Words that the error carries as attributes.
-        says: The sentence after the module's name. Its fields are the words of `check`.
+        says: The sentence, after the name of the module. Its fields are the words of `check`.
     """
 
     limit: float
@@ -56,8 +63,8 @@ CLOSURES = Guard(
     SingularityError,
     SINGULAR,
     "its closures lose rank{at} (constraint singularity; condition number {ratio:.1e}, limit "
-    "{limit:.0e}): more motions than its {mobility} freedoms are instantaneously possible there. Move the "
-    'posture away from it, or, for the inverse model, pass on_singular="least-norm"',
+    "{limit:.0e}): more motions than its {module.mobility} freedoms are instantaneously possible there. Move "
+    'the posture away from it, or, for the inverse model, pass on_singular="least-norm"',
 )
 EFFORT_DIGITS = Guard(
     1.0,
@@ -82,6 +89,42 @@ MASSLESS = Guard(
     "the motion of {freedom} has no inertia, and a force of {force:.3g} N m acts on it{at}: "
     "its acceleration is not defined. Give a mass to the bodies that it moves, or drive it by position",
 )
+LOST_MOTORS = Guard(
+    1 / SINGULAR_MOTOR_MAP,
+    SingularityError,
+    SINGULAR,
+    "its {joints} lose a direction{at} ({reason}; condition number {condition:.1e}, limit "
+    "{limit:.0e}; {kind} '{worst}' is affected most). Move the trajectory away from it, or {advice}",
+)
+NO_MOTOR = Guard(
+    UNDRIVEN,
+    ActuationError,
+    ("direction", "size", "sample"),
+    "{motors} for {module.mobility} freedoms; no motor can produce the {size:.3g} {unit} that the motion of "
+    "{direction} needs{at} (largest term {term:.3g} {unit}). {advice}",
+)
+OPEN_MOTIONS = Guard(
+    0.0,
+    SingularityError,
+    SINGULAR,
+    "{joints} for {freedoms} leave the motion of {freedom} open{at}. {advice}",
+)
+NOT_CLOSED = Guard(
+    1.0,
+    AssemblyError,
+    ("residual", "sample"),
+    "closure '{closure}': the {what} do not close the loops{at}: {how} by {residual:.2g} "
+    "(limit {scale:.2g}, relative to the module's length {module.mechanism.length:g} m). Take q, v, a from "
+    "hybridyn.assemble",
+)
+FIXED_LINKS = Guard(
+    1 / IMMOVABLE,
+    SingularityError,
+    SINGULAR,
+    "links {links}: they cannot be moved in every direction{at} (condition number "
+    "{condition:.1e}, limit {limit:.0e}), and have no operational-space inertia. Take hybridyn.delassus, its "
+    "inverse, which always exists",
+)
 DIGITS = Guard(
     1.0,
     None,
@@ -94,21 +137,22 @@ DIGITS = Guard(
 
 def check(
     guard: Guard,
-    module: Module,
+    module: Module | None,
     value: Array,
     scale: Array | float = 1.0,
     words: Callable[[int], dict[str, Any]] = lambda t: {},
+    samples: Index | None = None,
 ) -> None:
     """Raise or warn if a guard refuses a sample.
 
     Args:
         guard: The guard.
-        module: The module that it is about.
+        module: The module that it is about, or None.
         value: What is compared, shape (T,).
         scale: What it is compared with, in the same unit, shape (T,).
-        words: Words of the sentence for sample t; besides them, these are known: at (the words " at
-            sample 7"), sample, samples (how many are refused), ratio and condition (of value to scale),
-            limit, mobility of the module.
+        words: Words of the sentence for sample t; besides them, these are known: sample, samples (how many
+            are refused), at (" at sample 7"), scale, ratio and condition (of value to scale), limit, module.
+        samples: Numbers of the samples in messages, shape (T,), where they are some of many.
 
     Raises:
         HybridynError: The guard's error, at the first sample that is refused.
@@ -120,15 +164,15 @@ def check(
     least = float(np.broadcast_to(scale, value.shape)[t])
     ratio = float(value[t]) / least if least > 0 else np.inf
     known = {
-        "at": AT_SAMPLE, "sample": t, "samples": len(refused), "ratio": ratio,
-        "condition": ratio, "limit": guard.limit, "mobility": module.mobility,
+        "sample": t if samples is None else int(samples[t]), "samples": len(refused), "scale": least,
+        "at": AT_SAMPLE, "ratio": ratio, "condition": ratio, "limit": guard.limit, "module": module,
     } | words(t)  # fmt: skip
-    message = f"module '{module.name}': {guard.says.format(**known)}"
+    message = (f"module '{module.name}': " if module else "") + guard.says.format(**known)
     if guard.raises is None:
         _log.warning(message)
         return
     error: Callable[..., HybridynError] = guard.raises
-    raise error(message, module=module.name, **{name: known[name] for name in guard.data})
+    raise error(message, module=module and module.name, **{name: known[name] for name in guard.data})
 
 
 def check_closure_rank(module: Module, basis: Basis) -> None:
@@ -153,47 +197,7 @@ def check_motor_map(module: Module, pivot: Array) -> None:
     check(MOTOR_ACCELERATIONS, module, np.ones(len(pivot)), pivot**2, lambda t: {"what": "motors"})
 
 
-def check_effort_digits(module: Module, basis: Basis, Q: Array, size: Array, weight: float) -> None:
-    """Raise if efforts have no correct digit next to a constraint singularity; warn elsewhere.
-
-    A motion that is not smooth next to a singularity has accelerations proportional to 1 / pivot and closure
-    wrenches proportional to 1 / pivot^2. The efforts are the small difference of these large terms.
-
-    Args:
-        Q: Generalised force needed along each motion, shape (T, N), [N m].
-        size: Largest term in the sum Q, shape (T,), [N m].
-        weight: Largest effort that the robot's weight can cause [N m]; rounding below it is harmless.
-
-    Raises:
-        SingularityError: The message names module, sample and condition number.
-    """
-    if not module.motors:
-        return
-    left, pivot = np.abs(Q).max(axis=1, initial=0.0), basis.pivot
-    near = (pivot >= LOST_PIVOT) & (pivot < NEAR_LOST_PIVOT)
-    words = {"what": "closures"}
-    check(
-        EFFORT_DIGITS, module, np.where(near, EPS * size, 0.0), np.maximum(left, weight) * pivot,
-        lambda t: words | {"condition": 1 / float(pivot[t]), "size": size[t]},
-    )  # fmt: skip
-    _check_digits(module, "efforts", "N m", left, size, weight)
-
-
-def check_acceleration_digits(module: Module, x_ddot: Array, terms: Array, gravity: Array) -> None:
-    """Log a warning for samples at which the accelerations of a module have no correct digit.
-
-    Args:
-        x_ddot: Accelerations of the module, shape (T, n).
-        terms: Largest term in their sum, shape (T,), [rad/s^2].
-        gravity: Acceleration of gravity, shape (3,), [m/s^2].
-    """
-    m = module.mechanism
-    left = np.abs(x_ddot / m.reduction.col_scale).max(axis=1, initial=0.0)
-    natural = float(np.linalg.norm(gravity)) / m.length
-    _check_digits(module, "accelerations", "rad/s^2", left, terms, natural)
-
-
-def _check_digits(module: Module, what: str, unit: str, left: Array, size: Array, natural: float) -> None:
+def check_digits(module: Module, what: str, unit: str, left: Array, size: Array, natural: float) -> None:
     """Log a warning for samples at which a sum is rounding, because its terms cancel.
 
     Rounding below a millionth of the effect of the robot's weight counts as zero. Without gravity there is
@@ -209,25 +213,3 @@ def _check_digits(module: Module, what: str, unit: str, left: Array, size: Array
         harms = np.where(rounding > HARMLESS * natural, rounding, 0.0)
         words = {"what": what, "unit": unit}
         check(DIGITS, module, harms, left, lambda t: words | {"size": size[t], "rounding": rounding[t]})
-
-
-def check_massless_forces(module: Module, basis: Basis, left: Array, size: Array, slipping: Array) -> None:
-    """Raise if a force acts on a motion without inertia.
-
-    Args:
-        left: Forces on massless motions (`InertiaFactor.solve`), shape (T, N), [N m].
-        size: Largest term in the sum of these forces, shape (T,), [N m].
-        slipping: Largest force that is rounding, shape (T,), [N m].
-
-    Raises:
-        SingularityError: The message names the motion, the force and the sample.
-    """
-    force = np.abs(left).max(axis=1, initial=0.0)
-
-    def words(t: int) -> dict[str, Any]:
-        """Name the motion and the force on it."""
-        motion = basis.Psi[t, :, int(np.argmax(np.abs(left[t])))] / module.mechanism.reduction.col_scale
-        freedom = module.freedom_names()[int(np.argmax(np.abs(motion)))]
-        return {"what": "inertia", "condition": np.inf, "freedom": freedom, "force": force[t]}
-
-    check(MASSLESS, module, force, np.maximum(size, slipping / FORCED), words)

@@ -1,44 +1,36 @@
-"""Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form."""
+"""Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form.
+
+Long motions are computed in blocks, with bounded memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal, NamedTuple, overload
+import contextlib
+from collections.abc import Iterator, Mapping
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, choose, times
-from ..errors import ActuationError
+from ..effects.choice import Choice, Effects, choose, times
+from ..errors import ActuationError, HybridynError
 from ..spatial import Array
 from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
 from .backward import backward
+from .direct import solve_passive
 from .forward import forward
-from .inverse_guards import Guards
 from .loads import all_loads
 from .reactions import Reactions
-from .single_calls import count_single_call
+from .results import Result
 from .state_checks import check_closed
 
+#: Number of position coordinates in a block: a hundred megabytes for a robot of 84 joints.
+NUMBERS_AT_ONCE = 84_000
 #: Advice in the error message if a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
-
-
-class InverseResult(NamedTuple):
-    """Result of the inverse model.
-
-    Attributes:
-        tau: Efforts, shape (T, motors), [N or N m].
-        residual: Largest closure residual of each sample, as computed by `closure_residual`, shape (T,).
-        reactions: Wrenches between modules and in the closures, or None if they were not requested.
-    """
-
-    tau: Array
-    residual: Array
-    reactions: Reactions | None
 
 
 @overload
@@ -116,20 +108,14 @@ def idm(
         robot, q, v, a, wrenches=wrenches, effects=effects, time=time, passive=passive, weights=weights,
         on_singular=on_singular, reactions=reactions,
     )  # fmt: skip
-    single = np.ndim(q) == 1
-    if single:
-        count_single_call()
-    tau = found.tau[0] if single else found.tau
-    if found.reactions is None:
-        return tau
-    return tau, found.reactions.sample(0) if single else found.reactions
+    return found.returned(np.ndim(q) == 1)
 
 
 def inverse_model(
     robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = None,
     effects: Choice = None, time: ArrayLike | None = None, passive: str = "given",
     weights: Mapping[str, float] | Array | None = None, on_singular: str = "raise", reactions: bool = False,
-) -> InverseResult:  # fmt: skip
+) -> Result:  # fmt: skip
     """Compute the result of `idm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
@@ -142,8 +128,6 @@ def inverse_model(
         q, v, a = on.base.into(robot, time, q, v, a)
     loads = all_loads(robot, on, q, v, time, wrenches)
     if passive == "solved":
-        from .passive import solve_passive
-
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
@@ -151,11 +135,10 @@ def inverse_model(
     sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
-    motion = RobotMotion(q, v, a)
-    backward(robot, states, loads, Guards(robot, motion, sharing), tau, result, motion)
+    backward(robot, states, loads, sharing, tau, result, RobotMotion(q, v, a))
     if on.limits is not None:
         on.limits.check(robot, tau)
-    return InverseResult(tau, residual, result)
+    return Result(tau, residual, result)
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:
@@ -172,3 +155,45 @@ def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) ->
     if out.shape != (len(robot.motors),) or not (np.isfinite(out).all() and (out > 0).all()):
         raise ActuationError(f"weights must be {len(robot.motors)} positive numbers")
     return out
+
+
+def efforts_in_blocks(
+    robot: HybridRobot, q: Array, v: Array, a: Array, on: Effects, *,
+    wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
+) -> Array:  # fmt: skip
+    """Compute motor efforts as `hybridyn.idm` does, block by block.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
+        on: Effects to compute.
+        wrenches: External wrenches, as for `hybridyn.idm`.
+        time: Times, shape (T,), [s], or None.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m].
+
+    Raises:
+        HybridynError: As in `hybridyn.idm`, for the first block with an error.
+    """
+    rows = max(1, NUMBERS_AT_ONCE // max(robot.nq, 1))
+    found = []
+    for start in range(0, max(len(q), 1), rows):
+        at = slice(start, start + rows)
+        outer = {link: W[at] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
+        now = None if time is None else time[at]
+        with samples_counted_from(start):
+            found.append(idm(robot, q[at], v[at], a[at], wrenches=outer, time=now, effects=on))
+    return np.concatenate(found)
+
+
+@contextlib.contextmanager
+def samples_counted_from(start: int) -> Iterator[None]:
+    """Shift the sample of an error, so that it counts from the start of the motion."""
+    try:
+        yield
+    except HybridynError as error:
+        if error.sample is not None:
+            error.sample += start
+        raise

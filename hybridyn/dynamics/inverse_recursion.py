@@ -1,11 +1,11 @@
-"""Equations (30)-(33) of the inverse model: compute the forces that the motion of one module needs.
+"""Equations (30)-(33) of the inverse model: compute the forces that the motion of each module needs.
 
-`backward` applies them to all modules, the outermost first. `inverse_guards` checks the results, and
-`actuation` distributes Q among the motors.
+`backward` checks the results, and `actuation` distributes Q among the motors.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +37,24 @@ class ModuleForces:
     legs: Array
     F_p: list[Array]
     F_e: list[Array]
+
+
+def needed_forces(
+    states: list[ModuleState], loads: Loads, motions: Callable[[int], Basis]
+) -> Iterator[tuple[int, ModuleForces]]:
+    """Yield the forces that the motion of every module needs, with its number, the outermost modules first.
+
+    Args:
+        states: States of the robot's modules.
+        loads: External wrenches and effects.
+        motions: Computes the motions of a module from its number.
+    """
+    received = [np.zeros((len(s.V), len(s.module.outputs), 6)) for s in states]
+    for k in reversed(range(len(states))):
+        needed = module_forces(states[k], loads, k, motions(k), received[k])
+        yield k, needed
+        if (below := states[k].module.parent) >= 0:
+            received[below][:, states[k].module.parent_output] += needed.F
 
 
 def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: Array) -> ModuleForces:

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..description.names import did_you_mean
 from ..effects.choice import STANDARD, Effects
 from ..errors import TrajectoryError
 from ..spatial import Array, rotate, wrench_to_base
-from ..structure.module_spec import ModuleSpec
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_numbers
+from ..structure.samples import as_batch
 from .link_motion import observed_motions
 
 if TYPE_CHECKING:
@@ -26,31 +26,44 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class ModuleLoad:
-    """Wrenches on one module's bodies, each in the body's frame at its origin.
+    """Wrenches on one module's bodies.
 
     Attributes:
-        outputs: Output number and wrench (T, 6).
-        legs: Number of the body in the tree after the cuts, and wrench (T, 6).
-        wrist_links: Number of the body in the spanning tree, and wrench (T, 6), for massless links inside cut
-            wrists.
+        bodies: Number of the body in the spanning tree, and wrench (T, 6) in its frame at its origin.
         wrist_ends: Wrist number and wrench (T, 6), for ends of cut wrists that a closure fixes to a target.
-            The same wrench is also added to the target.
-        base: Wrenches (T, 6) that wrists with the base body as target transmit to it.
+            The same wrench is also among those on the target.
     """
 
-    outputs: list[tuple[int, Array]] = field(default_factory=list)
-    legs: list[tuple[int, Array]] = field(default_factory=list)
-    wrist_links: list[tuple[int, Array]] = field(default_factory=list)
+    bodies: list[tuple[int, Array]] = field(default_factory=list)
     wrist_ends: list[tuple[int, Array]] = field(default_factory=list)
-    base: list[Array] = field(default_factory=list)
 
     def on_output(self, state: ModuleState, output: int) -> Array:
         """Compute the wrench of the loads on an output, shape (T, 6), output frame: minus the paper's F_e."""
-        out = np.zeros_like(state.V)
-        for number, wrench in self.outputs:
-            if number == output:
+        spec, out = state.mechanism.spec, np.zeros_like(state.V)
+        for body, wrench in self.bodies:
+            if body == spec.tree_body[spec.outputs[output]]:
                 out += wrench
         return out
+
+    def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
+        """Compute what the loads on leg links and on the base exert on the base and along x.
+
+        Returns:
+            Wrench on the base, shape (T, 6), base frame; generalised force along x, shape (T, n).
+        """
+        m, s = state.mechanism, state.spanning
+        base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
+        tree = m.spec.tree_body
+        for body, wrench in self.bodies:
+            if body in tree and tree.index(body) in m.spec.outputs:
+                continue
+            base += wrench_to_base(s.R[:, body], s.p[:, body], wrench)
+            if body in tree:
+                J = m.jacobian(state.motion, tree.index(body))
+            else:  # a massless link inside a cut wrist
+                J = m.wrists.link_jacobian(s, state.motion, body)
+            along += np.einsum("tij,ti->tj", J, wrench)
+        return base, along
 
     def through_wrist(self, state: ModuleState, number: int) -> Array:
         """Compute the wrench of a cut wrist's links on the wrist's target.
@@ -58,43 +71,19 @@ class ModuleLoad:
         Returns:
             Shape (T, 6), base axes, at the origin of the wrist's end.
         """
-        m = state.mechanism
-        wrist, spanning = m.spec.wrists[number], state.spanning
+        m, s = state.mechanism, state.spanning
+        wrist, cols = m.spec.wrists[number], m.wrists.columns(number)
         out = np.zeros_like(state.V)
-        R = spanning.R[:, wrist.end]
         for end, wrench in self.wrist_ends:
             if end == number:
-                out += np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
-        for body, wrench in self.wrist_links:
-            if body - 1 in wrist.joints:
-                R, cols = spanning.R[:, body], m.wrists.columns(number)
-                own = m.spanning.jacobian(spanning, body)[:, :, cols] * m.spanning_col_scale[cols]
-                world = np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
-                along = np.einsum("tij,ti->tj", own, world)
-                handed = np.einsum(
-                    "tij,ti->tj", np.linalg.pinv(m.wrists.jacobian(spanning, number), rcond=1e-12), along
-                )
-                out += handed / np.array([m.length] * 3 + [1.0] * 3)
+                out += _turned(s.R[:, wrist.end], wrench)
+        for body, wrench in self.bodies:
+            if body - 1 in wrist.joints and body not in m.spec.tree_body:
+                own = m.spanning.jacobian(s, body)[:, :, cols] * m.spanning_col_scale[cols]
+                along = np.einsum("tij,ti->tj", own, _turned(s.R[:, body], wrench))
+                inverse = np.linalg.pinv(m.wrists.jacobian(s, number), rcond=1e-12)
+                out += np.einsum("tij,ti->tj", inverse, along) / np.array([m.length] * 3 + [1.0] * 3)
         return out
-
-    def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
-        """Compute what the loads on leg links exert on the base and along x.
-
-        Returns:
-            Wrench on the base, shape (T, 6), base frame; generalised force along x, shape (T, n).
-        """
-        m = state.mechanism
-        base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
-        for wrench in self.base:
-            base += wrench
-        for body, wrench in self.legs:
-            base += wrench_to_base(state.motion.R[:, body], state.motion.p[:, body], wrench)
-            along += np.einsum("tij,ti->tj", m.jacobian(state.motion, body), wrench)
-        for body, wrench in self.wrist_links:
-            base += wrench_to_base(state.spanning.R[:, body], state.spanning.p[:, body], wrench)
-            J = m.wrists.link_jacobian(state.spanning, state.motion, body)
-            along += np.einsum("tij,ti->tj", J, wrench)
-        return base, along
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,42 +199,37 @@ def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, sampl
 
 
 def _enter(robot: HybridRobot, loads: Loads, wrenches: Mapping[str, Array], samples: int) -> None:
+    """Add wrenches on links to the loads of the modules that the links belong to."""
     for link, given in wrenches.items():
-        wrench = _wrench(robot, link, given, samples)
+        if link not in robot.bodies.place:
+            raise TrajectoryError(f"wrench on unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
         body, R, p = robot.bodies.place[link]
-        wrench = wrench_to_base(R, p, wrench)
+        wrench = wrench_to_base(R, p, in_every_sample(given, f"wrench on '{link}'", samples))
         if body == 0 and robot.base != "floating":
             loads.root += wrench
             continue
         module, number = robot.body_owner[body]
-        _place(robot.modules[module].mechanism.spec, loads.modules[module], number, wrench)
+        load = loads.modules[module]
+        for i, wrist in enumerate(robot.modules[module].mechanism.spec.wrists):
+            if wrist.end == number and not wrist.carries:
+                load.wrist_ends.append((i, wrench))
+                number, wrench = wrist.target, wrench_to_base(wrist.R, wrist.p, wrench)
+                break
+        load.bodies.append((number, wrench))
 
 
-def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
-    """Check a wrench on a link and return it for every sample, shape (samples, 6)."""
-    if link not in robot.bodies.place:
-        raise TrajectoryError(f"wrench on unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
-    wrench = as_numbers(given, f"wrench on '{link}'")
-    if wrench.shape not in ((6,), (samples, 6)):
-        raise TrajectoryError(f"wrench on '{link}' has shape {wrench.shape}; wanted (6,) or ({samples}, 6)")
-    if not np.isfinite(wrench).all():
-        raise TrajectoryError(f"wrench on '{link}' is not finite")
-    return np.broadcast_to(wrench, (samples, 6))
+def in_every_sample(given: ArrayLike, name: str, samples: int) -> Array:
+    """Return six numbers for every sample, shape (samples, 6), given once or for each sample.
+
+    Raises:
+        TrajectoryError: The shape is wrong, or a number is not finite.
+    """
+    out, one = as_batch(given, 6, name)
+    if not one and len(out) != samples:
+        raise TrajectoryError(f"{name} has shape {out.shape}; wanted (6,) or ({samples}, 6)")
+    return np.broadcast_to(out, (samples, 6))
 
 
-def _place(spec: ModuleSpec, load: ModuleLoad, body: int, wrench: Array) -> None:
-    """Add a wrench on a body of a module's spanning tree to the loads of the module."""
-    for number, wrist in enumerate(spec.wrists):
-        if wrist.end == body and not wrist.carries:
-            load.wrist_ends.append((number, wrench))
-            wrench = wrench_to_base(wrist.R, wrist.p, wrench)
-            body = wrist.target
-            break
-    if body == 0:
-        load.base.append(wrench)
-    elif body not in spec.tree_body:
-        load.wrist_links.append((body, wrench))
-    elif (own := spec.tree_body.index(body)) in spec.outputs:
-        load.outputs.append((spec.outputs.index(own), wrench))
-    else:
-        load.legs.append((own, wrench))
+def _turned(R: Array, W: Array) -> Array:
+    """Turn wrenches from the axes R of a frame to the base's, shape (T, 6)."""
+    return np.concatenate([rotate(R, W[:, :3]), rotate(R, W[:, 3:])], axis=1)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..linkage.closures import TreeClosure, normals
 from ..linkage.tree import Motion
-from ..spatial import Array, Mask, cross, rotate_back
+from ..spatial import Array, Mask, cross, hat, rotate_back
 from .guards import LOST_PIVOT
 
 if TYPE_CHECKING:
@@ -93,9 +91,9 @@ def module_reactions(
         lam, free = multipliers[:, at], idle[:, at]
         if i < authors:
             author = m.spanning_closures.closures[i]
-            wrench = partial(_closure_wrench, state, m.closures.closures[i], author)
-            lam = wrench(lam) + _from_cut_wrists(state, load, author)
-            free = _each(wrench, free)
+            wrenches = _closure_wrenches(state, m.closures.closures[i], author)
+            lam = np.einsum("tij,tj->ti", wrenches, lam) + _from_cut_wrists(state, load, author)
+            free = np.matmul(wrenches, free)
             free[:, :3] *= m.length
         elif i < len(m.closures.closures):
             continue  # a wrist that carries a platform is a joint of the file, not a closure
@@ -144,34 +142,27 @@ def _carrying_rows(mechanism: Mechanism) -> Mask:
     return out
 
 
-def _each(function: Callable[[Array], Array], columns: Array) -> Array:
-    """Apply a function to each column of an array of shape (T, rows, k); return shape (T, 6, k)."""
-    parts = [function(columns[:, :, i]) for i in range(columns.shape[2])]
-    return np.stack(parts, axis=2) if parts else np.zeros((len(columns), 6, 0))
-
-
-def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, lam: Array) -> Array:
-    """Compute the wrench on the successor link from the multipliers of a closure's rows.
+def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure) -> Array:
+    """Compute the wrench on the successor link per unit of each multiplier of a closure's rows.
 
     Args:
         state: State of the module.
         cut: The closure on the tree after the cuts.
         author: The author's closure on the spanning tree.
-        lam: Multipliers, shape (T, rows of the closure).
 
     Returns:
-        Shape (T, 6), in the frame of `_wrench_frame`.
+        Shape (T, 6, rows of the closure), in the frame of `_wrench_frame`.
     """
     A, _, B, pb = _frames(state.motion, cut)
-    n = normals(cut.rotation, A, B[:, :, 2])
-    force = np.einsum("tij,tj->ti", A[:, :, cut.translations], lam[:, : len(cut.translations)])
-    moment = np.einsum("tij,ti->tj", n, lam[:, len(cut.translations) :])
+    turns = np.swapaxes(normals(cut.rotation, A, B[:, :, 2]), 1, 2)
+    force = np.concatenate([A[:, :, cut.translations], np.zeros_like(turns)], axis=2)
     A_out, p_out = _wrench_frame(state.spanning, author)
-    moment = moment + cross(pb - p_out, force)
+    moment = np.matmul(hat(pb - p_out), force)
+    moment[:, :, len(cut.translations) :] = turns
     # The closure that replaces a wrist may have predecessor and successor exchanged.
     numbers = state.mechanism.cut.bodies
     sign = 1.0 if numbers[cut.body_b] == author.body_b or numbers[cut.body_a] == author.body_a else -1.0
-    return sign * np.concatenate([rotate_back(A_out, force), rotate_back(A_out, moment)], axis=-1)
+    return sign * np.concatenate([np.matmul(np.swapaxes(A_out, 1, 2), x) for x in (force, moment)], axis=1)
 
 
 def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:

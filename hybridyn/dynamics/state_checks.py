@@ -1,18 +1,119 @@
-"""Check that the positions, rates and accelerations given to the dynamic models close the loops."""
+"""Check that positions, rates and accelerations close the loops, up to rounding.
+
+In free fall, in motion without efforts and at rest, all terms of an effort or of a rate cancel. The result is
+rounding. To recognise it as rounding, it is compared with sizes from the robot's weight, size and rates.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
+from typing import Any
 
-from ..errors import AT_SAMPLE, AssemblyError
+import numpy as np
+from numpy.typing import ArrayLike
+
 from ..linkage.gimbal_lock import is_locked
-from ..spatial import Array, cross, select
-from ..structure.module import Module, ModuleState
+from ..spatial import Array
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
-from .natural_sizes import REST, NaturalSizes
+from ..structure.samples import as_positions, as_rates, same_samples
+from .guards import NOISE, NOT_CLOSED, check
 
 #: Largest closure residual of given positions and rates, as a part of the module's length.
 STATE_CLOSED = 1e-6
+#: Rates and accelerations below this part of the reference ones count as zero: ten thousand roundings.
+REST = 1e-12
+#: Smallest reference rate [rad/s], for robots at rest without gravity; it depends on no length or mass.
+SLOWEST = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class NaturalSizes:
+    """Sizes of a robot's rates and accelerations at every sample, divided by the units of its freedoms.
+
+    Attributes:
+        speed: Largest rate, shape (T,), [rad/s]. The linear velocity of the base is excluded (Galilean
+            invariance).
+        stated: Largest acceleration, shape (T,), [rad/s^2].
+        gravity: Acceleration of gravity [m/s^2].
+    """
+
+    speed: Array
+    stated: Array
+    gravity: float
+
+    @classmethod
+    def of(cls, robot: HybridRobot, v: Array, a: Array | None = None) -> NaturalSizes:
+        """Compute the sizes for a motion of a robot.
+
+        Args:
+            v: Rates, shape (T, nv).
+            a: Accelerations, shape (T, nv); zero if None.
+        """
+        relative = np.abs(v / robot.unit)
+        if robot.base != "fixed":
+            relative[:, :3] = 0.0
+        stated = np.zeros(len(v)) if a is None else np.abs(a / robot.unit).max(axis=1, initial=0.0)
+        gravity = float(np.linalg.norm(robot.gravity))
+        return cls(relative.max(axis=1, initial=0.0), stated, gravity)
+
+    def rate(self, length: float) -> Array:
+        """Compute the reference rate for the rounding of rates, shape (T,), [rad/s].
+
+        It is the largest of the robot's rates, the rate of a pendulum and `SLOWEST`.
+
+        Args:
+            length: Length of the pendulum [m].
+        """
+        return np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
+
+    def acceleration(self, length: float) -> Array:
+        """Compute the reference acceleration for the rounding of accelerations, shape (T,), [rad/s^2].
+
+        Args:
+            length: Length of the pendulum in `rate` [m].
+        """
+        return np.maximum(self.stated, self.rate(length) ** 2)
+
+
+def robot_weight(robot: HybridRobot) -> float:
+    """Return the weight of all bodies [N]."""
+    mass = sum(body.mass for body in robot.bodies.bodies)
+    return mass * float(np.linalg.norm(robot.gravity))
+
+
+def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
+    """Compute the reference size of forces, as work per scaled coordinate.
+
+    It is the torque that gives the robot's mass the reference acceleration at the distance of its size.
+
+    Args:
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+
+    Returns:
+        Shape (T,), [N m].
+    """
+    length = robot.bodies.size
+    mass = sum(body.mass for body in robot.bodies.bodies)
+    return mass * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+
+
+def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
+    """Compute the rounding that may remain when forces cancel, shape (T,): one term for each freedom."""
+    return NOISE * robot.nv * natural_force(robot, v, a)
+
+
+def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array, bool]:
+    """Return positions and rates (None: zero) as batches of equal size, and whether q was a single sample.
+
+    Raises:
+        TrajectoryError: An array has the wrong shape or is not finite.
+    """
+    q, single = as_positions(robot, q)
+    rates = np.zeros((len(q), robot.nv)) if v is None else as_rates(robot, v)[0]
+    same_samples(q=q, v=rates)
+    return q, rates, single
 
 
 def check_closed(
@@ -33,82 +134,83 @@ def check_closed(
         AssemblyError: The message names module, closure and sample.
     """
     natural, worst = NaturalSizes.of(robot, v, a), np.zeros(len(q))
-    for state in states:
-        m = state.mechanism
+    levels = (("rates", "opening"), ("accelerations", "accelerating apart"))[: 1 if a is None else 2]
+    for s in states:
+        m, spanning, own = s.mechanism, s.spanning, v[:, s.module.v_index]
         if not m.spanning_closures.rows:
             continue
-        slack = STATE_CLOSED + m.rounding
-        qk = q[:, state.module.q_index]
-        open_by = np.abs(m.residual(qk, state.spanning))
+        slack, unit = STATE_CLOSED + m.rounding, m.reduction.col_scale
+        open_by = np.abs(m.residual(q[:, s.module.q_index], spanning))
         worst = np.maximum(worst, open_by.max(axis=1))
-        _check_limit(state.module, open_by, np.full(len(q), slack), "positions", "open")
-        first, second = m.closures.rates(state.motion, state.v, state.a)
-        scale, unit = m.reduction.row_scale, m.reduction.col_scale
-        speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
-        limit = np.maximum(slack * speed, REST * natural.rate(m.length))
-        _check_limit(state.module, np.abs(first * scale), limit, "rates", "opening")
-        if a is not None:
-            size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
-            limit = np.maximum(slack * size, REST * natural.acceleration(m.length))
-            _check_limit(state.module, np.abs(second * scale), limit, "accelerations", "accelerating apart")
-        _check_wrists(state, slack, natural, a is not None)
+        every = list(zip(s.module.closures, m.spanning_closures.row_slices, strict=True))
+        _check(s, "positions", "open", every, open_by, np.full(len(q), slack))
+        speed, size = (np.abs(x / unit).max(axis=1, initial=0.0) for x in (s.v, s.a))
+        limits = _limits(natural, m.length, slack, speed, size)
+        rates = np.abs(m.closures.rates(s.motion, s.v, s.a)) * m.reduction.row_scale
+        for (what, how), value, limit in zip(levels, rates, limits, strict=False):
+            _check(s, what, how, s.module.named_rows(), value, limit)
+        if all(wrist.carries for wrist in m.spec.wrists):
+            continue
+        turning, turned = (np.abs(x).max(axis=(1, 2)) for x in (spanning.w, spanning.w_dot))
+        limits = _limits(natural, m.length, slack, np.maximum(speed, turning), np.maximum(size, turned))
+        ak = np.zeros_like(own) if a is None else a[:, s.module.v_index]
+        rates = np.abs(m.spanning_closures.rates(spanning, own, ak)) * m.spanning_row_scale
+        for (what, how), value, limit in zip(levels, rates, limits, strict=False):
+            _check(s, what, how, every, _of_free_wrists(s, value, limit), limit)
     return worst
 
 
-def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accelerations: bool) -> None:
-    """Raise if the rates or accelerations of a cut wrist's end differ from those of its target.
+def _limits(
+    natural: NaturalSizes, length: float, slack: float, speed: Array, size: Array
+) -> tuple[Array, Array]:
+    """Return how fast closures may open, and accelerate apart, at rates and accelerations of these sizes."""
+    return (
+        np.maximum(slack * speed, REST * natural.rate(length)),
+        np.maximum(slack * (size + speed**2), REST * natural.acceleration(length)),
+    )
 
-    Wrists in gimbal lock are not checked, because their joints cannot follow every motion of the target.
 
-    Raises:
-        AssemblyError: The message names module and sample.
+def _of_free_wrists(s: ModuleState, value: Array, limit: Array) -> Array:
+    """Leave out what wrists in gimbal lock leave open: their joints cannot follow every motion of a platform.
+
+    Args:
+        s: State of the module.
+        value: Rates of the author's closures, shape (T, rows).
+        limit: The largest that is accepted, shape (T,).
+
+    Returns:
+        The rates, zero for a wrist in gimbal lock, and for every closure where a wrist that carries a
+        platform is near it: there the joints of the wrist do not determine the rates of the platform.
     """
-    m, s = state.mechanism, state.spanning
-    welded = [i for i, wrist in enumerate(m.spec.wrists) if not wrist.carries]
-    if not welded:
-        return
-    end = np.array([m.spec.wrists[i].end for i in welded])
-    target = np.array([m.spec.wrists[i].target for i in welded])
-    p, p_dot, w, p_ddot, w_dot = (
-        select(x, end) - select(x, target) for x in (s.p, s.p_dot, s.w, s.p_ddot, s.w_dot)
-    )
-    w0 = select(s.w, target)
-    sweep = cross(w0, p)
-    unit = m.reduction.col_scale
-    speed = np.maximum(np.abs(state.v / unit).max(axis=1, initial=0.0), np.abs(s.w).max(axis=(1, 2)))
-    limit = np.maximum(slack * speed, REST * natural.rate(m.length))
-    misses = [("rates", "opening", p_dot - sweep, w, limit)]
-    if accelerations:
-        apart = p_ddot - cross(select(s.w_dot, target), p) - cross(w0, sweep)
-        size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.w_dot).max(axis=(1, 2)))
-        limit = np.maximum(slack * (size + speed**2), REST * natural.acceleration(m.length))
-        misses.append(("accelerations", "accelerating apart", apart, w_dot, limit))
-    unknown = m.wrists.near_gimbal_lock(s)  # there the wrist does not determine the rates of the platform
-    for what, how, linear, angular, limit in misses:
-        miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
-        miss[unknown] = 0.0
-        for t, i in np.argwhere((miss > limit[:, None, None]).any(axis=-1)):
-            if is_locked(m.wrists.jacobian(s.take(np.array([t])), welded[i]))[0]:
-                miss[t, i] = 0.0
-        _check_limit(state.module, miss.reshape(len(miss), 6 * len(welded)), limit, what, how)
+    m, motion = s.mechanism, s.spanning
+    value[m.wrists.near_gimbal_lock(motion)] = 0.0
+    closures = list(zip(m.spanning_closures.closures, m.spanning_closures.row_slices, strict=False))
+    for number, wrist in enumerate(m.spec.wrists):
+        for closure, rows in closures:
+            if wrist.carries or {closure.body_a, closure.body_b} != {wrist.end, wrist.target}:
+                continue
+            over = np.flatnonzero((value[:, rows] > limit[:, None]).any(axis=1))
+            if len(over):
+                value[over[is_locked(m.wrists.jacobian(motion.take(over), number))], rows] = 0.0
+    return value
 
 
-def _check_limit(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
-    """Raise if an absolute residual, shape (T, rows), exceeds the limit of its sample, shape (T,)."""
-    excess = np.where(value > limit[:, None], value, 0.0)
-    if not excess.any():
-        return
-    sample, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    closures = module.mechanism.spanning_closures
-    name = ""
-    if what == "positions":
-        index = next(i for i, at in enumerate(closures.row_slices) if at.start <= row < at.stop)
-        name = f", closure '{module.closures[index]}'"
-    raise AssemblyError(
-        f"module '{module.name}'{name}: the {what} do not close the loops{AT_SAMPLE}: {how} by "
-        f"{value[sample, row]:.2g} (limit {limit[sample]:.2g}, relative to the module's length "
-        f"{module.mechanism.length:g} m). Take q, v, a from hybridyn.assemble",
-        module=module.name,
-        sample=int(sample),
-        residual=float(value[sample, row]),
-    )
+def _check(
+    s: ModuleState, what: str, how: str, rows: list[tuple[str, slice]], value: Array, limit: Array
+) -> None:
+    """Raise if the absolute value of a closure's row exceeds the limit of its sample.
+
+    Args:
+        s: State of the module.
+        rows: Name and rows of each closure.
+        value: Absolute values, shape (T, rows).
+        limit: Shape (T,).
+    """
+
+    def words(t: int) -> dict[str, Any]:
+        """Name the closure that is farthest from closed."""
+        row = int(np.argmax(value[t]))
+        name = next(name for name, at in rows if at.start <= row < at.stop)
+        return {"what": what, "how": how, "closure": name, "residual": float(value[t, row])}
+
+    check(NOT_CLOSED, s.module, value.max(axis=1, initial=0.0), limit, words)

@@ -148,7 +148,7 @@ class ComputedTorque:
         a = np.zeros(self._robot.nv)
         a[self._axes.columns] = x_ddot + feedback
         found = inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
-        tau: Array = found.tau[0]
+        tau: Array = found.values[0]
         return tau
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:

@@ -10,8 +10,7 @@ import numpy as np
 from ..assembly.assemble import assemble
 from ..assembly.residual import closure_residual
 from ..dynamics.energy import energy
-from ..dynamics.in_blocks import samples_counted_from
-from ..dynamics.inverse import idm
+from ..dynamics.inverse import idm, samples_counted_from
 from ..effects import Effects
 from ..simulation.result import Counters, Origin, Result
 from ..simulation.system import State

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from ..dynamics.natural_sizes import REST, NaturalSizes
-from ..dynamics.state_checks import STATE_CLOSED
+from ..dynamics.state_checks import REST, STATE_CLOSED, NaturalSizes
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..linkage.threads import one_thread

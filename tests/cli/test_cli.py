@@ -338,7 +338,7 @@ def test_weights_from_words_and_files(run, arm, motion, tmp_path: Path, monkeypa
 
     def remembering(robot, q, v, a, *, weights=None, **_):
         seen.append(weights)
-        return SimpleNamespace(tau=np.zeros((len(q), 2)), reactions=None, residual=np.zeros(len(q)))
+        return SimpleNamespace(values=np.zeros((len(q), 2)), reactions=None, residual=np.zeros(len(q)))
 
     monkeypatch.setattr("hybridyn.dynamics.inverse.inverse_model", remembering)
     (tmp_path / "w.csv").write_text("turn,lift\n2,3\n")

@@ -168,7 +168,7 @@ def test_states_that_do_not_close_name_file_row_and_closure(run, tmp_path: Path,
     path = save(tmp_path, table_text(header, rows), "states.csv")
     said = run("ddm", FIVE_BAR, path, "-o", tmp_path / "out.csv", status=1)
     assert said.err.startswith(
-        f"error: {path}, row 8 (t = {rows[7, 0]:.6g} s): module 'm1_right_lower', closure '"
+        f"error: {path}, row 8 (t = {rows[7, 0]:.6g} s): module 'm1_right_lower': closure '"
     )
     assert not (tmp_path / "out.csv").exists()
 

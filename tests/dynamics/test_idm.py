@@ -383,7 +383,7 @@ REFUSALS: dict[str, tuple[str, dict[str, Any], type[Exception], str]] = {
         "four_bar",
         {"wrenches": {"base": np.zeros(5)}},
         TrajectoryError,
-        r"wrench on 'base' has shape \(5,\); wanted \(6,\) or \(3, 6\)",
+        r"wrench on 'base' has shape \(5,\); wanted \(6,\) or \(T, 6\)",
     ),
     "two samples": (
         "four_bar",

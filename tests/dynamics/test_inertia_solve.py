@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hybridyn.dynamics.inertia_solve import EPS, InertiaFactor, factor_inertia
+from hybridyn.dynamics.guards import EPS
+from hybridyn.dynamics.inertia_solve import InertiaFactor, factor_inertia
 from tests.comparing import ROUNDING, close_to
 
 GRADES = [1.0, 1e6, 1e12]  # heaviest over lightest coordinate

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics import single_calls
+from hybridyn.dynamics import results
 from hybridyn.structure.building import build_robot
 from tests.shipped import shipped
 
 
 def test_many_single_calls_are_warned_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(single_calls, "MANY_CALLS", 3)
-    monkeypatch.setattr(single_calls, "_calls", itertools.count(1))
+    monkeypatch.setattr(results, "MANY_CALLS", 3)
+    monkeypatch.setattr(results, "_calls", itertools.count(1))
     robot = build_robot(shipped("five_bar"))
     still, tau = np.zeros(robot.nv), np.zeros(2)
     hybridyn.idm(robot, *np.zeros((3, 9, robot.nv)) + robot.home * np.array([1, 0, 0])[:, None, None])

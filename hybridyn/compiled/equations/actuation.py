@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...dynamics.actuation import UNDRIVEN
+from ...dynamics.guards import UNDRIVEN
 from ...spatial import Array
 from .expressions import Expression, along, dot, is_zero, times, zeros
 from .guards import Scale, least_trusted, trusted, weighed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ...dynamics.actuation import SINGULAR_MOTOR_MAP
+from ...dynamics.guards import SINGULAR_MOTOR_MAP
 from ...spatial import Array
 from ..code.scalars import GUARD_LIMIT
 from .chains import motion_map

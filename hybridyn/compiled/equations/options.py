@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
-from ...dynamics.actuation import Sharing, load_share
+from ...dynamics.actuation import load_share
 from ...errors import ActuationError
 from ...spatial import Array
 from ...structure.module import Module
@@ -162,6 +162,6 @@ def _locked(robot: HybridRobot) -> Array:
 def _share(robot: HybridRobot, module: Module) -> Array:
     """Return the share of the load of each motor that can move; empty if the robot does not define it."""
     try:
-        return load_share(robot, module, Sharing(None, "raise"), module.moving_motors)
+        return load_share(robot, module, None)
     except ActuationError:
         return np.zeros(0)

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...dynamics.quantities.coordinates import check_joints
+from ...dynamics.quantities.independent import check_joints
 from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside
 from ...dynamics.quantities.map_table import regular_map
 from ...dynamics.quantities.posture import modules_of

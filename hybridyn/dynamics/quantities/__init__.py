@@ -2,10 +2,10 @@
 
     tau = M(q) u_dot + c(q, v) + g(q),    v = E(q) u
 
-Read `coordinates` (which joints are u), `independent` (E and its drift, module by module), `motion_map` (E
-and its rate), `mass_matrix` (M), `bias` (c and g), `coriolis_matrix` (C with c = C u), `link_jacobian`,
-`operational_inertia`. `joint_map` relates motors and output joints, at postures that `posture` assembles.
-`polar` differentiates what is quadratic in the rates.
+Read `independent` (which joints are u; E and its drift, module by module), `engine` (motions and forces of
+the robot at many states), `model` (E and its rate, M, c, g, and C with c = C u), `links` (Jacobians and
+inertias of links). `joint_map` relates motors and output joints, at postures that `posture` assembles;
+`map_table` writes them in columns.
 
 May import: `dynamics` and below; `compiled` imports it.
 """

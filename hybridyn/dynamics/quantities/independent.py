@@ -1,65 +1,201 @@
-"""Motions of every module over its independent coordinates, and their drift.
+"""The independent coordinates u of a robot, and the motions of every module over them.
+
+The coordinates are the motors, or joints that the caller chooses. A floating base adds its twist, the first
+six of v, in front. The base of a "moving" robot is prescribed and not among them.
 
     x_dot = Psi u,    x_ddot = Psi u_dot + drift        the same for the module's part of v: v = E u
 
 Psi follows from the paper's (any basis of the motions that the closures allow) and the rows S of the chosen
 joints: S Psi = 1, S drift = 0. With Q an orthonormal basis of the motions in scaled coordinates, Psi = Q P,
-and P is the least-norm right inverse of S Q by QR with column pivoting. Motions that u does not determine
-have to be idle (a rod's spin) and take least-norm rates, as in `assemble` and `idm`.
+and P is the least-norm right inverse of S Q. Motions that u does not determine have to be idle (a rod's spin)
+and take least-norm rates, as in `assemble` and `idm`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...assembly.free_motions import are_idle
-from ...description.names import counted
-from ...errors import AT_SAMPLE, SingularityError
-from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ...description.names import counted, did_you_mean
+from ...errors import SingularityError, TrajectoryError
+from ...linkage.joints import NV, ROOT_JOINT
 from ...linkage.reduction import Basis
 from ...spatial import Array, Index
 from ...structure.module import Module, ModuleState
-from ..actuation import SINGULAR_MOTOR_MAP
-from ..guards import check_closure_rank
-from .coordinates import Coordinates
+from ...structure.robot import HybridRobot
+from ..guards import LOST_MOTORS, OPEN_MOTIONS, check, check_closure_rank
 
 
 @dataclass(frozen=True, eq=False)
-class ModuleMotions:
-    """Motions of one module over its independent coordinates.
+class Coordinates:
+    """Independent coordinates of a robot.
 
     Attributes:
-        basis: Psi, shape (T, n, m), and the drift of x_ddot, shape (T, n), on the tree after the cuts.
-        E: The same map for the module's spanning tree, shape (T, nv, m): a block of dq/du.
-        E_drift: Accelerations of the spanning tree at u_dot = 0, shape (T, nv).
+        joints: The joints, in the order of u; a floating base's root joint is the first.
+        columns: Entries of v that u consists of, shape (N,).
+        own: For each module its entries of u, shape (m,).
+        freedoms: For each module the freedoms of its spanning tree that they are, shape (m,).
+        chosen: Whether the caller chose the joints; else they are the motors.
+        mend: What messages advise where the joints do not fit.
     """
 
-    basis: Basis
+    joints: tuple[str, ...]
+    columns: Index
+    own: tuple[Index, ...]
+    freedoms: tuple[Index, ...]
+    chosen: bool
+    mend: str = "Name the independent joints with joints=[...]"
+
+    @property
+    def size(self) -> int:
+        """Number of independent coordinates."""
+        return len(self.columns)
+
+    @property
+    def words(self) -> str:
+        """What messages call the joints."""
+        return "chosen joints" if self.chosen else "motors"
+
+    def check_count(self, module: Module, count: int) -> None:
+        """Refuse more coordinates than a module has freedoms.
+
+        Raises:
+            SingularityError: Naming the module.
+        """
+        if count > module.mobility:
+            self._refuse(module, count, "cannot be independent")
+
+    def refuse_idle(self, robot: HybridRobot, what: str) -> None:
+        """Refuse to leave idle motions open: their least-norm rates integrate to no position.
+
+        Args:
+            what: What is not defined then.
+
+        Raises:
+            SingularityError: Naming the module.
+        """
+        for module, own in zip(robot.modules, self.own, strict=True):
+            if len(own) < module.mobility:
+                self._refuse(module, len(own), f"leave idle motions open, and {what} is not defined")
+
+    def _refuse(self, module: Module, count: int, why: str) -> None:
+        raise SingularityError(
+            f"module '{module.name}': {count} {self.words} for {counted(module.mobility, 'freedom')} {why}. "
+            f"{self.mend}, {module.mobility} in this module",
+            module=module.name,
+            what="independent coordinates",
+            condition=np.inf,
+        )
+
+
+def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) -> Coordinates:
+    """Return the independent coordinates of a robot.
+
+    Args:
+        joints: Names of joints with one freedom each, as many in each module as it has freedoms; the motors
+            where left out.
+
+    Raises:
+        TrajectoryError: A joint is unknown, named twice, or has several freedoms.
+        SingularityError: A module has more of these joints than freedoms.
+    """
+    names = tuple(robot.motors if joints is None else joints)
+    names = tuple(name for name in names if name != ROOT_JOINT or robot.base != "floating")
+    check_joints(robot, names)
+    if robot.base == "floating":
+        names = (ROOT_JOINT, *names)
+    out = located(robot, names, chosen=joints is not None)
+    for module, entries in zip(robot.modules, out.own, strict=True):
+        out.check_count(module, len(entries))
+    return out
+
+
+def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> Coordinates:
+    """Return where joints lie in v and in the modules.
+
+    Args:
+        names: Known joints.
+        chosen: Whether the caller chose them.
+    """
+    slices = [robot.v_slices[robot.joint_index[name]] for name in names]
+    columns = np.array([c for at in slices for c in range(at.start, at.stop)], dtype=int)
+    entry = {int(column): i for i, column in enumerate(columns)}
+    own, freedoms = [], []
+    for module in robot.modules:
+        held = sorted((entry[int(c)], i) for i, c in enumerate(module.v_index) if int(c) in entry)
+        own.append(np.array([i for i, _ in held], dtype=int))
+        freedoms.append(np.array([i for _, i in held], dtype=int))
+    return Coordinates(names, columns, tuple(own), tuple(freedoms), chosen)
+
+
+def check_joints(robot: HybridRobot, names: Sequence[str]) -> None:
+    """Refuse joints that cannot be coordinates.
+
+    Raises:
+        TrajectoryError: One is unknown, named twice, or has several freedoms.
+    """
+    for name in names:
+        _check_joint(robot, name, names)
+
+
+def _check_joint(robot: HybridRobot, name: str, names: Sequence[str]) -> None:
+    """Refuse a joint that cannot be one coordinate."""
+    if name not in robot.joint_index:
+        raise TrajectoryError(f"joints: unknown joint '{name}'{did_you_mean(name, robot.joint_index)}")
+    if list(names).count(name) > 1:
+        raise TrajectoryError(f"joints: '{name}' is named twice")
+    kind = robot.kinds[robot.joint_index[name]]
+    if NV[kind] > 1:
+        raise TrajectoryError(
+            f"joints: '{name}' is {kind} and has {NV[kind]} freedoms; independent coordinates are joints "
+            "with one freedom each"
+        )
+
+
+class Motions(NamedTuple):
+    """Motions of a robot over its independent coordinates.
+
+    Attributes:
+        bases: Of each module Psi, shape (T, n, m), and the drift of x_ddot, shape (T, n), on the tree after
+            the cuts.
+        E: The same map for the spanning tree, dq/du, shape (T, nv, N); blocks of modules.
+        drift: Accelerations of the spanning tree at u_dot = 0, shape (T, nv).
+    """
+
+    bases: list[Basis]
     E: Array
-    E_drift: Array
+    drift: Array
 
 
 def independent_motions(
-    states: list[ModuleState], q: Array, v: Array | None, u: Coordinates
-) -> list[ModuleMotions]:
-    """Compute the motions of every module over its independent coordinates.
+    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array | None, u: Coordinates
+) -> Motions:
+    """Compute the motions of a robot over its independent coordinates.
 
     Args:
         states: States of its modules.
         q: Positions, shape (T, nq).
         v: Rates that the states have, shape (T, nv); None where no drift is needed.
+        u: The coordinates.
 
     Raises:
         SingularityError: Closures lose rank, or the coordinates are not independent at a sample.
     """
-    return [module_motions(s, q, v, freedoms, u) for s, freedoms in zip(states, u.freedoms, strict=True)]
+    out = Motions([], np.zeros((len(q), robot.nv, u.size)), np.zeros((len(q), robot.nv)))
+    for s, own, freedoms in zip(states, u.own, u.freedoms, strict=True):
+        basis, E, drift = module_motions(s, q, v, freedoms, u)
+        out.bases.append(basis)
+        out.E[:, s.module.v_index[:, None], own], out.drift[:, s.module.v_index] = E, drift
+    return out
 
 
 def module_motions(
     s: ModuleState, q: Array, v: Array | None, freedoms: Index, u: Coordinates
-) -> ModuleMotions:
+) -> tuple[Basis, Array, Array]:
     """Compute the motions of one module, whose independent coordinates are some freedoms of its tree.
 
     Args:
@@ -69,33 +205,34 @@ def module_motions(
         freedoms: The freedoms of the module's spanning tree, shape (m,).
         u: The independent coordinates, for messages.
 
+    Returns:
+        The basis on the tree after the cuts; E, shape (T, nv, m), and the drift, shape (T, nv), on the
+        spanning tree.
+
     Raises:
         SingularityError: As `independent_motions`.
     """
     module, m = s.module, s.mechanism
-    gamma = None if v is None else m.closures.rates(m.tree.sweep(s.q, s.v), s.v)[1]
-    basis = m.basis(s.K, gamma)
+    basis = m.basis(s.K, None if v is None else m.closures.rates(m.tree.sweep(s.q, s.v), s.v)[1])
     check_closure_rank(module, basis)
     unit = m.reduction.col_scale
     Q = np.linalg.qr(basis.Psi / unit[:, None])[0]
-    P, Z = _right_inverse(s, spanning_rates(s, Q * unit[:, None]), freedoms, u)
-    if Z.shape[2]:
-        _refuse_open_motions(s, np.matmul(Q, Z), u)
+    P, idle = _right_inverse(s, Q, freedoms, u)
     Psi = np.matmul(Q, P) * unit[:, None]
-    E = spanning_rates(s, Psi)
-    if v is None:
-        return ModuleMotions(Basis(Psi, np.zeros_like(basis.drift), basis.pivot), E, np.zeros(E.shape[:2]))
-    idle, drift = np.matmul(Q, Z), basis.drift / unit
-    drift = (drift - np.einsum("tij,tkj,tk->ti", idle, idle, drift, optimize=True)) * unit
-    E_drift = s.spanning_accelerations(q, v, drift)
-    miss = E_drift[:, freedoms].copy()
-    drift = drift - np.einsum("tij,tj->ti", Psi, miss)
-    E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
-    E_drift[:, freedoms] = 0.0
-    return ModuleMotions(Basis(Psi, drift, basis.pivot), E, E_drift)
+    E = _spanning_rates(s, Psi)
+    drift, E_drift = np.zeros_like(basis.drift), np.zeros(E.shape[:2])
+    if v is not None:
+        drift = basis.drift / unit
+        drift = (drift - np.einsum("tij,tkj,tk->ti", idle, idle, drift, optimize=True)) * unit
+        E_drift = s.spanning_accelerations(q, v, drift)
+        miss = E_drift[:, freedoms].copy()
+        drift = drift - np.einsum("tij,tj->ti", Psi, miss)
+        E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
+        E_drift[:, freedoms] = 0.0
+    return Basis(Psi, drift, basis.pivot), E, E_drift
 
 
-def spanning_rates(s: ModuleState, X: Array) -> Array:
+def _spanning_rates(s: ModuleState, X: Array) -> Array:
     """Compute rates of a module's spanning tree from those of its tree after the cuts.
 
     Args:
@@ -113,78 +250,51 @@ def spanning_rates(s: ModuleState, X: Array) -> Array:
     return out
 
 
-def _right_inverse(s: ModuleState, rates: Array, freedoms: Index, u: Coordinates) -> tuple[Array, Array]:
-    """Compute P with S Q P = 1 of least norm, and Z, an orthonormal basis of what S Q does not see.
+def _right_inverse(s: ModuleState, Q: Array, freedoms: Index, u: Coordinates) -> tuple[Array, Array]:
+    """Compute P with S Q P = 1 of least norm, and the motions that S does not see, by an SVD of S Q.
 
     Args:
         s: State of the module.
-        rates: Rates of the spanning tree along orthonormal motions Q, shape (T, nv, N).
+        Q: Its motions, orthonormal in scaled coordinates, shape (T, n, N).
         freedoms: The chosen freedoms of the spanning tree, shape (m,).
+        u: The independent coordinates, for messages.
 
     Returns:
-        Shapes (T, N, m) and (T, N, N - m).
+        P, shape (T, N, m), and these motions, orthonormal, shape (T, n, N - m).
 
     Raises:
-        SingularityError: S Q has not full rank at a sample (`SINGULAR_MOTOR_MAP`, scaled coordinates).
+        SingularityError: S Q has not full rank at a sample (`SINGULAR_MOTOR_MAP`, scaled coordinates), or
+            motions that S does not see are not idle.
     """
-    unit = s.mechanism.spanning_col_scale[freedoms]
-    S = rates[:, freedoms] / unit[:, None]
-    T, m, N = S.shape
-    right = np.broadcast_to(np.eye(N), (T, N, N))
-    R, order = pivoted_qr(np.concatenate([np.swapaxes(S, 1, 2), right], axis=2), m, m)
-    suspect = np.flatnonzero(pivot_ratio(R, m) < SINGULAR_MOTOR_MAP * max(m, 1))
-    if len(suspect):
-        _refuse_dependent(s.module, S[suspect], suspect, freedoms, u)
-    P = np.empty((T, m, N))
-    np.put_along_axis(P, order[:, :, None], back_substitute(R[:, :m, :m], R[:, :m, m:]), axis=1)
-    return np.swapaxes(P, 1, 2) / unit, np.swapaxes(R[:, m:, m:], 1, 2)
+    module, m = s.module, s.mechanism
+    unit, count = m.spanning_col_scale[freedoms], len(freedoms)
+    rates = _spanning_rates(s, Q * m.reduction.col_scale[:, None])
+    U, size, Vt = np.linalg.svd(rates[:, freedoms] / unit[:, None])
+    words = {"joints": u.words, "what": u.words.split()[-1], "kind": "joint" if u.chosen else "motor"}
 
+    def lost(t: int) -> dict[str, Any]:
+        """Name the joint that loses most."""
+        worst = int(freedoms[int(np.argmax(np.abs(U[t, :, -1])))])
+        return words | {
+            "reason": "they are not independent" if u.chosen else "parallel singularity",
+            "worst": module.joints[next(i for i, at in enumerate(m.spanning.v_slices) if worst < at.stop)],
+            "advice": "choose other joints with joints=[...]",
+        }
 
-def _refuse_dependent(module: Module, S: Array, samples: Index, freedoms: Index, u: Coordinates) -> None:
-    """Refuse samples at which the coordinates are not independent.
+    if count:
+        check(LOST_MOTORS, module, np.where(size[:, 0] > 0, size[:, 0], 1.0), size[:, -1], lost)
+    idle = np.matmul(Q, np.swapaxes(Vt[:, count:], 1, 2))
 
-    S are their scaled rates along orthonormal motions, shape (samples, m, N).
-    """
-    U, sizes, _ = np.linalg.svd(S, full_matrices=False)
-    lost = np.flatnonzero(sizes[:, -1] <= SINGULAR_MOTOR_MAP * sizes[:, 0])
-    if not len(lost):
-        return
-    t = int(lost[0])
-    condition = float(sizes[t, 0] / sizes[t, -1]) if sizes[t, -1] > 0 else np.inf
-    slices = module.mechanism.spanning.v_slices
-    worst = int(freedoms[int(np.argmax(np.abs(U[t, :, -1])))])
-    joint = next(name for name, at in zip(module.joints, slices, strict=True) if at.start <= worst < at.stop)
-    raise SingularityError(
-        f"module '{module.name}': its {u.words} lose a direction{AT_SAMPLE} ("
-        + ("they are not independent" if u.chosen else "parallel singularity")
-        + f"; condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; "
-        f"{'joint' if u.chosen else 'motor'} '{joint}' is affected most). Move the trajectory away from it, "
-        "or choose other joints with joints=[...]",
-        module=module.name,
-        what="joints" if u.chosen else "motors",
-        condition=condition,
-        sample=int(samples[t]),
-    )
+    def left_open(t: int) -> dict[str, Any]:
+        """Name the freedom that moves most."""
+        return {
+            "what": "independent coordinates", "joints": f"{count} {u.words}",
+            "freedoms": counted(module.mobility, "freedom"), "condition": np.inf,
+            "freedom": module.freedom_names()[int(np.argmax(np.abs(idle[t]).max(axis=1)))],
+            "advice": f"{u.mend}, {module.mobility} in this module",
+        }  # fmt: skip
 
-
-def _refuse_open_motions(s: ModuleState, motions: Array, u: Coordinates) -> None:
-    """Refuse motions that the coordinates do not determine, scaled, shape (T, n, k), and that are not idle.
-
-    Raises:
-        SingularityError: Naming the freedom that moves most.
-    """
-    module = s.module
-    open_at = np.flatnonzero(~are_idle(module, motions, s.motion))
-    if not len(open_at):
-        return
-    t = int(open_at[0])
-    freedom = module.freedom_names()[int(np.argmax(np.abs(motions[t]).max(axis=1)))]
-    raise SingularityError(
-        f"module '{module.name}': {module.mobility - motions.shape[2]} {u.words} for "
-        f"{counted(module.mobility, 'freedom')} leave the motion of {freedom} open{AT_SAMPLE}. "
-        f"{u.mend}, {module.mobility} in this module",
-        module=module.name,
-        what="independent coordinates",
-        condition=np.inf,
-        sample=t,
-    )
+    if idle.shape[2]:
+        check(OPEN_MOTIONS, module, np.where(are_idle(module, idle, s.motion), 0.0, 1.0), 0.0, left_open)
+    P = np.matmul(np.swapaxes(Vt[:, :count], 1, 2) / size[:, None], np.swapaxes(U, 1, 2)) / unit
+    return P, idle

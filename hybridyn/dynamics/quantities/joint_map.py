@@ -21,11 +21,9 @@ from numpy.typing import ArrayLike
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
-from .coordinates import Coordinates, check_count, check_joints, located
-from .independent import module_motions
-from .polar import polar_form
+from .engine import closed_states, polar_form
+from .independent import Coordinates, check_joints, located, module_motions
 from .posture import holding, modules_of, positions_of, posture_at
-from .states import closed_states
 
 #: Computes dv/d(side), shape (T, nv, N), and the accelerations at rest of that side, shape (T, nv), at
 #: positions (T, nq) and rates (T, nv); without rates the accelerations are zero.
@@ -190,7 +188,7 @@ def related(
     driven = replace(located(robot, motors, chosen=False), mend="Load the robot with motors=[...]")
     for side in (outputs, driven):
         for k in modules:
-            check_count(robot.modules[k], len(side.own[k]), side)
+            side.check_count(robot.modules[k], len(side.own[k]))
     H = motions(q, None, outputs)[0][:, driven.columns]
     G = motions(q, None, driven)[0][:, outputs.columns]
     arrays = q, positions_of(robot, q, names), positions_of(robot, q, motors), H, G
@@ -213,8 +211,8 @@ def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinate
     E, drift = np.zeros((len(q), robot.nv, side.size)), np.zeros((len(q), robot.nv))
     for s, own, freedoms in zip(closed_states(robot, q, v), side.own, side.freedoms, strict=True):
         if len(own):
-            found = module_motions(s, q, v, freedoms, side)
-            E[:, s.module.v_index[:, None], own], drift[:, s.module.v_index] = found.E, found.E_drift
+            _, block, drift[:, s.module.v_index] = module_motions(s, q, v, freedoms, side)
+            E[:, s.module.v_index[:, None], own] = block
     return E, drift
 
 

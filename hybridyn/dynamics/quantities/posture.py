@@ -17,7 +17,7 @@ from ...spatial import Array
 from ...structure.building import build_robot
 from ...structure.module import Module
 from ...structure.robot import HybridRobot, joint_position
-from .coordinates import check_joints
+from .independent import check_joints
 
 
 def modules_of(robot: HybridRobot, joints: Sequence[str]) -> list[int]:

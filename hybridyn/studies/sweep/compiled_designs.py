@@ -17,7 +17,7 @@ import numpy as np
 from ...compiled.compiling import compile
 from ...compiled.programs.designs import DesignsInSlots
 from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
-from ...dynamics.natural_sizes import NaturalSizes, natural_force
+from ...dynamics.state_checks import NaturalSizes, natural_force
 from ...effects import choose
 from ...errors import HybridynError, ModelError
 from ...spatial import Array, Index

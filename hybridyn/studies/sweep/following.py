@@ -141,7 +141,7 @@ def _efforts(robot: HybridRobot, layout: Layout, block: Postures, how: Follower)
             passive=how.passive,
             effects=how.effects,
             time=block.motion.time,
-        ).tau
+        ).values
     return tau
 
 

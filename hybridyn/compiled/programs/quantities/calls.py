@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike
 
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
-from ....dynamics.quantities.bias import bias, coriolis, gravity
-from ....dynamics.quantities.coordinates import Coordinates, independent_coordinates
-from ....dynamics.quantities.coriolis_matrix import coriolis_matrix
-from ....dynamics.quantities.mass_matrix import mass_matrix
-from ....dynamics.quantities.motion_map import motion_map, rate_of_map, refuse_idle
-from ....dynamics.quantities.states import checked_state
+from ....dynamics.quantities.engine import rate_of_map
+from ....dynamics.quantities.independent import Coordinates, independent_coordinates
+from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
+from ....dynamics.state_checks import checked_state
 from ....effects.choice import Effects
 from ....effects.joint_laws import Spring, Stop
 from ....errors import HybridynError
@@ -242,7 +240,7 @@ class Quantities:
 def _map_and_rate(moves: Following, q: Array, v: Array, limit: float) -> Computed:
     """Compute dq/du and its rate side by side, shape (T, nv, 2 N), and which samples can be trusted."""
     robot, u = moves.robot, moves.u
-    refuse_idle(robot, u, "the rate of dq/du")
+    u.refuse_idle(robot, "the rate of dq/du")
     E, good = moves.map(q)
     base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
     off = np.abs((np.einsum("tij,tj->ti", E, v[:, u.columns]) + base - v) / robot.unit).max(

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....dynamics.quantities.coordinates import Coordinates
+from ....dynamics.quantities.engine import blocks
+from ....dynamics.quantities.independent import Coordinates
 from ....dynamics.quantities.joint_map import side_motions
-from ....dynamics.quantities.motion_map import blocks
 from ....errors import CompileError, HybridynError
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot

@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ....dynamics.guards import IMMOVABLE
 from ....dynamics.link_motion import LinkMotion, motions_of, named_links
-from ....dynamics.quantities.coordinates import Coordinates
+from ....dynamics.quantities.independent import Coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
-from ....dynamics.quantities.link_jacobian import link_jacobian
-from ....dynamics.quantities.operational_inertia import IMMOVABLE, delassus, inverse_of, operational_inertia
-from ....dynamics.quantities.states import checked_state
+from ....dynamics.quantities.links import delassus, inverse_of, link_jacobian, operational_inertia
+from ....dynamics.state_checks import checked_state
 from ....errors import SingularityError
 from ....spatial import Array
 from ....structure.samples import one_of

@@ -1,7 +1,8 @@
-"""What links feel like through the loops: J M^-1 J^T over wrenches on them (Delassus), and its inverse.
+"""What links are and feel like through the loops: Jacobians J, J M^-1 J^T (Delassus), and its inverse.
 
-The direct model at rest, under unit wrenches and nothing else, gives the columns, each linear in the modules;
-M is never formed. All motions of the robot count, also those that no motor drives.
+The columns of J are the links' twists along those of dq/du. The direct model at rest, under unit wrenches and
+nothing else, gives the columns of the Delassus matrix, each linear in the modules; M is never formed. All
+motions of the robot count, also those that no motor drives.
 """
 
 from __future__ import annotations
@@ -11,21 +12,54 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...effects.choice import Choice, Effects
-from ...errors import AT_SAMPLE, SingularityError
-from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ...effects.choice import Choice
 from ...linkage.tree import Motion
-from ...spatial import Array, Index, rotate_back
+from ...spatial import Array, rotate_back
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
+from ..guards import FIXED_LINKS, IMMOVABLE, check
 from ..link_motion import link_motions, named_links
-from .bias import chosen_effects
+from .engine import Engine, by_columns, chosen_effects
 
-#: Links whose Delassus matrix has a smaller reciprocal condition cannot be moved in some direction.
-IMMOVABLE = 1e-10
 #: Effects that inertia is made of.
 INERTIAL = ("inertia", "leg_inertia", "rotor_inertia")
+
+
+def link_jacobian(
+    robot: HybridRobot, q: ArrayLike, link: str, *, joints: Sequence[str] | None = None, axes: str = "world"
+) -> Array:
+    """Compute the Jacobian J of a link or platform: its twist is J u, plus that due to a moving base.
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        link: Name of the link. It may also be a massless link inside a wrist.
+        joints: Independent joints u, in each module as many as its degrees of freedom; the motors by default.
+            The twist of a floating base comes first in u.
+        axes: "world": velocity of the link's origin and angular velocity in world axes, as in `kinematics`;
+            "link": the same in the link's own axes.
+
+    Returns:
+        Shape (6, N) or (T, 6, N).
+
+    Raises:
+        AssemblyError: The posture does not close the loops.
+        SingularityError: Closures lose rank, or the joints are not independent.
+        TrajectoryError: A link is unknown, an array has the wrong shape or is not finite, or a joint cannot
+            be a coordinate.
+    """
+    engine = Engine.of(robot, joints)
+    named_links(robot, [link])
+    one_of("axes", axes, "world", "link")
+    q, single = as_positions(robot, q)
+
+    def twist(x: Array, rates: Array) -> Array:
+        """Compute the twist of the link."""
+        return _twist(link_motions(robot, x, rates, [link])[link], axes)
+
+    J = by_columns(twist, q, engine.motions(q)[1].E)
+    return J[0] if single else J
 
 
 def delassus(
@@ -61,14 +95,22 @@ def delassus(
     one_of("axes", axes, "world", "link")
     on = chosen_effects(robot, effects).only(INERTIAL)
     q, single = as_positions(robot, q)
-    T, rows = len(q), 6 * len(names)
-    try:
-        twists = _pushed(robot, q, names, axes, on, np.arange(rows))
-    except SingularityError as error:
-        if error.sample is not None:
-            error.sample %= T  # one of the batch, each of which is pushed `rows` times
-        raise
-    out = np.swapaxes(twists.reshape(rows, T, rows), 0, 1)
+
+    def pushed(x: Array, W: Array) -> Array:
+        """Compute the accelerations of the links from rest under wrenches, shapes (S, 6 k)."""
+        rest = np.zeros((len(x), robot.nv))
+        placed = link_motions(robot, x, rest, names)
+        wrenches = {name: np.zeros((len(x), 6)) for name in names}
+        for i, name in enumerate(names):
+            own = W[:, 6 * i : 6 * i + 6]
+            wrenches[name] += _in_link(placed[name], own) if axes == "world" else own
+        still = np.zeros((len(x), len(robot.motors)))
+        a = direct_model(robot, x, rest, still, wrenches=wrenches, effects=on).values
+        moved = link_motions(robot, x, a, names)
+        return np.concatenate([_twist(moved[name], axes) for name in names], axis=1)
+
+    rows = 6 * len(names)
+    out = by_columns(pushed, q, np.broadcast_to(np.eye(rows), (len(q), rows, rows)))
     out = (out + np.swapaxes(out, 1, 2)) / 2
     return out[0] if single else out
 
@@ -104,7 +146,7 @@ def operational_inertia(
 def inverse_of(
     robot: HybridRobot, D: Array, links: str | Sequence[str], immovable: float = IMMOVABLE
 ) -> Array:
-    """Compute the inverses of Delassus matrices by QR with column pivoting.
+    """Compute the inverses of Delassus matrices from their eigenvalues.
 
     Args:
         D: The matrices of some links, shape (T, 6 k, 6 k).
@@ -114,52 +156,14 @@ def inverse_of(
     Raises:
         SingularityError: The links cannot be moved in every direction.
     """
-    rows = D.shape[1]
-    unit = np.tile([robot.bodies.size] * 3 + [1.0] * 3, rows // 6)
-    right = np.broadcast_to(np.eye(rows), D.shape)
-    R, order = pivoted_qr(np.concatenate([D / unit[:, None] / unit, right], axis=2), rows, rows)
-    lost = np.flatnonzero(pivot_ratio(R, rows) < immovable)
-    if len(lost):
-        t = int(lost[0])
-        ratio = float(pivot_ratio(R[t : t + 1], rows)[0])
-        condition = 1 / ratio if ratio > 0 else np.inf
-        names = links if isinstance(links, str) else ", ".join(links)
-        raise SingularityError(
-            f"links {names}: they cannot be moved in every direction{AT_SAMPLE} (condition number "
-            f"{condition:.1e}, limit {1 / immovable:.0e}), and have no operational-space inertia. Take "
-            "hybridyn.delassus, its inverse, which always exists",
-            what="operational inertia",
-            condition=condition,
-            sample=t,
-        )
-    out = np.empty_like(D)
-    np.put_along_axis(out, order[:, :, None], back_substitute(R[:, :, :rows], R[:, :, rows:]), axis=1)
+    unit = np.tile([robot.bodies.size] * 3 + [1.0] * 3, D.shape[1] // 6)
+    size, axes = np.linalg.eigh(D / unit[:, None] / unit)
+    words = {"what": "operational inertia", "links": links if isinstance(links, str) else ", ".join(links)}
+    limited = FIXED_LINKS._replace(limit=1 / immovable)
+    check(limited, None, np.where(size[:, -1] > 0, size[:, -1], 1.0), size[:, 0], lambda t: words)
+    out = np.matmul(axes / size[:, None], np.swapaxes(axes, 1, 2))
     inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
     return inertia
-
-
-def _pushed(
-    robot: HybridRobot, q: Array, names: list[str], axes: str, on: Effects, directions: Index
-) -> Array:
-    """Compute the accelerations of k links per unit wrench in some of their 6 k directions, from rest.
-
-    Returns:
-        Shape (directions T, 6 k), the samples of the first direction first.
-
-    Raises:
-        HybridynError: As the direct model raises; its samples are the rows of the result.
-    """
-    many = np.tile(q, (len(directions), 1))
-    rest = np.zeros((len(many), robot.nv))
-    units = np.repeat(np.eye(6 * len(names))[directions].reshape(-1, len(names), 6), len(q), axis=0)
-    placed = link_motions(robot, many, rest, names)
-    wrenches = {name: np.zeros((len(many), 6)) for name in names}
-    for i, name in enumerate(names):
-        wrenches[name] += _in_link(placed[name], units[:, i]) if axes == "world" else units[:, i]
-    still = np.zeros((len(many), len(robot.motors)))
-    a = direct_model(robot, many, rest, still, wrenches=wrenches, effects=on).a
-    moved = link_motions(robot, many, a, names)
-    return np.concatenate([_twist(moved[name], axes) for name in names], axis=1)
 
 
 def _in_link(motion: Motion, W: Array) -> Array:

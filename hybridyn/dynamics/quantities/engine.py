@@ -1,0 +1,286 @@
+"""A closed robot over independent coordinates u: what every quantity is computed from, at many states.
+
+    v = E u,  a = E u_dot + drift                the motions that the loops allow
+    tau = M u_dot + c + g                        forces along u, by the recursion of the inverse model
+
+Forces at u_dot = 0 are one pass of Eqs. (30)-(32) at the accelerations `drift`; Q along u is the result.
+M is composed of composite inertias: that of an output is its own and that of all modules on it, their motions
+held. With a_o, Psi and X of the direct model (`direct_recursion`) and D, A of the legs (Eqs. (63)-(75)):
+
+    M_kk = Psi^T A Psi + sum_o a_o^T Ic_o a_o                      Eq. (43) with composite inertias
+    F_k  = Psi^T D + sum_o a_o^T Ic_o X_o                          Eq. (42): the base wrench, transposed
+    M_kj = F a_o of every module j below, and F <- F X_o           Featherstone's CRBA, module by module
+    Ic   of the base += S1 + sum_o X_o^T Ic_o X_o
+
+What is quadratic in the rates has the polar form f(v, w) = (f(v + w) - f(v - w)) / 4, exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...effects.choice import Choice, Effects, choose
+from ...errors import ModelError, SingularityError
+from ...linkage.joints import NV
+from ...spatial import Array, Index, crm, motion_matrix
+from ...structure.module import ModuleState
+from ...structure.robot import HybridRobot
+from ..forward import forward
+from ..inertia_solve import congruence
+from ..inverse_recursion import needed_forces
+from ..loads import Loads, all_loads
+from ..state_checks import check_closed
+from .independent import Coordinates, Motions, independent_coordinates, independent_motions
+
+#: Samples in one pass of a recursion for many columns.
+AT_ONCE = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Engine:
+    """Motions and forces of a robot over independent coordinates.
+
+    Attributes:
+        robot: The robot.
+        u: Its independent coordinates.
+        on: Effects that are computed.
+    """
+
+    robot: HybridRobot
+    u: Coordinates
+    on: Effects
+
+    @classmethod
+    def of(cls, robot: HybridRobot, joints: Sequence[str] | None, effects: Choice = None) -> Engine:
+        """Build the engine for the joints and the effects of a call.
+
+        Raises:
+            ModelError: Effects are unknown, without numbers, or prescribe the base's motion.
+            TrajectoryError, SingularityError: As `independent_coordinates`.
+        """
+        return cls(robot, independent_coordinates(robot, joints), chosen_effects(robot, effects))
+
+    def only(self, *effects: str) -> Engine:
+        """Return the engine restricted to some effects."""
+        return Engine(self.robot, self.u, self.on.only(effects))
+
+    def motions(self, q: Array, v: Array | None = None) -> tuple[list[ModuleState], Motions]:
+        """Compute the states of the modules, without weights and accelerations, and their motions over u.
+
+        Args:
+            q: Positions, shape (T, nq).
+            v: Rates, shape (T, nv), or None for zero and no drift.
+
+        Raises:
+            AssemblyError: Positions or rates do not close the loops.
+            SingularityError: Closures lose rank, or the coordinates are not independent at a sample.
+        """
+        states = closed_states(self.robot, q, v)
+        return states, independent_motions(self.robot, states, q, v, self.u)
+
+    def drift(self, q: Array, v: Array) -> Array:
+        """Compute the accelerations of the spanning tree at u_dot = 0, shape (T, nv)."""
+        states = forward(self.robot, q, v, None, None)
+        return independent_motions(self.robot, states, q, v, self.u).drift
+
+    def forces_at_rest(
+        self, q: Array, v: Array, time: Array | None = None, base: Array | None = None
+    ) -> Array:
+        """Compute the generalised force along u at u_dot = 0, shape (T, N), [N or N m].
+
+        Args:
+            q: Positions, shape (T, nq).
+            v: Rates, shape (T, nv).
+            time: Times, shape (T,), [s], or None.
+            base: Acceleration of a prescribed base, shape (T, 6), or None for zero.
+        """
+        robot, on = self.robot, self.on
+        loads = all_loads(robot, on, q, v, time, None)
+        v = v if on.inertia else np.zeros_like(v)
+        bases, _, a = self.motions(q, v)[1]
+        if base is not None:
+            a[:, :6] = base
+        states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+        out = np.zeros((len(q), self.u.size))
+        for k, needed in needed_forces(states, loads, lambda k: bases[k]):
+            out[:, self.u.own[k]] = needed.Q
+        return out
+
+    def mass(self, q: Array) -> Array:
+        """Compute the mass matrix by composite inertias, the outermost modules first, shape (T, N, N)."""
+        states, motions = self.motions(q)
+        loads = Loads([], np.zeros((len(q), 6)), self.on, None, self.on.rotor_diagonal(self.robot))
+        Ic = [np.tile(s.mechanism.inertias, (len(q), 1, 1, 1)) for s in states]
+        outputs = [_output_maps(s, basis.Psi) for s, basis in zip(states, motions.bases, strict=True)]
+        M = np.zeros((len(q), self.u.size, self.u.size))
+        for k in reversed(range(len(states))):
+            Psi, own, legs = motions.bases[k].Psi, self.u.own[k], loads.leg_matrix(states[k])
+            H = congruence(Psi, legs[:, 6:, 6:])
+            F = np.matmul(np.swapaxes(Psi, 1, 2), legs[:, 6:, :6])
+            handed = legs[:, :6, :6]
+            for (a_map, X), inertia in zip(outputs[k], np.swapaxes(Ic[k], 0, 1), strict=True):
+                carried = np.matmul(np.swapaxes(a_map, 1, 2), inertia)
+                H, F = H + np.matmul(carried, a_map), F + np.matmul(carried, X)
+                handed = handed + congruence(X, inertia)
+            M[:, own[:, None], own] = (H + np.swapaxes(H, 1, 2)) / 2
+            j, o = states[k].module.parent, states[k].module.parent_output
+            if j >= 0:
+                Ic[j][:, o] += handed
+            while j >= 0:
+                a_map, X = outputs[j][o]
+                block, below = np.matmul(F, a_map), self.u.own[j]
+                M[:, own[:, None], below] = block
+                M[:, below[:, None], own] = np.swapaxes(block, 1, 2)
+                F = np.matmul(F, X)
+                j, o = states[j].module.parent, states[j].module.parent_output
+        return M
+
+
+def chosen_effects(robot: HybridRobot, effects: Choice) -> Effects:
+    """Return the effects of a call.
+
+    Raises:
+        ModelError: They are unknown, without numbers, or prescribe the base's motion.
+    """
+    on = choose(robot, effects)
+    if on.base is not None:
+        raise ModelError(
+            f"the effect '{on.base.name}' prescribes the base; here its motion is that of q, v and "
+            "base_acceleration",
+            element=on.base.name,
+        )
+    return on
+
+
+def closed_states(robot: HybridRobot, q: Array, v: Array | None) -> list[ModuleState]:
+    """Compute the states of the modules, without weights and accelerations.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv), or None for zero.
+
+    Raises:
+        AssemblyError: Positions or rates do not close the loops.
+    """
+    rates = np.zeros((len(q), robot.nv)) if v is None else v
+    states = forward(robot, q, rates, None, None)
+    check_closed(robot, states, q, rates)
+    return states
+
+
+def by_columns(f: Callable[[Array, Array], Array], q: Array, X: Array) -> Array:
+    """Compute a function of positions and of one column, for each column of X, in parts of bounded memory.
+
+    Args:
+        f: The function of samples (S, nq) and columns (S, n), with results of shape (S, k).
+        q: Positions, shape (T, nq).
+        X: Columns, shape (T, n, c).
+
+    Returns:
+        Shape (T, k, c).
+
+    Raises:
+        SingularityError: As f raises, with the number of the sample among the T.
+    """
+    parts, at_once = [], max(1, AT_ONCE // max(len(q), 1))
+    for first in range(0, max(X.shape[2], 1), at_once):
+        some = np.swapaxes(X[:, :, first : first + at_once], 1, 2)
+        count = some.shape[1]
+        try:
+            values = f(np.repeat(q, count, axis=0), some.reshape(-1, X.shape[1]))
+        except SingularityError as error:
+            if error.sample is not None:
+                error.sample //= count
+            raise
+        parts.append(values.reshape(len(q), count, values.shape[1]))
+    return np.swapaxes(np.concatenate(parts, axis=1), 1, 2)
+
+
+def polar_form(robot: HybridRobot, f: Callable[[Array, Array], Array], q: Array, v: Array, E: Array) -> Array:
+    """Compute the polar form of a quadratic function of the rates, between v and each column of E.
+
+    Args:
+        f: The function of positions (S, nq) and rates (S, nv), with results of shape (S, k).
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        E: Columns of rates, shape (T, nv, c).
+
+    Returns:
+        Shape (T, k, c).
+    """
+    # Columns are scaled to the size of v, so that no digit is lost between them; as they are at rest.
+    speed = np.abs(v / robot.unit).max(axis=1, initial=0.0)[:, None]
+    size = np.abs(E / robot.unit[:, None]).max(axis=1, initial=0.0)
+    factor = np.where((speed > 0) & (size > 0), speed / np.where(size > 0, size, 1.0), 1.0)[:, None]
+
+    def difference(state: Array, w: Array) -> Array:
+        """Compute f(v + w) - f(v - w)."""
+        x, rates = state[:, : robot.nq], state[:, robot.nq :]
+        both = f(np.repeat(x, 2, axis=0), np.stack([rates + w, rates - w], axis=1).reshape(-1, robot.nv))
+        return both[::2] - both[1::2]
+
+    out: Array = by_columns(difference, np.concatenate([q, v], axis=1), E * factor) / (4 * factor)
+    return out
+
+
+def rate_of_map(
+    robot: HybridRobot, q: Array, v: Array, E: Array, u: Coordinates, drift: Callable[[Array, Array], Array]
+) -> Array:
+    """Compute E_dot by polarisation of the drift E_dot(v) u, which is quadratic in v, shape (T, nv, N).
+
+    The columns of u are derivatives of one posture by coordinates, so that d(E_j)/du_i and d(E_i)/du_j agree
+    on joints with one freedom; on the others, whose rates are twists, they differ by the Lie bracket. Modules
+    do not depend on each other: the columns of equal number of all modules are computed at once.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        E: dq/du, shape (T, nv, N).
+        drift: The drift at positions (S, nq) and rates (S, nv), shape (S, nv).
+    """
+    u.refuse_idle(robot, "the rate of dq/du")
+    if not u.size:
+        return np.zeros_like(E)
+    places = blocks(robot, u)
+    together = np.zeros((len(q), robot.nv, max(len(own) for _, own, _ in places)))
+    for index, own, at in places:
+        together[:, index, at] = E[:, index, own]
+    form = polar_form(robot, drift, q, v, together)
+    out = -_brackets(robot, v, E) / 2
+    for index, own, at in places:
+        out[:, index, own] += form[:, index, at]
+    return out
+
+
+def blocks(robot: HybridRobot, u: Coordinates) -> list[tuple[Index, Index, Index]]:
+    """Return where the blocks of dq/du are: of each module its rows, its columns, and their numbers in it."""
+    return [
+        (module.v_index[:, None], own, np.arange(len(own)))
+        for module, own in zip(robot.modules, u.own, strict=True)
+    ]
+
+
+def _brackets(robot: HybridRobot, v: Array, E: Array) -> Array:
+    """Compute the Lie brackets of the rates with the columns of E, joint by joint, shape (T, nv, N)."""
+    out = np.zeros_like(E)
+    for i, (kind, at) in enumerate(zip(robot.kinds, robot.v_slices, strict=True)):
+        if NV[kind] == 1 or (i == 0 and robot.base != "fixed"):
+            continue
+        S = {"spherical": [3, 4, 5], "planar": [0, 1, 5], "floating": list(range(6))}[kind]
+        V, U = np.zeros((len(v), 1, 6)), np.zeros((len(v), E.shape[2], 6))
+        V[..., 0, S] = v[:, at]
+        U[..., S] = np.swapaxes(E[:, at], 1, 2)
+        out[:, at] = np.swapaxes(crm(np.broadcast_to(V, U.shape), U)[..., S], 1, 2)
+    return out
+
+
+def _output_maps(s: ModuleState, Psi: Array) -> list[tuple[Array, Array]]:
+    """Compute a_o, shape (T, 6, m), and X_o, shape (T, 6, 6), of every output of a module, own frames."""
+    outputs = enumerate(s.mechanism.spec.outputs)
+    return [
+        (np.matmul(s.mechanism.jacobian(s.motion, body), Psi), motion_matrix(*s.placement(o)))
+        for o, body in outputs
+    ]
