@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import STANDARD, Choice, Effects, choose, times
+from ..effects.choice import Choice, Effects, choose, times
 from ..effects.links import Wrench
 from ..errors import TrajectoryError
+from ..linkage.tree import Motion
 from ..spatial import Array, cross, rotate, rotate_back
+from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_efforts
+from ..structure.samples import as_efforts, as_positions
 from .link_motion import body_motions, link_motions, observed_motions
 from .loads import gather_loads
 from .state_checks import checked_state
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +76,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
     """
     q, v, single = checked_state(robot, q, v)
     on = choose(robot, effects)
-    kinetic, potential = _masses_at(robot, on, q, v).energy(robot, on)
+    kinetic, potential = _of_bodies(robot, q, v, on)
     add_energy_of_laws(robot, q, v, on, kinetic, potential)
     return Energy(kinetic[0], potential[0]) if single else Energy(kinetic, potential)
 
@@ -86,6 +92,39 @@ def add_energy_of_laws(
     motions = observed_motions(robot, on, q, v)
     for link_law in on.links:
         potential += link_law.energy(motions)
+
+
+def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:
+    """Compute the kinetic and potential energy of the bodies, each of shape (T,)."""
+    import pinocchio as pin
+
+    model = effective_model(robot, on)
+    data = model.createData()
+    out = np.zeros((2, len(q)))
+    for t in range(len(q)):
+        pin.computeMechanicalEnergy(model, data, q[t], v[t])
+        out[:, t] = data.kinetic_energy if on.inertia is not None else 0.0, data.potential_energy
+    return out[0], out[1]
+
+
+def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
+    """Return the Pinocchio model without the weights or leg inertias that the effects leave out.
+
+    Callers must not change the model: it may be that of the robot.
+    """
+    import pinocchio as pin
+
+    if on.gravity is not None and on.leg_inertia is not None:
+        return robot.unchanged_model
+    model = pin.Model(robot.unchanged_model)
+    if on.gravity is None:
+        model.gravity.linear = np.zeros(3)
+    if on.leg_inertia is None:
+        legs = leg_bodies(robot)
+        for joint in robot.bodies.joints:
+            if joint.child in legs:
+                model.inertias[model.getJointId(joint.joint.name)] = pin.Inertia.Zero()
+    return model
 
 
 def power(
@@ -143,10 +182,13 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
         TrajectoryError: An array has the wrong shape or is not finite.
     """
     q, v, single = checked_state(robot, q, v)
-    masses = _masses_at(robot, STANDARD, q, v)
-    linear = masses.mass[:, None] * masses.velocity
-    arm = masses.centre - masses.mean(robot)[:, None]
-    out = np.concatenate([linear.sum(axis=1), (masses.spin + cross(arm, linear)).sum(axis=1)], axis=1)
+    centre = _centre(robot, q)
+    out = np.zeros((len(q), 6))
+    for body, m in _moving_bodies(robot, q, v):
+        arm = rotate(m.R, np.tile(body.com, (len(q), 1)))
+        linear = body.mass * (m.p_dot + cross(m.w, arm))
+        out[:, :3] += linear
+        out[:, 3:] += rotate(m.R, rotate_back(m.R, m.w) @ body.inertia) + cross(m.p + arm - centre, linear)
     return out[0] if single else out
 
 
@@ -160,82 +202,27 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
     """
-    q, v, single = checked_state(robot, q, None)
-    out = _masses_at(robot, STANDARD, q, v).mean(robot)
+    q, single = as_positions(robot, q)
+    out = _centre(robot, q)
     return out[0] if single else out
 
 
-@dataclass(frozen=True, eq=False)
-class Masses:
-    """Bodies that have mass and can move, at samples; vectors in world axes.
-
-    Attributes:
-        mass: Masses, shape (k,), [kg].
-        centre: Centres of mass, shape (T, k, 3), [m].
-        velocity: Their velocities, shape (T, k, 3), [m/s].
-        w: Angular velocities, shape (T, k, 3), [rad/s].
-        spin: Angular momenta about these centres, shape (T, k, 3), [kg m^2/s].
-    """
-
-    mass: Array
-    centre: Array
-    velocity: Array
-    w: Array
-    spin: Array
-
-    def energy(self, robot: HybridRobot, on: Effects) -> tuple[Array, Array]:
-        """Compute the kinetic energy and that of the weights, shape (T,) each, [J]."""
-        twice = self.mass * np.square(self.velocity).sum(axis=2) + (self.w * self.spin).sum(axis=2)
-        height = (self.centre * (robot.gravity if on.gravity is not None else 0.0)).sum(axis=2)
-        return twice.sum(axis=1) / 2 * (on.inertia is not None), -(self.mass * height).sum(axis=1)
-
-    def mean(self, robot: HybridRobot) -> Array:
-        """Compute the centre of mass of all, shape (T, 3), [m].
-
-        Raises:
-            TrajectoryError: There is no mass.
-        """
-        if not self.mass.any():
-            raise TrajectoryError(f"robot '{robot.name}' has no moving mass, and so no centre of mass")
-        out: Array = (self.mass[:, None] * self.centre).sum(axis=1) / self.mass.sum()
-        return out
+def _centre(robot: HybridRobot, q: Array) -> Array:
+    total, moment = 0.0, np.zeros((len(q), 3))
+    for body, m in _moving_bodies(robot, q, np.zeros((len(q), robot.nv))):
+        total += body.mass
+        moment += body.mass * (m.p + rotate(m.R, np.tile(body.com, (len(q), 1))))
+    if not total:
+        raise TrajectoryError(f"robot '{robot.name}' has no moving mass, and so no centre of mass")
+    return moment / total
 
 
-def moving_masses(robot: HybridRobot, on: Effects, R: Array, p: Array, w: Array, p_dot: Array) -> Masses:
-    """Return the bodies whose inertia counts among some effects.
-
-    Args:
-        on: The effects; without the legs' inertia, the bodies of legs do not count.
-        R: Axes of every body in the world, shape (T, bodies, 3, 3).
-        p: Origins, shape (T, bodies, 3), [m].
-        w: Angular velocities, shape (T, bodies, 3), [rad/s].
-        p_dot: Velocities of the origins, shape (T, bodies, 3), [m/s].
-    """
-    numbers, mass, com, inertia = inertial_bodies(robot, on)
-    R, p, w, p_dot = (x[:, numbers] for x in (R, p, w, p_dot))
-    arm, spin = rotate(R, com), rotate(R, rotate(inertia, rotate_back(R, w)))
-    return Masses(mass, p + arm, p_dot + cross(w, arm), w, spin)
-
-
-def _masses_at(robot: HybridRobot, on: Effects, q: Array, v: Array) -> Masses:
-    """Return the bodies whose inertia counts at positions q, shape (T, nq), and rates v, shape (T, nv)."""
-    motions = body_motions(robot, q, v, np.zeros_like(v))
-    parts = zip(*(motions[i].arrays[:4] for i in range(len(motions))), strict=True)
-    return moving_masses(robot, on, *(np.stack(part, axis=1) for part in parts))
-
-
-def inertial_bodies(robot: HybridRobot, on: Effects) -> tuple[list[int], Array, Array, Array]:
-    """Return the bodies whose inertia counts: numbers, mass (k,), centre (k, 3), inertia there (k, 3, 3)."""
-    legs = leg_bodies(robot) if on.leg_inertia is None else set()
-    numbers = [
-        i
-        for i, body in enumerate(robot.bodies.bodies)
-        if (i or robot.base != "fixed") and i not in legs and not body.massless
-    ]
-    bodies = [robot.bodies.bodies[i] for i in numbers]
-    mass, com = np.array([body.mass for body in bodies]), np.array([body.com for body in bodies])
-    inertia = np.array([body.inertia for body in bodies])
-    return numbers, mass, com.reshape(-1, 3), inertia.reshape(-1, 3, 3)
+def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, Motion]]:
+    """Yield each body that has mass and can move, with its motion."""
+    for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
+        body = robot.bodies.bodies[number]
+        if (number or robot.base != "fixed") and not body.massless:
+            yield body, motion
 
 
 def leg_bodies(robot: HybridRobot) -> set[int]:

@@ -168,14 +168,15 @@ def largest_term_of(x: ArticulatedModule) -> Array:
 def largest_term(x: ArticulatedModule, carried: Array) -> Array:
     """Compute the largest term in the sum u_dot = A_t^-1 Q_0 - G V_dot, shape (T,).
 
+    The terms of Q_0 move at least the motion of the largest inertia.
+
     Args:
         x: The module's equation of motion.
         carried: G V_dot, shape (T, N).
     """
-    size, kept = x.size, _largest(x.Q_0)
     resisted = np.square(x.inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
-    terms = _largest(x.y) * np.maximum(size / np.where(kept > 0, kept, np.inf), 1.0)
-    return np.maximum(terms, size / np.where(resisted > 0, resisted, np.inf)) + _largest(carried)
+    out: Array = x.size / np.where(resisted > 0, resisted, np.inf) + np.abs(carried).max(axis=1, initial=0.0)
+    return out
 
 
 def _slips(x: ArticulatedModule) -> Array:
@@ -210,12 +211,6 @@ def _felt(inertia: Array, terms: Array) -> Array:
     """
     root = np.sqrt(np.abs(np.diagonal(inertia, axis1=1, axis2=2)))
     out: Array = np.square(np.einsum("ti,tij->tj", root, terms))[:, :, None] * np.eye(6)
-    return out
-
-
-def _largest(x: Array) -> Array:
-    """Compute the largest absolute entry of each sample, shape (T,)."""
-    out: Array = np.abs(x).max(axis=1, initial=0.0)
     return out
 
 

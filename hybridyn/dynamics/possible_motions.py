@@ -58,8 +58,8 @@ def motions_of(state: ModuleState, prescribed: Array | None, passing: bool) -> t
 def along_motion(state: ModuleState, basis: Basis) -> Basis:
     """Replace the motions at postures of lost rank by those of the branch that the module is moving on.
 
-    If the module has one freedom and moves, its velocity is exactly the direction of the branch. At rest, or
-    where branches are tangent, the branch is unknown: motions and pivots of these samples are not changed.
+    At rest, or where branches are tangent, the branch is unknown: motions and pivots of these samples are not
+    changed.
 
     Raises:
         SingularityError: A velocity belongs to no branch.
@@ -69,12 +69,7 @@ def along_motion(state: ModuleState, basis: Basis) -> Basis:
         return basis
     branch = along_branch(state, replace(basis, pivot=np.where(lost, basis.pivot, 1.0)))
     lost &= branch.pivot >= LOST_PIVOT
-    Psi, pivot = branch.Psi.copy(), np.where(lost, branch.pivot, basis.pivot)
-    if state.module.mobility == 1:
-        x = state.v[lost]
-        speed = np.linalg.norm(x / state.mechanism.reduction.col_scale, axis=1)
-        Psi[lost, :, 0] = x / speed[:, None]
-    return replace(branch, Psi=Psi, pivot=pivot)
+    return replace(branch, pivot=np.where(lost, branch.pivot, basis.pivot))
 
 
 def possible_motions(module: Module, K: Array) -> Array:

@@ -32,11 +32,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from ..dynamics.energy import effective_model
 from ..errors import ModelError, SingularityError
 from ..manifold.manifold import Chart
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array
-from .motion_law import MotionLaw, effective_model
+from .motion_law import MotionLaw
 from .system import State, StepError, Stepped, System
 
 #: Pinocchio's Data grows with the cube of the number of freedoms: 0.6 GB at 200.

@@ -12,18 +12,15 @@ import numpy as np
 from ..assembly.residual import closure_residual
 from ..compiled.library.laws import Law
 from ..dynamics.direct_recursion import accelerate, articulate
-from ..dynamics.energy import leg_bodies
 from ..dynamics.forward import base_motion as base_of
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
-from ..effects.choice import Choice, Effects, choose
+from ..effects.choice import Choice, choose
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
 if TYPE_CHECKING:
-    import pinocchio as pin
-
     from ..compiled.library.steps import Steps
     from ..compiled.model import CompiledRobot
 
@@ -222,23 +219,3 @@ class MotionLaw:
         each = [self._wrenches(*s) for s in zip(t, q, v, strict=True)]
         links = sorted({link for one in each for link in one})
         return {link: np.array([one.get(link, np.zeros(6)) for one in each]) for link in links}
-
-
-def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
-    """Return the Pinocchio model without the weights or leg inertias that the effects leave out.
-
-    Callers must not change the model: it may be that of the robot.
-    """
-    import pinocchio as pin
-
-    if on.gravity is not None and on.leg_inertia is not None:
-        return robot.unchanged_model
-    model = pin.Model(robot.unchanged_model)
-    if on.gravity is None:
-        model.gravity.linear = np.zeros(3)
-    if on.leg_inertia is None:
-        legs = leg_bodies(robot)
-        for joint in robot.bodies.joints:
-            if joint.child in legs:
-                model.inertias[model.getJointId(joint.joint.name)] = pin.Inertia.Zero()
-    return model

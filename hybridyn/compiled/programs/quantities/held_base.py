@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from ....dynamics.direct import ddm
-from ....dynamics.energy import inertial_bodies
 from ....dynamics.inverse import idm
 from ....effects.choice import Effects
 from ....errors import CompileError
@@ -31,7 +30,7 @@ from ...library.compilers import best_lanes
 from ..body_rows import WIDTH
 from ..sources import library_of
 from .following import FOLLOWING_AGREES, SAMPLES, Following
-from .rows import FASTER, Computed, Run, link_rows
+from .rows import FASTER, Computed, Run, inertial_bodies, link_rows
 
 log = logging.getLogger("hybridyn.compiled")
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....dynamics.energy import add_energy_of_laws, moving_masses
+from ....dynamics.energy import add_energy_of_laws, leg_bodies
 from ....dynamics.quantities.engine import polar_form
 from ....dynamics.quantities.model import of_brackets
 from ....effects.choice import Effects
@@ -209,13 +209,32 @@ def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array
     return np.concatenate(columns), bodies, subspace[:, :3], subspace[:, 3:]
 
 
+def inertial_bodies(robot: HybridRobot, on: Effects) -> tuple[list[int], Array, Array, Array]:
+    """Return the bodies whose inertia counts: numbers, mass (k,), centre (k, 3), inertia there (k, 3, 3)."""
+    legs = leg_bodies(robot) if on.leg_inertia is None else set()
+    numbers = [
+        i
+        for i, body in enumerate(robot.bodies.bodies)
+        if (i or robot.base != "fixed") and i not in legs and not body.massless
+    ]
+    bodies = [robot.bodies.bodies[i] for i in numbers]
+    mass = np.array([body.mass for body in bodies])
+    com = np.array([body.com for body in bodies]).reshape(-1, 3)
+    return numbers, mass, com, np.array([body.inertia for body in bodies]).reshape(-1, 3, 3)
+
+
 def energy_rows(run: Run, robot: HybridRobot, on: Effects, q: Array, v: Array) -> Computed:
     """Compute kinetic and potential energy, shape (T, 2), and which samples can be trusted."""
     rows, trusted = run("kinematics", q, v, np.zeros_like(v))
-    x = rows.reshape(len(q), -1, WIDTH)
-    R = x[:, :, :9].reshape(*x.shape[:2], 3, 3)
-    kinetic, potential = moving_masses(robot, on, R, x[:, :, 9:12], x[:, :, 15:18], x[:, :, 12:15]).energy(
-        robot, on
-    )
+    counted, mass, com, inertia = inertial_bodies(robot, on)
+    x = rows.reshape(len(q), -1, WIDTH)[:, counted]
+    R, w = x[:, :, :9].reshape(*x.shape[:2], 3, 3), x[:, :, 15:18]
+    arm = np.matmul(R, com[:, :, None])[..., 0]
+    own = np.matmul(np.swapaxes(R, 2, 3), w[..., None])
+    spin = np.matmul(inertia, own)
+    speed = x[:, :, 12:15] + np.cross(w, arm)
+    kinetic = ((speed**2).sum(axis=2) @ mass + (own * spin).sum(axis=(1, 2, 3))) / 2
+    weight = robot.gravity if on.gravity is not None else np.zeros(3)
+    potential = -((x[:, :, 9:12] + arm) @ weight) @ mass
     add_energy_of_laws(robot, q, v, on, kinetic, potential)
     return np.stack([kinetic, potential], axis=1), trusted

@@ -1,0 +1,131 @@
+"""Each guard of the core has a robot here whose numbers are wrong, or that is refused falsely, without it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn import ddm, idm
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.assembly.test_assembly import with_aligned_wrist
+from tests.comparing import SOLVED, close_to
+from tests.dynamics.test_lost_rank import BAR, HINGE
+from tests.mechanisms import random_mechanism, random_states
+from tests.oracle import Oracle
+from tests.shipped import shipped, states_near_home
+
+MASS = """<inertial><origin xyz="0.3 0.1 -0.2"/><mass value="2"/>
+  <inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.01" ixz="0" iyz="0.02"/></inertial>"""
+JOINT = """<joint name="{name}" type="{kind}" independent="{driven}"><parent link="{parent}"/>
+  <child link="{child}"/><origin xyz="0.3 -0.2 0.5" rpy="0.3 0.5 0.7"/>{axis}</joint>"""
+BALL = """<loop name="ball" type="spherical"><predecessor link="a"><origin xyz="0.1 0.2 0.3"/></predecessor>
+  <successor link="b"><origin xyz="0.1 0.2 0.3"/></successor></loop>"""
+
+
+def joint(name: str, kind: str, parent: str, child: str) -> str:
+    """Write a joint; one that turns has a motor."""
+    turns = kind == "continuous"
+    axis = '<axis xyz="1 2 3"/>' if turns else ""
+    return JOINT.format(
+        name=name, kind=kind, driven=str(turns).lower(), parent=parent, child=child, axis=axis
+    )
+
+
+def on_a_bare_link(folder: Path, *free: str, loop: str = "") -> HybridRobot:
+    """Hang bodies of mass, by joints of six freedoms, on a link without mass that a motor turns."""
+    parts = ['<robot name="bare"><link name="ground"/><link name="bare"/>']
+    parts += [f'<link name="{name}">{MASS}</link>' for name in free]
+    parts += [joint("motor", "continuous", "ground", "bare")]
+    parts += [joint(f"free_{name}", "floating", "bare", name) for name in free]
+    path = folder / "bare.urdf"
+    path.write_text("".join(parts) + loop + "</robot>")
+    return hybridyn.load(path)
+
+
+def moved_together(robot: HybridRobot, seed: int) -> np.ndarray:
+    """Turn the motor, and move the bodies that hang on the link by the same displacement, shape (nq,)."""
+    rng = np.random.default_rng(seed)
+    bodies = robot.nv // 6
+    return pin.integrate(robot.model, robot.home, np.r_[rng.normal(), np.tile(rng.normal(size=6), bodies)])
+
+
+@pytest.mark.parametrize(("free", "loop"), [(("a",), ""), (("a", "b"), BALL)])
+def test_what_hangs_freely_gives_a_bare_link_no_inertia(tmp_path: Path, free: tuple[str], loop: str) -> None:
+    """The bodies fall past it, outputs and legs of loops alike: what they hand on is rounding, no inertia."""
+    robot = on_a_bare_link(tmp_path, *free, loop=loop)
+    for seed in range(12):
+        a = ddm(robot, moved_together(robot, seed), np.zeros(robot.nv), np.zeros(1))
+        assert a[0] == 0.0
+
+
+def test_free_fall_needs_no_effort_of_motors_that_are_not_there() -> None:
+    """All terms of the base's wrench cancel; what remains is rounding, however large a part of them."""
+    description = shipped("rps3")
+    robot = build_robot(description, base="floating")
+    q = states_near_home(description, "floating", 0, 2)[0]
+    rest, none = np.zeros((2, robot.nv)), np.zeros((2, len(robot.motors)))
+    weight = 9.81 * sum(link.mass for link in description.links)
+    assert np.abs(idm(robot, q, rest, ddm(robot, q, rest, none))).max() < 1e-12 * weight
+
+
+def test_rates_of_rounding_are_rest_where_nothing_else_says_what_is_slow() -> None:
+    """Without gravity and at rest there is no rate to compare with but one radian a second."""
+    robot = build_robot(shipped("five_bar"), gravity=(0.0, 0.0, 0.0))
+    v, zero = 1e-14 * np.arange(1.0, robot.nv + 1), np.zeros(robot.nv)
+    assert np.abs(idm(robot, robot.home, v, zero)).max() < 1e-12
+
+
+def test_loops_of_a_rounded_file_close_as_far_as_it_says(tmp_path: Path) -> None:
+    """Hinges of a four-bar that are parallel to four digits: the rows that would tilt it are rounding."""
+    tilted = '<axis xyz="5e-5 0 1"/>'
+    parts = [
+        '<robot name="rounded"><link name="ground"/>',
+        *(BAR.format(name=n, half=h) for n, h in (("crank", 0.5), ("coupler", 0.8), ("rocker", 0.6))),
+        HINGE.format(name="a", driven="true", parent="ground", child="crank", at=0),
+        HINGE.format(name="b", driven="false", parent="crank", child="coupler", at=1).replace(
+            '<axis xyz="0 0 1"/>', tilted
+        ),
+        HINGE.format(name="c", driven="false", parent="ground", child="rocker", at=2),
+        """<loop name="l" type="revolute"><predecessor link="coupler"><origin xyz="1.6 0 0"/></predecessor>
+        <successor link="rocker"><origin xyz="1.2 0 0"/></successor><axis xyz="0 0 1"/></loop></robot>""",
+    ]
+    path = tmp_path / "rounded.urdf"
+    path.write_text("".join(parts))
+    robot = hybridyn.load(path)
+    q, v, a = hybridyn.assemble(robot, motors={"a": (np.array([0.5, 1.0, 1.5]), 1.0, 2.0)})
+    assert hybridyn.closure_residual(robot, q).max() > 1e-6, "a file of more digits would close better"
+    assert np.isfinite(idm(robot, q, v, a)).all()
+
+
+def test_spins_of_rods_may_be_given_any_accelerations() -> None:
+    """Six rods between balls, with inertia about their own axes: no motor spins them, and no output moves."""
+    thin = random_mechanism(0, kind="sps_thin")
+    thick = (replace(link, inertia=link.inertia + 0.01 * link.mass * np.eye(3)) for link in thin.links)
+    description = replace(thin, links=tuple(thick))
+    robot, oracle = build_robot(description), Oracle(description)
+    q, v, _ = (x[0] for x in random_states(description, "fixed", 0, 1))
+    tau = np.arange(1.0, len(robot.motors) + 1)
+    a = ddm(robot, q, v, tau)
+    Z = oracle.motions(q)
+    idle = Z @ np.linalg.svd(Z[oracle.motors])[2][len(oracle.motors) :].T
+    assert idle.shape[1] == 6
+    spun = a + idle @ np.array([1.0, -2.0, 0.5, 1.5, -1.0, 2.0]) / np.abs(idle).max()
+    close_to(idm(robot, q, v, spun), tau, SOLVED)
+
+
+@pytest.mark.parametrize("carries", [False, True])
+def test_states_in_gimbal_lock_of_a_wrist_are_accepted(carries: bool) -> None:
+    """Its joints cannot follow every motion of the platform, whether a loop closes at its end or not."""
+    description = with_aligned_wrist(random_mechanism(1, kind="gough_gimbals"), 0.0, carries)
+    robot = build_robot(description)
+    platform = robot.modules[0].outputs[0]
+    pose = hybridyn.kinematics(robot, robot.home, np.zeros(robot.nv), links=[platform])[platform].pose
+    moved = np.array([0.1, -0.2, 0.3, 0.5, -0.4, 0.3])
+    q, v, a = hybridyn.assemble(robot, platforms={platform: (pose, moved, 2 * moved)}, guess=robot.home)
+    assert np.isfinite(idm(robot, q, v, a)).all()
