@@ -26,6 +26,13 @@ def apart(pose: np.ndarray, other: np.ndarray) -> float:
     return float(min(np.abs(pose - other).max(), np.abs(pose - flipped).max()))
 
 
+#: What errors advise, one of which each must say.
+MENDS = (
+    "Move the trajectory away", "move it, or give a better guess",
+    "Go there by a way that avoids the singularity between them",
+)  # fmt: skip
+
+
 def led_astray(number: int, lengths: np.ndarray) -> bool | None:
     """Follow leg lengths (T, 6) from a posture; say whether the last posture lies on another branch.
 
@@ -36,9 +43,7 @@ def led_astray(number: int, lengths: np.ndarray) -> bool | None:
         q = hybridyn.assemble(robot, motors=dietmaier.motors(lengths), guess=start)[0]
     except AssemblyError as error:
         named = f"sample {error.sample}" in str(error)
-        mend = any(
-            text in str(error) for text in ("Move the trajectory away", "move it, or give a better guess")
-        )
+        mend = any(text in str(error) for text in MENDS)
         return None if named and mend else True
     back = dietmaier.Tracked(dietmaier.poses(q[-1]), lengths[-1])
     arrived = all(back.move(row) for row in lengths[-2::-1])
