@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +17,7 @@ from hybridyn.description.records import Description
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
-from tests.comparing import close_to
+from tests.comparing import close_to, refused
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
@@ -96,35 +98,19 @@ def test_motors_and_base_give_the_posture_they_were_read_from(kind: str, base: B
     assert not a[:, :6].any()
 
 
-PLATFORMS = {
-    "gough": 1,
-    "gough_gimbals": 1,
-    "gough_floating": 1,
-    "star_three": 1,
-    "star_five": 1,
-    "stewart_arm": 1,
-}
-
-
-@pytest.mark.parametrize("kind", PLATFORMS)
+@pytest.mark.parametrize(
+    "kind", ["gough", "gough_gimbals", "gough_floating", "star_three", "star_five", "stewart_arm"]
+)
 def test_platform_poses_give_the_posture_they_were_read_from(kind: str) -> None:
+    """Any link of the platform's body stands for it: a tool on a fixed joint, turned and shifted, too."""
     robot, states = drawn(kind)
     module = next(m for m in robot.modules if m.mobility == 6)
     arm = [m for m in robot.motors if m not in module.motors]
     platform = next(link.name for link in robot.description.links if link.name.endswith("platform_link"))
-    poses = {platform: of_link(robot, *states, platform, robot.description.root)}
-    same(robot, hybridyn.assemble(robot, motors=of_joints(robot, *states, arm), platforms=poses), states)
-
-
-def test_any_link_of_the_platforms_body_can_be_given() -> None:
-    """A tool on a fixed joint, turned and shifted, stands for the platform."""
-    description = random_mechanism(SEED, kind="gough")
-    robot, states = drawn("gough")
-    body = robot.bodies.place[robot.modules[0].outputs[0]][0]
-    names = [name for name, (b, *_) in robot.bodies.place.items() if b == body]
-    for name in names:
-        poses = {name: of_link(robot, *states, name, description.root)}
-        same(robot, hybridyn.assemble(robot, platforms=poses), states)
+    body = robot.bodies.place[platform][0]
+    for name in [name for name, (b, *_) in robot.bodies.place.items() if b == body]:
+        poses = {name: of_link(robot, *states, name, robot.description.root)}
+        same(robot, hybridyn.assemble(robot, motors=of_joints(robot, *states, arm), platforms=poses), states)
 
 
 @pytest.mark.parametrize("name", ["lx4", "tanev"])
@@ -183,26 +169,20 @@ def coordinates(
 
 
 @pytest.mark.parametrize(
-    ("name", "names"),
-    [("rps3", ["z", "roll", "pitch"]), ("delta", ["x", "y", "z"]),
-     ("gough_stewart", ["x", "y", "z", "roll", "pitch", "yaw"])],
+    ("name", "names", "motors"),
+    [
+        ("rps3", ["z", "roll", "pitch"], 0), ("delta", ["x", "y", "z"], 0), ("rps3", ["z"], 2),
+        ("gough_stewart", ["x", "y", "z", "roll", "pitch", "yaw"], 0),
+    ],
 )  # fmt: skip
-def test_partial_poses(name: str, names: list[str]) -> None:
+def test_partial_poses_with_and_without_motors(name: str, names: list[str], motors: int) -> None:
+    """Two slides and the platform's height fix a 3-RPS as well as three slides, or three coordinates."""
     robot = build_robot(shipped(name))
     states = taken(robot, 4)
     platform = robot.modules[0].outputs[0]
-    partial = coordinates(robot, states, platform, robot.description.root, names)
-    same(robot, hybridyn.assemble(robot, platforms={platform: partial}), states)
-
-
-def test_motors_and_coordinates_mixed_in_one_module() -> None:
-    """Two slides and the platform's height fix a 3-RPS as well as three slides."""
-    robot = build_robot(shipped("rps3"))
-    states = taken(robot, 4)
-    platform = robot.modules[0].outputs[0]
-    partial = coordinates(robot, states, platform, robot.description.root, ["z"])
-    motors = of_joints(robot, *states, robot.motors[:2])
-    same(robot, hybridyn.assemble(robot, motors=motors, platforms={platform: partial}), states)
+    given = coordinates(robot, states, platform, robot.description.root, names)
+    driven = of_joints(robot, *states, robot.motors[:motors])
+    same(robot, hybridyn.assemble(robot, motors=driven, platforms={platform: given}), states)
 
 
 @pytest.mark.parametrize("kind", ["gough_gimbals", "on_leg", "delta_bars"])
@@ -362,35 +342,30 @@ def test_unreachable_targets_are_errors_with_the_best_residual(excess: float) ->
     """Beyond closure_tolerance; closer than that, the file might be rounded, and exact loops may not."""
     robot = build_robot(symmetric_five_bar(), closure_tolerance=min(1e-4, excess / 10))
     hybridyn.assemble(robot, motors=stretched(robot, -1e-3))
-    with pytest.raises(AssemblyError, match=r"do not close at sample 0: best residual.*out of reach") as e:
-        hybridyn.assemble(robot, motors=stretched(robot, excess))
-    assert e.value.module == robot.modules[0].name
-    assert "tip" in str(e.value.leg)
-    assert e.value.iterations
-    assert e.value.residual == pytest.approx(excess, rel=0.6)
+    asked = partial(hybridyn.assemble, robot, motors=stretched(robot, excess))
+    words, module = r"do not close at sample 0: best residual.*out of reach", robot.modules[0].name
+    error = refused(asked, AssemblyError, words, module=module, residual=pytest.approx(excess, rel=0.6))
+    assert "tip" in str(error.leg)
+    assert error.iterations
 
 
-def test_a_platform_one_metre_too_far_is_an_error() -> None:
-    robot = build_robot(shipped("rps3"))
-    platform = robot.modules[0].outputs[0]
-    home = of_link(
-        robot,
-        *(x[None] for x in (robot.home, np.zeros(robot.nv), np.zeros(robot.nv))),
-        platform,
-        robot.description.root,
-    )[0][0]
-    with pytest.raises(AssemblyError, match="do not close"):
-        hybridyn.assemble(robot, platforms={platform: home + np.array([1.0, 0, 0, 0, 0, 0, 0])})
+#: Rows from one distance of the elbows to another, relative to stretched rods, and the row that is refused.
+TOO_FAR = {
+    "out of the workspace and back": (-0.2, 0.1, [0.0, 0.03, 1.0, 0.0], 2),
+    "past the end of a branch": (-0.02, 0.02, [0.0, 0.25, 2.0], 2),
+}
 
 
-def test_a_jump_is_an_error_at_its_row() -> None:
-    """A target that leaves the workspace and comes back, and rods that would have to fold over."""
+@pytest.mark.parametrize("way", TOO_FAR)
+def test_rows_out_of_reach_are_errors_at_their_row(way: str) -> None:
+    """Cranks may spread until the rods are stretched, and not further."""
     robot = build_robot(symmetric_five_bar())
-    start, out = stretched(robot, -0.2), stretched(robot, 0.1)
-    rows = {m: np.array([start[m], start[m] + 0.01, out[m], start[m]]) for m in start}
-    with pytest.raises(AssemblyError, match=r"do not close at sample 2") as e:
-        hybridyn.assemble(robot, motors=rows)
-    assert e.value.sample == 2
+    first, last, parts, row = TOO_FAR[way]
+    near, there = stretched(robot, first), stretched(robot, last)
+    asked = partial(
+        hybridyn.assemble, robot, motors={m: near[m] + np.array(parts) * (there[m] - near[m]) for m in near}
+    )
+    refused(asked, AssemblyError, f"at sample {row}", sample=row, module=robot.modules[0].name)
 
 
 def test_a_crank_that_passes_all_around_comes_back_to_where_it_was() -> None:
@@ -404,40 +379,31 @@ def test_a_crank_that_passes_all_around_comes_back_to_where_it_was() -> None:
     assert far_apart(robot, path[:1], end) < SAME
 
 
-def test_no_motion_leads_past_the_end_of_a_branch() -> None:
-    """Cranks may spread until the rods are stretched, and not further."""
-    robot = build_robot(symmetric_five_bar())
-    near, there = stretched(robot, -0.02), stretched(robot, 0.02)
-    rows = {m: near[m] + np.array([0.0, 0.25, 2.0]) * (there[m] - near[m]) for m in near}
-    with pytest.raises(AssemblyError) as e:
-        hybridyn.assemble(robot, motors=rows)
-    assert e.value.sample == 2
-    assert e.value.module == robot.modules[0].name
-
-
 # -------------------------------------------------------------------- too little, too much, wrong
 
 
 def test_missing_inputs_are_named() -> None:
-    robot = build_robot(shipped("gough_stewart"))
+    robot, (arm, states) = build_robot(shipped("gough_stewart")), drawn("stewart_arm")
     few = {m: position(robot, m, robot.home) for m in robot.motors[:5]}
-    with pytest.raises(
-        AssemblyError, match=r"leaves 1 of its 6 freedoms open.*could still move.*motors: "
-    ) as e:
-        hybridyn.assemble(robot, motors=few)
-    assert e.value.module == robot.modules[0].name
-    with pytest.raises(AssemblyError, match="leaves 6 of its 6 freedoms open"):
-        hybridyn.assemble(robot)
-    platform = robot.modules[0].outputs[0]
-    with pytest.raises(AssemblyError, match="leaves 3 of its 6 freedoms open"):
-        hybridyn.assemble(robot, platforms={platform: {"x": 0.0, "y": 0.0, "z": 0.6}})
-
-
-def test_missing_arm_joints_are_named() -> None:
-    robot, states = drawn("stewart_arm")
-    motors = of_joints(robot, *states, robot.modules[0].motors)
-    with pytest.raises(AssemblyError, match="leaves 1 of its 1 freedoms open"):
-        hybridyn.assemble(robot, motors=motors)
+    some = {robot.modules[0].outputs[0]: {"x": 0.0, "y": 0.0, "z": 0.6}}
+    module = robot.modules[0].name
+    for on, given, words, data in (
+        (
+            robot,
+            {"motors": few},
+            r"leaves 1 of its 6 freedoms open.*could still move.*motors: ",
+            {"module": module},
+        ),
+        (robot, {}, "leaves 6 of its 6 freedoms open", {}),
+        (robot, {"platforms": some}, "leaves 3 of its 6 freedoms open", {}),
+        (
+            arm,
+            {"motors": of_joints(arm, *states, arm.modules[0].motors)},
+            "leaves 1 of its 1 freedoms open",
+            {},
+        ),
+    ):
+        refused(partial(hybridyn.assemble, on, **given), AssemblyError, words, **data)
 
 
 def full_pose(robot: HybridRobot, count: int = 2) -> tuple[str, States, States]:
@@ -458,25 +424,14 @@ def test_a_whole_pose_of_a_platform_with_fewer_freedoms_within_tolerance(off: fl
     hybridyn.idm(robot, q, v, a)
 
 
-@pytest.mark.parametrize("off", [1e-3, 0.1])
-def test_a_whole_pose_beyond_tolerance_is_an_error(off: float) -> None:
-    robot = build_robot(shipped("rps3"))
-    platform, (pose, twist, acceleration), _ = full_pose(robot)
-    pose = pose + off * np.array([1, -1, 0, 0, 0, 0, 0.0])
-    with pytest.raises(AssemblyError, match=r"do not close at sample 0.*limit 1e-04") as e:
-        hybridyn.assemble(robot, platforms={platform: (pose, twist, acceleration)})
-    assert e.value.residual is not None
-    assert e.value.residual > 1e-4
-
-
-def test_a_later_row_beyond_tolerance_is_named() -> None:
+@pytest.mark.parametrize(("off", "row"), [(1e-3, 0), (0.1, 0), (0.1, 2), (1.0, 0)])
+def test_a_whole_pose_beyond_tolerance_is_an_error_at_its_row(off: float, row: int) -> None:
     robot = build_robot(shipped("rps3"))
     platform, (pose, twist, acceleration), _ = full_pose(robot, 3)
-    pose = pose.copy()
-    pose[2, 0] += 0.05
-    with pytest.raises(AssemblyError) as e:
-        hybridyn.assemble(robot, platforms={platform: (pose, twist, acceleration)})
-    assert e.value.sample == 2
+    pose[row:] += off * np.array([1, -1, 0, 0, 0, 0, 0.0])
+    asked = partial(hybridyn.assemble, robot, platforms={platform: (pose, twist, acceleration)})
+    error = refused(asked, AssemblyError, rf"do not close at sample {row}.*limit 1e-04", sample=row)
+    assert error.residual > 1e-4
 
 
 BAD: dict[str, tuple[dict, dict, str]] = {
@@ -497,23 +452,24 @@ BAD: dict[str, tuple[dict, dict, str]] = {
 
 @pytest.mark.parametrize("what", BAD)
 def test_bad_inputs_are_refused(what: str) -> None:
-    motors, platforms, text = BAD[what]
-    with pytest.raises(TrajectoryError, match=text):
-        hybridyn.assemble(build_robot(symmetric_five_bar()), motors=motors, platforms=platforms)
+    motors, platforms, words = BAD[what]
+    asked = partial(hybridyn.assemble, build_robot(symmetric_five_bar()), motors=motors, platforms=platforms)
+    refused(asked, TrajectoryError, words)
 
 
-def test_a_guess_of_the_wrong_size_is_refused() -> None:
-    robot = build_robot(symmetric_five_bar())
-    with pytest.raises(AssemblyError, match="guess has 3 entries, the robot's q has 6"):
-        hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=np.zeros(3))
-
-
-@pytest.mark.parametrize(("factor", "text"), [(np.nan, "not finite"), (1e60, "above 1e"), (0.0, "all zero")])
-def test_a_guess_that_is_no_posture_is_refused(factor: float, text: str) -> None:
+@pytest.mark.parametrize(
+    ("guess", "words"),
+    [
+        (lambda home: np.zeros(3), "guess has 3 entries, the robot's q has 6"),
+        (lambda home: home * np.nan, "not finite"), (lambda home: home * 1e60, "above 1e"),
+        (lambda home: home * 0.0, "all zero"),
+    ],
+)  # fmt: skip
+def test_a_guess_that_is_no_posture_is_refused(guess: Callable[[Array], Array], words: str) -> None:
     """Linear algebra failed with errors of its own."""
     robot = build_robot(symmetric_five_bar())
-    with pytest.raises(AssemblyError, match=text):
-        hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=robot.home * factor)
+    asked = partial(hybridyn.assemble, robot, motors={"left": 2.0, "right": 1.1}, guess=guess(robot.home))
+    refused(asked, AssemblyError, words)
 
 
 # -------------------------------------------------------------------- idle motions and gimbal lock

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from hybridyn.assembly import assemble
 from hybridyn.assembly.task import Task
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
+from tests.comparing import close_to, refused
 from tests.posing import far_apart, of_joints, of_link
 from tests.shipped import shipped, states_near_home
 
@@ -28,24 +31,29 @@ def stacked_poses() -> tuple[HybridRobot, tuple[Array, Array, Array], Poses]:
     return robot, states, {f"{link}@{below}": of_link(robot, *states, link, below) for link, below in pairs}
 
 
-def test_equal_modules_are_followed_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each mechanism is followed once, with the samples of all its modules."""
-    robot, (q, v, a), poses = stacked_poses()
-    followed, follow = [], assemble.follow
+@pytest.fixture
+def followed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many rows are followed together, call by call."""
+    counts, follow = [], assemble.follow
 
     def counted(task: Task, guess: Array, **how: bool) -> Array:
         if how.get("keep_branch", True):  # wrists keep none
-            followed.append(len(guess))
+            counts.append(len(guess))
         return follow(task, guess, **how)
 
     monkeypatch.setattr(assemble, "follow", counted)
+    return counts
+
+
+def test_equal_modules_are_followed_together(followed: list[int]) -> None:
+    """Each mechanism is followed once, with the samples of all its modules."""
+    robot, (q, v, a), poses = stacked_poses()
     found = hybridyn.assemble(robot, platforms=poses)
     mechanisms = [m.mechanism for m in robot.modules]
     assert followed == [mechanisms.count(m) for m in dict.fromkeys(mechanisms)]
     assert max(followed) > 1
     assert far_apart(robot, found[0], q) < SAME
-    np.testing.assert_allclose(found[1], v, atol=SAME * np.abs(v).max())
-    np.testing.assert_allclose(found[2], a, atol=SAME * np.abs(a).max())
+    close_to(found[1:], (v, a), SAME)
 
 
 def test_the_module_out_of_reach_is_named_among_equal_ones() -> None:
@@ -53,9 +61,8 @@ def test_the_module_out_of_reach_is_named_among_equal_ones() -> None:
     robot, states, _ = stacked_poses()
     motors = of_joints(robot, *states, robot.motors)
     motors[robot.modules[2].motors[0]][0][1] += 5.0
-    with pytest.raises(AssemblyError, match="do not close at sample 1") as e:
-        hybridyn.assemble(robot, motors=motors)
-    assert (e.value.module, e.value.sample) == (robot.modules[2].name, 1)
+    asked, module = partial(hybridyn.assemble, robot, motors=motors), robot.modules[2].name
+    refused(asked, AssemblyError, "do not close at sample 1", module=module, sample=1)
 
 
 def test_a_long_step_of_one_module_leaves_the_others_alone() -> None:
@@ -73,28 +80,21 @@ def test_a_long_step_of_one_module_leaves_the_others_alone() -> None:
     assert np.abs(moved[2] - still[0])[robot.modules[2].q_index].max() > 0.01
 
 
-def test_long_trajectories_of_equal_modules_are_assembled_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_trajectories_of_equal_modules_are_assembled_in_parts(
+    followed: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Memory grows with the samples that are assembled at once: they are bounded."""
     robot, states, _ = stacked_poses()
     motors = of_joints(robot, *states, robot.motors)
     whole = hybridyn.assemble(robot, motors=motors)
-    followed, follow = [], assemble.follow
-
-    def counted(task: Task, guess: Array, **how: bool) -> Array:
-        if how.get("keep_branch", True):  # wrists keep none
-            followed.append(len(guess))
-        return follow(task, guess, **how)
-
-    monkeypatch.setattr(assemble, "follow", counted)
     monkeypatch.setattr(assemble, "MOST_TOGETHER", 2 * len(states[0]))
+    followed.clear()
     parts = hybridyn.assemble(robot, motors=motors)
     assert max(followed) == 2
-    for x, y in zip(parts, whole, strict=True):
-        np.testing.assert_allclose(x, y, atol=SAME * max(1.0, np.abs(y).max()))
+    close_to(parts, whole, SAME, 1.0)
 
 
 def test_a_trajectory_without_samples_is_an_error() -> None:
     robot, states, _ = stacked_poses()
     motors = of_joints(robot, *(x[:0] for x in states), robot.motors)
-    with pytest.raises(TrajectoryError, match="no samples"):
-        hybridyn.assemble(robot, motors=motors)
+    refused(lambda: hybridyn.assemble(robot, motors=motors), TrajectoryError, "no samples")
