@@ -30,6 +30,7 @@ from hybridyn.errors import CompileError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import ROOT
+from tests.comparing import refused
 from tests.compiled_toys import inputs, toy
 from tests.shipped import shipped
 from tests.waiting import PATIENCE
@@ -217,10 +218,14 @@ def test_the_cache_may_be_emptied_while_a_model_is_written(empty_cache: Path) ->
 
 
 def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
-    with pytest.raises(CompileError, match="error"):
-        build(("int main( {",), find_compiler(), tmp_path / "library.so")
-    with pytest.raises(CompileError, match="cannot be started"):
-        build(("int x;",), Compiler((str(tmp_path / "none"),), ""), tmp_path / "library.so")
+    for call, words in (
+        (lambda: build(("int main( {",), find_compiler(), tmp_path / "library.so"), "error"),
+        (
+            lambda: build(("int x;",), Compiler((str(tmp_path / "none"),), ""), tmp_path / "library.so"),
+            "cannot be started",
+        ),
+    ):
+        refused(call, CompileError, words)
 
 
 def test_the_ziglang_wheel_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from hybridyn.structure.building import build_robot
 from hybridyn.studies.sizing import Sizing, motor_rows, violations
 from hybridyn.studies.sweep.measures import OF_MOTORS
 from hybridyn.view.panel import effort_limits
-from tests.comparing import close_to
+from tests.comparing import close_to, refused
 from tests.effect_cases import CASES, every, rate_of
 from tests.mechanisms import random_mechanism, random_states
 from tests.shipped import shipped, states_near_home
@@ -267,10 +267,11 @@ def test_statics_ignores_motion_and_the_direct_model_refuses_it() -> None:
     np.testing.assert_array_equal(
         idm(robot, q, v, a, effects=effects), idm(robot, q, 0 * v, 0 * a, effects=effects)
     )
-    with pytest.raises(ModelError, match="needs the effect 'inertia'"):
-        ddm(robot, q, v, np.zeros((3, 2)), effects=effects)
-    with pytest.raises(ModelError, match="needs the effect 'inertia'"):
-        idm(robot, q, v, a, effects=effects, passive="solved")
+    for call, words in (
+        (lambda: ddm(robot, q, v, np.zeros((3, 2)), effects=effects), "needs the effect 'inertia'"),
+        (lambda: idm(robot, q, v, a, effects=effects, passive="solved"), "needs the effect 'inertia'"),
+    ):
+        refused(call, ModelError, words)
 
 
 @pytest.mark.parametrize("name", ["five_bar", "scara_delta"])
@@ -483,12 +484,12 @@ def test_a_base_that_rolls_and_heaves() -> None:
     back = ddm(robot, zero[0], zero[1], expected, effects=effects, time=t)
     close_to(back[:, 6:], a, THERE_AND_BACK)
     close_to(back[:, :6], base_a, EXACT)
-    with pytest.raises(TrajectoryError, match="outside"):
-        idm(robot, *zero, effects=effects, time=2.5)
-    with pytest.raises(TrajectoryError, match="pass time="):
-        idm(robot, *zero, effects=effects)
-    with pytest.raises(ModelError, match="with_effects"):
-        idm(fixed, q, v, a, effects=effects, time=t)
+    for call, error, words in (
+        (lambda: idm(robot, *zero, effects=effects, time=2.5), TrajectoryError, "outside"),
+        (lambda: idm(robot, *zero, effects=effects), TrajectoryError, "pass time="),
+        (lambda: idm(fixed, q, v, a, effects=effects, time=t), ModelError, "with_effects"),
+    ):
+        refused(call, error, words)
 
 
 # -------------------------------------------------------------------- joints in wrists that were cut
