@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
+from tests.comparing import same_bits
 from tests.digests import numbers
 
 
@@ -79,8 +80,7 @@ def test_edits_change_no_result(name: str) -> None:
     v, tau = np.ones(robot.nv) * 0.0, np.ones(len(robot.motors))
     expected, found = CALLS[name](plain, v, tau), CALLS[name](robot, v, tau)
     assert str(found) == str(expected)
-    for one, other in zip(numbers(found), numbers(expected), strict=True):
-        assert one.tobytes() == other.tobytes()
+    same_bits((*numbers(found),), (*numbers(expected),))
 
 
 OF_COMPILED: dict[str, Callable[[hybridyn.CompiledRobot, Any, Any], object]] = {
@@ -111,14 +111,12 @@ def test_edits_change_no_compiled_result(names: tuple[str, ...]) -> None:
     for change in CHANGES:
         change(model)
     for name, before in zip(names, expected, strict=True):
-        now = [*numbers(OF_COMPILED[name](compiled, v, tau))]
-        assert [x.tobytes() for x in now] == [x.tobytes() for x in before]
+        same_bits((*numbers(OF_COMPILED[name](compiled, v, tau)),), (*before,))
     held = compiled._idm_at_once, compiled._ddm_at_once, compiled._close_at_once, compiled._control_at_once
     assert held == at_once
-    again = [
-        *numbers(OF_COMPILED["idm"](hybridyn.compile(robot), v, tau))
-    ]  # also where it was changed before
-    assert [x.tobytes() for x in again] == [x.tobytes() for x in expected[0]]
+    same_bits(
+        OF_COMPILED["idm"](hybridyn.compile(robot), v, tau), expected[0][0]
+    )  # also where it was changed before
 
 
 def test_the_model_is_one_copy() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,8 @@ from hybridyn import HybridRobot, TrajectoryError
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.structure.building import build_robot
 from hybridyn.tables.signals import JOINT_COMPONENTS
-from tests.comparing import ROUNDING, close_to
+from tests.comparing import ROUNDING, close_to, refused, same_bits
+from tests.engines import engine_of
 from tests.extras import needs
 from tests.mechanisms import random_mechanism
 
@@ -46,15 +49,19 @@ def table_of(robot: HybridRobot, state: State) -> Table:
     return out
 
 
-def test_one_table_is_position_rate_and_acceleration(robot: HybridRobot, state: State) -> None:
-    table = table_of(robot, state)
-    tau = hybridyn.idm(robot, *state)
-    assert (hybridyn.idm(robot, table, table, table) == tau).all()
+@pytest.mark.parametrize("engine", ["general", "compiled"])
+def test_one_table_is_position_rate_and_acceleration(robot: HybridRobot, state: State, engine: str) -> None:
+    on, table = engine_of(engine, robot), table_of(robot, state)
+    tau = on.idm(*state)
+    same_bits(on.idm(table, table, table), tau)
+    lacking = Table(time=np.arange(float(SAMPLES)))
+    refused(lambda: on.idm(table, table, lacking), TrajectoryError, "the table lacks the columns")
     table |= {f"{motor}/effort": tau[:, i] for i, motor in enumerate(robot.motors)}
-    assert (hybridyn.ddm(robot, table, table, table) == hybridyn.ddm(robot, *state[:2], tau)).all()
-    assert (hybridyn.mass_matrix(robot, table) == hybridyn.mass_matrix(robot, state[0])).all()
-    ours, theirs = (hybridyn.energy(robot, *x) for x in ((table, table), state[:2]))
-    assert (ours.kinetic == theirs.kinetic).all()
+    same_bits(on.ddm(table, table, table), on.ddm(*state[:2], tau))
+    same_bits(on.mass_matrix(table), on.mass_matrix(state[0]))
+    same_bits(on.energy(table, table), on.energy(*state[:2]))
+    same_bits(on.kinematics(table, table), on.kinematics(*state[:2]))
+    same_bits(on.kinematics(table, table, table), on.kinematics(*state))
 
 
 class Row:
@@ -73,24 +80,7 @@ def test_a_row_of_a_table_is_one_sample(robot: HybridRobot, state: State) -> Non
     """Entries are matched by name, not by place."""
     row = Row(table_of(robot, state), 2)
     tau = hybridyn.idm(robot, *(x[2] for x in state))
-    found = hybridyn.idm(robot, row, row, row)  # type: ignore[arg-type]
-    assert found.shape == tau.shape
-    assert (found == tau).all()
-
-
-def test_compiled_models_read_tables(robot: HybridRobot, state: State) -> None:
-    compiled, table = hybridyn.compile(robot), table_of(robot, state)
-    assert repr(compiled).splitlines()[1:] == repr(robot).splitlines()[1:]
-    tau = compiled.idm(*state)
-    assert (compiled.idm(table, table, table) == tau).all()
-    table |= {f"{motor}/effort": tau[:, i] for i, motor in enumerate(robot.motors)}
-    assert (compiled.ddm(table, table, table) == compiled.ddm(*state[:2], tau)).all()
-    ours, theirs = (compiled.kinematics(*x)["m1_tool"] for x in ((table, table), state[:2]))
-    assert (ours.twist == theirs.twist).all()
-    ours, theirs = (compiled.kinematics(*x)["m1_tool"] for x in ((table, table, table), state))
-    assert (ours.acceleration == theirs.acceleration).all()
-    with pytest.raises(TrajectoryError, match="the table lacks the columns"):
-        compiled.idm(table, table, Table(time=np.arange(float(SAMPLES))))
+    same_bits(hybridyn.idm(robot, row, row, row), tau)  # type: ignore[arg-type]
 
 
 def test_columns_that_are_there_twice_are_refused(robot: HybridRobot, state: State) -> None:
@@ -134,20 +124,14 @@ def test_every_kind_of_joint_has_its_components() -> None:
 
 
 def test_what_is_missing_or_unknown_is_named(robot: HybridRobot, state: State) -> None:
-    table = table_of(robot, state)
-    for name, wrong in (("lacks", "{joint}"), ("unknown", "time2")):
-        broken = Table(table)
-        joint = f"{robot.joints[2]}/position"
-        if name == "lacks":
-            del broken[joint]
-        else:
-            broken["time2"] = table["time"]
-        with pytest.raises(TrajectoryError, match=f"{name}.*'{wrong.format(joint=joint)}'"):
-            hybridyn.mass_matrix(robot, broken)
-    words = Table(table)
-    words[f"{robot.joints[0]}/position"] = np.array(["a"] * SAMPLES)
-    with pytest.raises(TrajectoryError, match="does not hold numbers"):
-        hybridyn.mass_matrix(robot, words)
+    table, first = table_of(robot, state), f"{robot.joints[0]}/position"
+    lacking = Table((name, x) for name, x in table.items() if name != first)
+    words = np.array(["a"] * SAMPLES)
+    for wrong, said in (
+        (lacking, f"lacks.*'{first}'"), (table | {"time2": table["time"]}, "unknown.*'time2'"),
+        (table | {first: words}, "does not hold numbers"),
+    ):  # fmt: skip
+        refused(partial(hybridyn.mass_matrix, robot, Table(wrong)), TrajectoryError, said)
 
 
 def test_a_base_that_moves_needs_arrays(state: State) -> None:
