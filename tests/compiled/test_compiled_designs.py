@@ -50,6 +50,11 @@ def robot_of(compiled: CompiledRobot, p: Array) -> HybridRobot:
     return changed(compiled.robot, compiled.parameters, compiled.parameters.slot_values(p[None])[0])
 
 
+def own_states(compiled: CompiledRobot, p: Array, motors: Any) -> Any:
+    """Assemble the robot of a design."""
+    return hybridyn.assemble(robot_of(compiled, p), motors=motors)
+
+
 def agrees(table: Any, k: int, robot: HybridRobot, **asked: Any) -> None:
     """Compare a design of a table with a robot of its own."""
     states = hybridyn.assemble(robot, **asked)
@@ -150,7 +155,7 @@ def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
     assert compiled.recomputed == 0
     far = np.tile(nominal, (2, 1))
     far[1, 1] += 5.0  # too long to close
-    refused(lambda: compiled.close(x[:2], parameters=far), HybridynError, "")
+    refused(lambda: compiled.close(x[:2], parameters=far), HybridynError, "close")
     few = partial(compiled.close, x, last=found[0][:2], parameters=p)
     refused(few, TrajectoryError, "last has shape")
     lost = partial(compiled.close, x, last=found[0] * np.nan, parameters=p)
@@ -190,7 +195,7 @@ def test_postures_that_cannot_be_are_counted() -> None:
     assert set(found.errors) >= {1, 2}
     assert np.isnan(found.peak_effort[~found.good]).all()
     for k in range(len(p)):
-        asked = partial(hybridyn.assemble, robot_of(compiled, p[k]), motors=wide)
+        asked = partial(own_states, compiled, p[k], wide)
         if found.good[k]:
             close_to(found.q[k], asked()[0], AGREE)
         else:
