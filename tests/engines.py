@@ -16,6 +16,8 @@ import numpy as np
 
 import hybridyn
 from hybridyn import HybridRobot
+from hybridyn.compiled.equations.states import random_states
+from tests.comparing import close_to
 from tests.written_out import Interpreted
 
 TRUSTED = 1.0  # guards up to this are trusted
@@ -58,3 +60,14 @@ def engine_of(name: str, robot: HybridRobot, effects: Any = "default") -> Any:
     """Return an engine for a robot."""
     engines = {"general": General, "written": Written, "compiled": hybridyn.compile}
     return engines[name](robot, effects)
+
+
+def written_agrees(
+    robot: HybridRobot, samples: int = 4, effects: Any = "default", within: float = 1e-10
+) -> None:
+    """Compare the written-out models of a robot with the general path; they must trust themselves."""
+    q, v, _, tau = random_states(robot, samples)
+    on, general = Written(robot, effects), General(robot, effects)
+    a = general.ddm(q, v, tau)
+    close_to(on.ddm(q, v, tau), a, within)
+    close_to(on.idm(q, v, a), general.idm(q, v, a), within)

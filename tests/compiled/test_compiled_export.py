@@ -26,6 +26,7 @@ from hybridyn.compiled.programs.c_header import comment
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import ModelError
+from tests.comparing import close_to
 from tests.compiled_toys import inputs, toy
 
 #: Parts of the models that every module has.
@@ -34,6 +35,14 @@ STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion"
 
 def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
     return hybridyn.load(str(shipped_robots()[name].file), **options)
+
+
+def called(function: Any, *arrays: np.ndarray) -> float:
+    """Call a function in C with arrays, the last of which it fills; return its guard."""
+    function.restype = ctypes.c_double
+    given = [np.ascontiguousarray(x) for x in arrays]
+    assert all(x is y for x, y in zip(given[-2:], arrays[-2:], strict=True))
+    return float(function(*(ctypes.c_void_p(x.ctypes.data) for x in given)))
 
 
 @pytest.fixture(scope="module")
@@ -231,11 +240,8 @@ def test_every_kind_of_program_compiles_with_the_same_bits_in_lanes(tmp_path: Pa
                 [*command, str(file), "-o", str(made), "-lm"], capture_output=True, text=True
             )
             assert (built.returncode, built.stderr) == (0, "")
-            function = getattr(ctypes.CDLL(str(made)), name)
-            function.restype = ctypes.c_double
             out = [np.zeros(size) for _, size in program.outputs]
-            room = np.zeros(1000)
-            guard = function(*(ctypes.c_void_p(x.ctypes.data) for x in (*given, *out, room)))
+            guard = called(getattr(ctypes.CDLL(str(made)), name), *given, *out, np.zeros(1000))
             results.append(np.concatenate([*out, [guard]]))
         assert np.isfinite(results[0]).all()
         np.testing.assert_array_equal(results[1], results[2])
@@ -306,42 +312,36 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
         "-lm",
     ]
     subprocess.run(sources, check=True)
-    model = ctypes.CDLL(str(library)).bar_idm
-    model.restype = ctypes.c_double
+    bar = ctypes.CDLL(str(library))
     other = robot.with_parameters({names[0]: 0.7, names[1]: (0.27, 0.0, 0.0)})
     q, v, tau = moving_states(other, 3)
     a = hybridyn.ddm(other, q, v, tau)
+    found, work, design = np.empty(2), np.empty(10_000), np.array([0.7, 0.27, 0.0, 0.0])
+    wanted = hybridyn.idm(other, q, v, a)
     for t in range(3):
-        found, work = np.empty(2), np.empty(10_000)
-        given = [q[t], v[t], a[t], np.array([0.7, 0.27, 0.0, 0.0]), found, work]
-        assert model(*(ctypes.c_void_p(x.ctypes.data) for x in map(np.ascontiguousarray, given))) <= 1.0
-        np.testing.assert_allclose(found, hybridyn.idm(other, q, v, a)[t], rtol=1e-11)
-    close, step = (getattr(ctypes.CDLL(str(library)), f"bar_{x}") for x in ("close", "idm_from_motors"))
-    close.restype = step.restype = ctypes.c_double
-    states = [np.empty(size) for size in (robot.nq, robot.nv, robot.nv)]
-    given = [q[0], v[0], a[0], np.array([0.7, 0.27, 0.0, 0.0]), *states, np.empty(10_000)]
-    assert close(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
-    for found, wanted in zip(states, (q[0], v[0], a[0]), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
-    given.insert(-1, np.empty(2))
+        assert called(bar.bar_idm, q[t], v[t], a[t], design, found, work) <= 1.0
+        np.testing.assert_allclose(found, wanted[t], rtol=1e-11)
+    states = tuple(np.empty(size) for size in (robot.nq, robot.nv, robot.nv))
+    assert called(bar.bar_close, q[0], v[0], a[0], design, *states, work) <= 1.0
+    close_to(states, (q[0], v[0], a[0]), 1e-9)
     driven = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
-    given[0] = q[0] + np.where(np.isin(np.arange(robot.nq), driven), 0.0, 1e-3)  # the last tick's posture
-    assert step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
-    wanted = hybridyn.idm(other, q, v, a)[0]
-    for found, right in zip([*states, given[-2]], (q[0], v[0], a[0], wanted), strict=True):
-        np.testing.assert_allclose(found, right, rtol=0, atol=1e-9 * np.abs(right).max())
-    given[0] = q[0] * np.nan
-    assert not step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
-    given[0], given[1] = q[0], v[0] * np.inf
-    assert not step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
-    given[1], refused = v[0], 0
-    for left, right in itertools.product((-2.5, -1.5, 1.5, 2.5), repeat=2):  # some are out of reach
-        given[0] = q[0].copy()
-        given[0][driven] = left, right
-        if step(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0:
-            assert hybridyn.closure_residual(other, states[0][None]).max() <= 1e-12
-        else:
-            refused += 1
+    last = q[0] + np.where(np.isin(np.arange(robot.nq), driven), 0.0, 1e-3)  # the last tick's posture
+
+    def step(last: np.ndarray, v: np.ndarray) -> bool:
+        """Make a control step, and tell whether it may be trusted."""
+        return called(bar.bar_idm_from_motors, last, v, a[0], design, *states, found, work) <= 1.0
+
+    assert step(last, v[0])
+    close_to((*states, found), (q[0], v[0], a[0], wanted[0]), 1e-9)
+    assert not step(q[0] * np.nan, v[0])
+    assert not step(q[0], v[0] * np.inf)
+    refused = 0
+    for angles in itertools.product((-2.5, -1.5, 1.5, 2.5), repeat=2):  # some are out of reach
+        far = q[0].copy()
+        far[driven] = angles
+        trusted = step(far, v[0])
+        refused += not trusted
+        assert not trusted or hybridyn.closure_residual(other, states[0][None]).max() <= 1e-12
     assert 0 < refused < 16
 
 

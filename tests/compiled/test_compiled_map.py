@@ -20,7 +20,7 @@ from tests import ROOT
 from tests.command_line import call
 from tests.comparing import SOLVED, close_to, refused
 from tests.compiled.ros2_control import HANDLES, HEADERS, PROGRAM
-from tests.compiled.test_compiled_export import STRICT, run_test
+from tests.compiled.test_compiled_export import STRICT, called, run_test
 from tests.dynamics.test_idm import flat_five_bar
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, ankle_text, leg
 
@@ -103,20 +103,17 @@ def test_the_map_in_c_follows_from_another_posture(tmp_path: Path) -> None:
                    found.motor_rates(rates), found.motor_efforts(efforts)),
     }  # fmt: skip
     for side, (given, wanted, matrix, other_rates, other_efforts) in sides.items():
-        function = getattr(loaded, f"ankle_map_to_{side}")
-        function.restype = ctypes.c_double
         near, work = robot.home.copy(), np.zeros(1000)
         q, position, rate, effort, rows = np.zeros(8), *np.zeros((3, 2)), np.zeros((2, 2))
         arrays = near, given, rates, efforts, q, position, rate, effort, rows, work
         guards = []
         for _ in range(6):
-            guards.append(function(*(ctypes.c_void_p(x.ctypes.data) for x in arrays)))
+            guards.append(called(getattr(loaded, f"ankle_map_to_{side}"), *arrays))
             near[:] = q
         assert guards[0] > 1.0 >= guards[-1]
-        for result, expected in (
-            (q, found.q), (position, wanted), (rate, other_rates), (effort, other_efforts), (rows, matrix)
-        ):  # fmt: skip
-            close_to(result, expected, SOLVED)
+        close_to(
+            (q, position, rate, effort, rows), (found.q, wanted, other_rates, other_efforts, matrix), SOLVED
+        )
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ from hybridyn.errors import AssemblyError, CompileError, ModelError, Singularity
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.comparing import refused, same_words
+from tests.engines import written_agrees
 from tests.hard import dietmaier
 from tests.sketch import placement, rotation_of
 from tests.written_out import Interpreted
@@ -61,19 +64,6 @@ def robot_of(
         ),
         gravity=(0.0, -9.81, 0.0),
     )  # fmt: skip
-
-
-def compared(robot: HybridRobot, samples: int = 4) -> tuple[float, int]:
-    """Return how far trusted samples are from the general path at most, and how many are trusted."""
-    q, v, a, tau = random_states(robot, samples)
-    library = Interpreted(robot, ("idm", "ddm"))
-    worst, trusted = 0.0, 0
-    for name, third, wanted in (("ddm", tau, a), ("idm", a, hybridyn.idm(robot, q, v, a))):
-        (result,), guard = library.batch(name, q, v, third)
-        good = guard <= TRUSTED
-        worst = max(worst, difference(result[good], wanted[good]).max(initial=0.0))
-        trusted += int(good.sum())
-    return worst, trusted
 
 
 # -------------------------------------------------------------------- pivots
@@ -191,7 +181,7 @@ def test_a_motor_that_loops_hold_still_has_no_effort() -> None:
     efforts = hybridyn.idm(robot, q, v, a)
     assert (efforts[:, 0] == 0.0).all()
     np.testing.assert_allclose(efforts[:, 1], tau[:, 1], rtol=1e-11)
-    assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
+    written_agrees(robot)
 
 
 def test_motors_that_no_posture_tells_apart_are_the_general_paths() -> None:
@@ -218,7 +208,7 @@ def test_redundant_motors_on_gears_alone() -> None:
         [hinge("a", "base", "one"), hinge("b", "one", "two", 1.0), hinge("c", "two", "three", 1.0)], [],
         ["a", "b", "c"], [Coupling("gear", (("a", 1.0), ("b", -0.5), ("c", 0.5)), 0.0)],
     )  # fmt: skip
-    assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
+    written_agrees(robot)
 
 
 # -------------------------------------------------------------------- open couplings
@@ -247,7 +237,7 @@ def test_an_open_coupling_is_no_state_of_the_models(kind: str, what: str) -> Non
     robot = geared(kind)
     q, v, a, tau = random_states(robot, 3)
     library = Interpreted(robot, ("idm", "ddm"))
-    assert compared(robot, 3) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 6)
+    written_agrees(robot, 3)
     at_q, at_v = (slices[robot.joint_index["b"]] for slices in (robot.q_slices, robot.v_slices))
     if what == "positions":
         turn = 1e-5 * np.array([[0.0, 1.0], [-1.0, 0.0]]) + np.eye(2)
@@ -290,7 +280,7 @@ def door() -> HybridRobot:
 
 def test_a_door_with_two_hinges() -> None:
     robot = door()
-    assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
+    written_agrees(robot)
     manifold = Manifold(robot)
     residual, K = manifold.looped[0].rows.at(np.array([0.3]))
     assert K.shape == (5, 1)
@@ -334,47 +324,46 @@ class Edited:
         return self._edit(name, outputs, guard)
 
 
-def test_samples_that_the_general_path_computes_prove_nothing() -> None:
-    """A model that is wrong wherever it trusts itself, and trusts itself at every third sample."""
+def every_third(guard: np.ndarray, others: Any = 2.0) -> np.ndarray:
+    """Return guards that trust every third sample."""
+    return np.where(np.arange(len(guard)) % 3, others, guard)
+
+
+#: Models that say something else, what is raised, what is logged, and how often states are drawn.
+EDITS: dict[str, tuple[Any, str, str, int]] = {
+    "wrong wherever it trusts itself": (
+        lambda name, outputs, guard: (
+            (outputs[0] * np.where(every_third(0 * guard) > 1, 1.0, 1 + 1e-8)[:, None], *outputs[1:]),
+            every_third(0 * guard),
+        ),
+        "'ddm' of the robot 'door' differs", "", 1,
+    ),
+    "trusts few": (lambda name, outputs, guard: (outputs, every_third(guard)), "", "", 3),
+    "trusts nothing": (
+        lambda name, outputs, guard: (outputs, guard + 2.0),
+        f"robot 'door' would hand every one of {8 * SAMPLES} random states", "", 8,
+    ),
+    "one model trusts nothing": (
+        lambda name, outputs, guard: (outputs, guard + 2.0 * (name == "idm")),
+        "", "'door': the compiled 'idm' hands every one of", 8,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", EDITS)
+def test_models_that_say_something_else(what: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Samples that the general path computes prove nothing; more states are drawn where few count."""
+    edit, raised, logged, draws = EDITS[what]
     robot = door()
-
-    def wrong(name: str, outputs: Any, guard: np.ndarray) -> Any:
-        guard = np.where(np.arange(len(guard)) % 3, 2.0, 0.0)
-        return (outputs[0] * np.where(guard > 1, 1.0, 1 + 1e-8)[:, None], *outputs[1:]), guard
-
-    with pytest.raises(CompileError, match="'ddm' of the robot 'door' differs"):
-        verify(Edited(robot, wrong), robot, choose(robot, None))
-
-
-def test_more_states_are_drawn_where_few_count(caplog: pytest.LogCaptureFixture) -> None:
-    robot = door()
-
-    def shy(name: str, outputs: Any, guard: np.ndarray) -> Any:
-        return outputs, np.where(np.arange(len(guard)) % 3, 2.0, guard)
-
-    library = Edited(robot, shy)
-    verify(library, robot, choose(robot, None))
-    assert library.asked == 3
-    assert not caplog.records
-
-
-def test_models_that_trust_themselves_nowhere_are_said_to(caplog: pytest.LogCaptureFixture) -> None:
-    robot, effects = door(), choose(door(), None)
-
-    def never(name: str, outputs: Any, guard: np.ndarray) -> Any:
-        return outputs, guard + 2.0
-
-    with pytest.raises(
-        CompileError, match=f"robot 'door' would hand every one of {8 * SAMPLES} random states"
-    ):
-        verify(Edited(robot, never), robot, effects)
-
-    def half(name: str, outputs: Any, guard: np.ndarray) -> Any:
-        return outputs, guard + 2.0 * (name == "idm")
-
+    library = Edited(robot, edit)
     with caplog.at_level(logging.WARNING):
-        verify(Edited(robot, half), robot, effects)
-    assert "'door': the compiled 'idm' hands every one of" in caplog.text
+        if raised:
+            refused(lambda: verify(library, robot, choose(robot, None)), CompileError, raised)
+        else:
+            verify(library, robot, choose(robot, None))
+    assert library.asked == draws
+    assert logged in caplog.text
+    assert bool(caplog.records) == bool(logged)
 
 
 class WithoutDirectModel:
@@ -420,11 +409,10 @@ def test_the_reason_is_the_files_rounding() -> None:
 def test_models_that_trust_themselves_nowhere_are_not_exported(tmp_path: Path) -> None:
     """In C there is no general path: a guard above 1 at every state is of no use."""
     robot = rounded_bars()
-    with pytest.raises(CompileError) as compiled:
-        verify(Interpreted(robot), robot, choose(robot, None))
-    with pytest.raises(CompileError) as exported:
-        export(robot, tmp_path / "bars")
-    assert str(exported.value) == str(compiled.value)
+    same_words(
+        lambda: export(robot, tmp_path / "bars"),
+        lambda: verify(Interpreted(robot), robot, choose(robot, None)),
+    )
     assert not [*tmp_path.iterdir()]
 
 
@@ -444,18 +432,17 @@ def test_rounding_is_allowed_for(name: str, monkeypatch: pytest.MonkeyPatch) -> 
         return np.array([[x] if x in seen else [np.nan] for x in q[:, 0]])
 
     monkeypatch.setattr(verifying, name, rounding)
-    for off, refused in ((2e-10, False), (2e-8, True)):
+    for off, wrong in ((2e-10, False), (2e-8, True)):
 
         def shifted(model: str, outputs: Any, guard: np.ndarray, off: float = off) -> Any:
             return (outputs[0] * (1 + off * (model == name)), *outputs[1:]), guard
 
         seen.clear()
-        library = Edited(robot, shifted)
-        if refused:
-            with pytest.raises(CompileError, match=f"'{name}' of the robot 'door' differs"):
-                verify(library, robot, effects)
+        judged = partial(verify, Edited(robot, shifted), robot, effects)
+        if wrong:
+            refused(judged, CompileError, f"'{name}' of the robot 'door' differs")
         else:
-            verify(library, robot, effects)
+            judged()
 
 
 # -------------------------------------------------------------------- what is no error of ours
