@@ -224,10 +224,11 @@ class Case:
     """A mechanism, what carries it, and the oracle of both."""
 
     seed: int
-    description: Description
+    description: Description = field(repr=False)
     base: Base
     oracle: Remembering = field(repr=False)
-    mobility: int
+    mobility: int | None
+    parts: tuple[str, ...] = ()
 
     def states(self, count: int) -> list[State]:
         """Draw states at clear ranks, two at each posture, the first at home; fewer where few are clear."""
@@ -273,28 +274,29 @@ def mobility_of(oracle: Oracle, q: np.ndarray) -> int | None:
     return int(posture.Z.shape[1])
 
 
+#: What a mechanism grows by; loops twice as often.
+PARTS = ("branch", "door", "loop", "loop", "star", "planar", "round")
+
+
 def generated(seed: int, freedoms: int = 9) -> Case:
     """Draw a mechanism whose tree has up to so many freedoms, at a home of clear rank."""
     for draw in range(100):
         rng = np.random.default_rng([seed, draw, freedoms])
         layout = Layout(rng, int(rng.integers(1, freedoms + 1)))
-        parts = [
-            layout.branch,
-            layout.door,
-            layout.loop,
-            layout.loop,
-            layout.star,
-            layout.planar,
-            layout.round,
-        ]
         while layout.left > 0:
-            parts[int(rng.integers(len(parts)))]()
+            getattr(layout, PARTS[int(rng.integers(len(PARTS)))])()
         for _ in range(int(rng.choice([0, 0, 1, 2]))):
             layout.couple()
-        base = BASES[int(rng.integers(len(BASES)))]
-        description = layout.sketch.description(f"generated_{seed}")
-        oracle = Remembering(description, base)
-        mobility = mobility_of(oracle, home_posture(description, base))
-        if mobility is not None:
-            return Case(seed, description, base, oracle, mobility)
+        case = case_of(layout, BASES[int(rng.integers(len(BASES)))], seed)
+        if case.mobility is not None:
+            return case
     raise RuntimeError(f"no mechanism of clear rank for seed {seed}")
+
+
+def case_of(layout: Layout, base: Base, seed: int, parts: Sequence[str] = ()) -> Case:
+    """Return a mechanism with its oracle; its mobility is None where its rank is unclear."""
+    description = layout.sketch.description(f"generated_{seed}")
+    oracle = Remembering(description, base)
+    return Case(
+        seed, description, base, oracle, mobility_of(oracle, home_posture(description, base)), tuple(parts)
+    )

@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.assembly.residual import closure_residual
-from hybridyn.errors import HybridynError
 from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.generated import Case, State, generated
+from tests.generated import Case, State
 from tests.generated_judge import condition, natural_acceleration
 from tests.samples import fuzz, slow
-from tests.waiting import must_end
+from tests.strategies import for_all, mechanisms
 
 STEP = 1e-3  # of the runs [s]
 CLOSED = 1e-10  # the project's claim on closures
 FORWARD = 1e-12  # of the condition number
 ENERGY = 1e-8  # of what is exchanged: a step's error is its fifth power
 BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
-
-
-@lru_cache(maxsize=1)
-def run_of(seed: int, freedoms: int) -> tuple[Case, State, HybridRobot, Result]:
-    """Return a mechanism that moved two steps from its home under constant efforts."""
-    case = generated(seed, freedoms)
-    state = case.states(1)[0]
-    robot = build_robot(case.description, base=case.base)
-    return case, state, robot, moved(case, state, robot, 2)
 
 
 def moved(case: Case, state: State, robot: HybridRobot, steps: int, **options: object) -> Result:
@@ -46,9 +34,10 @@ def moved(case: Case, state: State, robot: HybridRobot, steps: int, **options: o
     )  # type: ignore[arg-type]
 
 
-def judge_run(seed: int, freedoms: int) -> None:
-    """Check one run by the oracle and by its energy, and against a run that stopped in between."""
-    case, state, robot, run = run_of(seed, freedoms)
+def judge_run(case: Case) -> None:
+    """Check a run from home under constant efforts by the oracle, its energy, and one that stopped."""
+    state, robot = case.states(1)[0], build_robot(case.description, base=case.base)
+    run = moved(case, state, robot, 2)
     assert run.status == "finished", run.message
     assert closure_residual(robot, run.q).max() <= CLOSED
     q, v, a = run.q[-1], run.v[-1], run.a[-1]
@@ -69,19 +58,10 @@ def judge_run(seed: int, freedoms: int) -> None:
     assert all(getattr(again, name).tobytes() == getattr(run, name).tobytes() for name in BITS)
 
 
-def judge_runs(first: int, count: int, freedoms: int) -> None:
-    for seed in range(first, first + count):
-        with must_end(f"seed {seed}"):
-            try:
-                judge_run(seed, freedoms)
-            except (AssertionError, HybridynError) as error:
-                pytest.fail(f"seed {seed}, {freedoms} freedoms: {error}")
-
-
 def test_runs() -> None:
-    judge_runs(0, 8, 4)
+    for_all(mechanisms(4), judge_run, 8)
 
 
 @pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 20))])
 def test_many_runs(block: int) -> None:
-    judge_runs(1000 + 50 * block, 50, 9)
+    for_all(mechanisms(9, first=10_000 * block), judge_run, 50)
