@@ -2,7 +2,7 @@
 
 from .assembly.assemble import assemble
 from .assembly.assemblies import Assemblies, assemblies
-from .assembly.residual import closure_residual
+from .assembly.task import closure_residual
 from .compiled.compiling import compile
 from .compiled.derivatives import ddm_jacobian, idm_jacobian
 from .compiled.model import CompiledRobot

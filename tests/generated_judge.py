@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from hybridyn.assembly.residual import closure_residual
+from hybridyn.assembly.task import closure_residual
 from hybridyn.errors import ActuationError, HybridynError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot

@@ -1,8 +1,9 @@
 """Assembly: from given motor positions and platform poses to postures that close every loop.
 
-Read `requests` (the caller's input, checked), `module_request` (the same for one module), `assemble`,
-`task`, `follow` (continuation from sample to sample on one branch). `assemblies` searches for all postures;
-`findings` and `free_motions` report what looks wrong in a robot; `residual` computes closure residuals.
+Read `requests` (the caller's input, checked), `module_request` (the same for one module), `task` (the problem
+that it states), `follow` (continuation from sample to sample on one branch), `assemble`. `assemblies` finds
+all postures, `reach` closes each sample for itself; `findings` and `free_motions` report what looks wrong in
+a robot.
 
 May import: `structure` and below.
 """

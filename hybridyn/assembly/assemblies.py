@@ -23,8 +23,7 @@ from .assemble import place_base, settled, spanning_positions
 from .follow import follow
 from .module_request import module_request, on_own_bases, place_bodies
 from .requests import Requests, gather_requests
-from .residual import closure_residual
-from .task import Task, module_task
+from .task import Task, closure_residual, module_task
 
 #: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
 SAME_ASSEMBLY = 1e-5

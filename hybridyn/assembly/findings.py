@@ -12,7 +12,7 @@ from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .free_motions import free_motions, own_inertia
-from .residual import residuals
+from .task import residuals
 
 #: A posture is singular if its smallest pivot, or the motors' smallest share in a motion, is below this.
 SINGULAR_POSTURE = 1e-5

@@ -1,11 +1,12 @@
 """The problem of closing one module's loops at every sample of a trajectory, and whether it has a solution.
 
 Read `module_task` first: what is given must determine the posture, and rates must stay bounded.
+`closure_residual` states how far any posture is from closing the loops.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..linkage.reduction import Block, decide_rank
 from ..spatial import Array, Index, Mask
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_positions
 from .free_motions import IDLE, effects
 from .module_request import ModuleRequest
 
@@ -224,3 +226,29 @@ def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block
             return []
         blocks.append(Block(rows, cols[own]))
     return blocks
+
+
+def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
+    """Yield each module that has loops with its scaled closure residuals, shape (T, rows)."""
+    for module in robot.modules:
+        m = module.mechanism
+        if m.spanning_closures.rows:
+            qk = q[:, module.q_index]
+            yield module, m.residual(qk, m.spanning.sweep(qk))
+
+
+def closure_residual(robot: HybridRobot, q: Array) -> Array:
+    """Compute the largest closure residual of each sample, relative to its module's length.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+
+    Returns:
+        Shape () or (T,): metres over the module's length, or radians, whichever is larger.
+    """
+    batch, single = as_positions(robot, q)
+    worst = np.zeros(len(batch))
+    for _, residual in residuals(robot, batch):
+        worst = np.maximum(worst, np.abs(residual).max(axis=1))
+    return worst[0] if single else worst

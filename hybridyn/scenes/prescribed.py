@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..assembly.assemble import assemble
-from ..assembly.residual import closure_residual
+from ..assembly.task import closure_residual
 from ..dynamics.energy import energy
 from ..dynamics.inverse import idm, samples_counted_from
 from ..effects import Effects

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..assembly.residual import closure_residual
+from ..assembly.task import closure_residual
 from ..compiled.library.laws import Law
 from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.forward import base_motion as base_of

@@ -8,7 +8,7 @@ from os import PathLike
 
 import numpy as np
 
-from ..assembly.residual import closure_residual
+from ..assembly.task import closure_residual
 from ..dynamics.energy import Energy, energy
 from ..errors import AssemblyError, SingularityError
 from ..spatial import Array

@@ -125,7 +125,7 @@ class Work:
         """
         import numpy as np
 
-        from ..assembly.residual import closure_residual
+        from ..assembly.task import closure_residual
 
         with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
             whole = postures(self.robot, block.motion, self.layout, guess, self.assemble)

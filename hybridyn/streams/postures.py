@@ -124,7 +124,7 @@ def _assembled(
 
     assemble = assemble or functools.partial(hybridyn.assemble, robot)
     if motion.time is not None:
-        from ..assembly.wrapped_angles import check_unwrapped
+        from ..assembly.requests import check_unwrapped
 
         check_unwrapped(robot, motion.time, motion.joints)
         return assemble(motors=motion.joints, platforms=motion.platforms, guess=guess)

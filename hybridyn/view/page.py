@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.residual import closure_residual
+from ..assembly.task import closure_residual
 from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from hybridyn import HybridRobot, assemble, ddm, idm
-from hybridyn.assembly.residual import closure_residual
+from hybridyn.assembly.task import closure_residual
 from hybridyn.conversion.convert import MODEL, file_beside
 from hybridyn.conversion.request import Request, Written
 from hybridyn.conversion.writers import write

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.assembly.residual import closure_residual
+from hybridyn.assembly.task import closure_residual
 from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot

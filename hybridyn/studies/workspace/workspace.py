@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...assembly.assemble import assemble
-from ...assembly.residual import closure_residual
+from ...assembly.task import closure_residual
 from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.targets import COORDINATES
 from ...linkage.threads import one_thread
