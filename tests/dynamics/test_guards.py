@@ -11,6 +11,7 @@ import pytest
 
 import hybridyn
 from hybridyn import ddm, idm
+from hybridyn.description.records import Description, Joint, Link
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.assembly.test_assembly import with_aligned_wrist
@@ -62,6 +63,20 @@ def test_what_hangs_freely_gives_a_bare_link_no_inertia(tmp_path: Path, free: tu
     for seed in range(12):
         a = ddm(robot, moved_together(robot, seed), np.zeros(robot.nv), np.zeros(1))
         assert a[0] == 0.0
+
+
+def test_a_thin_rod_on_a_ball_does_not_start_to_spin() -> None:
+    """About its own axis nothing acts on it and nothing resists: of all accelerations it takes the least."""
+    axis, mass, arm = np.array([1.0, 2.0, 2.0]) / 3, 3.0, 0.5
+    across = mass * arm**2 * (np.eye(3) - np.outer(axis, axis))
+    links = (Link("ground", 0.0, np.zeros(3), np.zeros((3, 3))), Link("rod", mass, arm * axis, across / 3))
+    ball = Joint("ball", "spherical", "ground", "rod", np.eye(4), axis)
+    robot = build_robot(Description("rod", links, (ball,)))
+    w = np.cross(axis, [0.3, -1.0, 2.0]) + axis
+    about = 4 / 3 * across
+    moment = np.cross(arm * axis, mass * robot.gravity) - np.cross(w, about @ w)
+    found = ddm(robot, robot.home, w, np.zeros(len(robot.motors)))
+    close_to(found, np.linalg.pinv(about, rcond=1e-9) @ moment, SOLVED)
 
 
 def test_free_fall_needs_no_effort_of_motors_that_are_not_there() -> None:
