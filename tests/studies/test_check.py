@@ -265,12 +265,13 @@ SOUND = {
     "arm": arm(inside=boxed(2, 0.02)),
     "mimic": arm(TWO_ARMS.format('multiplier="-1"')),
     "slide": arm(kind="prismatic"),
+    "meshes left alone": arm(inside=BALL + MESH.format("broken.stl")),
 }
 
 
 @pytest.mark.parametrize("name", SOUND)
 def test_a_sound_robot_has_no_findings(name: str, tmp_path: Path) -> None:
-    assert found(tmp_path, SOUND[name]) == []
+    assert found(tmp_path, SOUND[name], meshes="left alone" not in name) == []
 
 
 def test_a_sound_four_bar_has_only_its_spare_rows(tmp_path: Path) -> None:
@@ -348,13 +349,6 @@ def test_the_unit_of_an_inertia_is_guessed(ratio: float, unit: str) -> None:
     assert unit in unit_guess(ratio)
 
 
-def test_a_tensor_in_g_mm2_is_recognised(tmp_path: Path) -> None:
-    """A cube of 2 kg and 0.2 m: m a^2 / 6 = 0.0133 kg m^2 = 1.33e7 g mm^2."""
-    (finding,) = found(tmp_path, arm(inside=boxed(2, 0.2**2 * 2 / 6 * 1e9)))
-    assert finding.code == "inertia-too-large"
-    assert "g mm^2" in finding.mend
-
-
 def test_all_duplicated_names_are_reported_at_once(tmp_path: Path) -> None:
     text = arm(link("arm"), joint("turn", "base", "base"), link("base"))
     findings = found(tmp_path, text)
@@ -362,26 +356,56 @@ def test_all_duplicated_names_are_reported_at_once(tmp_path: Path) -> None:
     assert not is_readable(findings)
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("", None),
-        ("<robot", 1),
-        (arm().replace('mass value="2"', 'mass value="1,5"'), 1),
-        ("<robot name='r'>\n<link name='a'/>\n<joint name='j' type='wobbly'/></robot>", 3),
-        (robot('<weld link1="crank" link2="rocker"/>'), 19),
-    ],
-)
-def test_what_cannot_be_read_is_one_finding(text: str, line: int | None, tmp_path: Path) -> None:
+BOX = '<geometry><box size="1 1 1"/></geometry>'
+CONE = '<visual><geometry>\n<cone radius="1"/></geometry></visual>'
+SCALED = MESH.format("part.stl").replace("<mesh", '\n<mesh scale="0.001,0.001,0.001"')
+PAINTED = MESH.format("nowhere.stl").replace("</visual>", 2 * '<material name="red"/>' + "</visual>")
+TWICE = (
+    '<xacro:macro name="m" params="n"><link name="l${n}">' + BALL + "<visual><geometry/></visual></link>"
+    + joint("j${n}", "arm", "l${n}", "fixed") + '</xacro:macro><xacro:m n="a"/><xacro:m n="b"/>'
+)  # fmt: skip
+WRITTEN = arm(TWICE).replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
+
+#: Files of one finding: its code, its line, and words of its element, message and mend.
+ALONE: list[tuple[str, str, int | None, str]] = [
+    ("", "unreadable", None, ""),
+    ("<robot", "unreadable", 1, ""),
+    (arm().replace('mass value="2"', 'mass value="1,5"'), "unreadable", 1, ""),
+    ("<robot name='r'>\n<link name='a'/>\n<joint name='j' type='wobbly'/></robot>", "unreadable", 3, ""),
+    (robot('<weld link1="crank" link2="rocker"/>'), "unreadable", 19, ""),
+    ("<mujoco/>", "unreadable", 1, ""),
+    # a cube of 2 kg and 0.2 m: m a^2 / 6 = 0.0133 kg m^2 = 1.33e7 g mm^2
+    (arm(inside=boxed(2, 0.2**2 * 2 / 6 * 1e9)), "inertia-too-large", 1, "g mm^2"),
+    (arm(inside=BALL + CONE), "broken-shape", 2, "<cone>: not read as a shape; write a box"),
+    (arm(inside=BALL + SCALED), "broken-shape", 2, "<mesh>: attribute 'scale' has 1 numbers instead of 3"),
+    (arm(inside=BALL + PAINTED), "missing-mesh", 1, ""),  # its materials hide no shape
+    (WRITTEN, "broken-shape", 1, "link 'la'"),
+    *(
+        (
+            arm(inside=f"{BALL}\n<{role}>{inside}</{role}>"),
+            "broken-shape",
+            2,
+            f"its {role} shape cannot be read: {wrong.format(role=role)}",
+        )
+        for role in ("visual", "collision")
+        for inside, wrong in (
+            (f'<origin xyz="0 0"/>\n{BOX}', "<origin>: attribute 'xyz' has 2 numbers instead of 3"),
+            (f'<origin rpy="0 0 x"/>\n{BOX}', "<origin>: rpy 'x' is not a finite number"),
+            (f"<origin/><origin/>\n{BOX}", "<origin>: stated twice in <{role}>; keep one"),
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "code", "line", "words"), ALONE)
+def test_a_file_with_one_finding(text: str, code: str, line: int | None, words: str, tmp_path: Path) -> None:
+    if "mujoco" in text:
+        needs("mjcf")
     (finding,) = found(tmp_path, text)
-    assert (finding.code, finding.line) == ("unreadable", line)
+    file = tmp_path / ("wrong.xacro" if "xacro" in text else "wrong.urdf")
+    assert (finding.code, finding.file, finding.line) == (code, str(file), line)
+    assert words in f"{finding.element} {finding.message} {finding.mend}"
     assert str(tmp_path) not in finding.message
-
-
-def test_mjcf_that_cannot_be_read_is_one_finding(tmp_path: Path) -> None:
-    needs("mjcf")
-    (finding,) = found(tmp_path, "<mujoco/>")
-    assert (finding.code, finding.line) == ("unreadable", 1)
 
 
 LEG = """<mujoco model="leg">
@@ -451,58 +475,6 @@ def test_meshes_of_included_models_are_found(tmp_path: Path) -> None:
     whole = '<sdf version="1.9"><model name="whole"><include><uri>part</uri></include></model></sdf>'
     missing = [f for f in hybridyn.check(save(tmp_path, whole, "whole.sdf")) if f.code == "missing-mesh"]
     assert [Path(str(f.file)).name for f in missing] == ["model.sdf"] * 2
-
-
-def test_meshes_can_be_left_alone(tmp_path: Path) -> None:
-    text = arm(inside=BALL + MESH.format("broken.stl"))
-    assert found(tmp_path, text, meshes=False) == []
-
-
-@pytest.mark.parametrize("role", ["visual", "collision"])
-@pytest.mark.parametrize(
-    ("inside", "wrong"),
-    [
-        ('<origin xyz="0 0"/>\n{}', "<origin>: attribute 'xyz' has 2 numbers instead of 3"),
-        ('<origin rpy="0 0 x"/>\n{}', "<origin>: rpy 'x' is not a finite number"),
-        ("<origin/><origin/>\n{}", "<origin>: stated twice in <{role}>; keep one"),
-    ],
-)
-def test_a_shape_that_cannot_be_read_is_named(role: str, inside: str, wrong: str, tmp_path: Path) -> None:
-    box = '<geometry><box size="1 1 1"/></geometry>'
-    text = arm(inside=f"{BALL}\n<{role}>{inside.format(box)}</{role}>")
-    (finding,) = found(tmp_path, text)
-    assert (finding.code, finding.line) == ("broken-shape", 2)
-    assert finding.file == str(tmp_path / "wrong.urdf")
-    assert finding.message == f"its {role} shape cannot be read: {wrong.format(role=role)}"
-
-
-def test_a_geometry_of_another_kind_is_named(tmp_path: Path) -> None:
-    cone = '<visual><geometry>\n<cone radius="1"/></geometry></visual>'
-    (finding,) = found(tmp_path, arm(inside=BALL + cone))
-    assert (finding.code, finding.line) == ("broken-shape", 2)
-    assert "<cone>: not read as a shape; write a box" in finding.message
-
-
-def test_the_scale_of_a_mesh_is_named_by_its_own_line(tmp_path: Path) -> None:
-    mesh = MESH.format("part.stl").replace("<mesh", '\n<mesh scale="0.001,0.001,0.001"')
-    (finding,) = found(tmp_path, arm(inside=BALL + mesh))
-    assert finding.place == f"{tmp_path / 'wrong.urdf'}:2"
-    assert "<mesh>: attribute 'scale' has 1 numbers instead of 3" in finding.message
-
-
-def test_shapes_that_one_macro_writes_are_one_finding(tmp_path: Path) -> None:
-    macro = (
-        '<xacro:macro name="m" params="n"><link name="l${n}">' + BALL + "<visual><geometry/></visual></link>"
-        + joint("j${n}", "arm", "l${n}", "fixed") + '</xacro:macro><xacro:m n="a"/><xacro:m n="b"/>'
-    )  # fmt: skip
-    text = arm(macro).replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
-    (finding,) = found(tmp_path, text)
-    assert (finding.code, finding.element, finding.line) == ("broken-shape", "link 'la'", 1)
-
-
-def test_two_materials_hide_no_shape(tmp_path: Path) -> None:
-    visual = MESH.format("nowhere.stl").replace("</visual>", 2 * '<material name="red"/>' + "</visual>")
-    assert [finding.code for finding in found(tmp_path, arm(inside=BALL + visual))] == ["missing-mesh"]
 
 
 def test_meshes_that_cannot_be_read_here_are_one_note(
