@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -48,16 +47,6 @@ def test_cost_takes_the_shipped_motion(
     monkeypatch.setattr("hybridyn.cli.cost._robot", measured)
     assert call(capsys, "cost", "lx4", status=1).err == "error: enough\n"
     assert [Path(name).parts[-2:] for name in asked] == [("lx4", "traj.csv")]
-
-
-def test_a_link_to_nothing_is_not_offered_as_itself(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    os.symlink("nowhere", "ff")
-    os.mkfifo("pipe.csv")
-    call(capsys, "idm", "five_bar", "ff", status=2, says="'ff' is a link to a file that does not exist")
-    call(capsys, "idm", "five_bar", "pipe.csv", status=2, says="'pipe.csv' is not a regular file")
 
 
 def test_no_error_is_longer_than_a_few_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,6 @@ from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import Result
 from hybridyn.tables.opening import open_table
-from tests.command_line import call
 from tests.comparing import refused
 
 
@@ -29,18 +28,6 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str, monkeypatch: pytest
     }  # fmt: skip
     caught = refused(lambda: readers[file.suffix](str(file)), HybridynError, "is not a regular file")
     assert name in str(caught)
-
-
-@pytest.mark.parametrize(
-    "words", [["info", "x.urdf"], ["idm", "five_bar", "x.csv"], ["plot", "x.csv"], ["simulate", "x.toml"]]
-)
-def test_the_command_line_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    os.mkfifo(words[-1])
-    told = f"'{words[-1]}' is not a regular file but a pipe or a device"
-    call(capsys, *words, status=2, says=told)
 
 
 def dotted(parts: int) -> str:

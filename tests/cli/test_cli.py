@@ -177,42 +177,6 @@ def test_efforts_that_overflow_are_an_error(run, arm, tmp_path: Path) -> None:
     assert "row 1" in run("idm", arm, path, status=1).err
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["ids"], "there is no command 'ids'"),
-        (["idm"], "Missing argument"),
-        (["idm", "{arm}"], "Missing argument"),
-        (["idm", "{folder}/arn.urdf", "{motion}"], "did you mean '{folder}/arm.urdf'"),
-        (["idm", "{arm}", "{folder}/tray.csv"], "did you mean '{folder}/traj.csv'"),
-        (["idm", "{folder}", "{motion}"], "is a folder"),
-        (["idm", "nowhere/arm.urdf", "{motion}"], "no folder 'nowhere'"),
-        (["idm", "{arm}", "{motion}", "--gravity", "1,2"], "three numbers"),
-        (["idm", "{arm}", "{motion}", "--gravity", "1,2,nan"], "not finite"),
-        (["idm", "{arm}", "{motion}", "--base", "loose"], "'loose' is not one of"),
-        (["idm", "{arm}", "{motion}", "--xacro", "n=3"], "name:=value"),
-        (["idm", "{arm}", "{motion}", "--motors", "lift,"], "empty name"),
-        (["idm", "{arm}", "{motion}", "--weights", "lift=heavy"], "motor=value"),
-        (["idm", "{arm}", "{motion}", "--weights", "lifd=1"], "did you mean 'lift'"),
-        (["idm", "{arm}", "{motion}", "--wieghts", "1"], "No such option"),
-    ],
-)
-def test_wrong_usage_is_status_2_and_one_line(run, arm, motion, tmp_path: Path, words, expected) -> None:
-    places = {"arm": arm, "motion": motion, "folder": tmp_path}
-    run(*(word.format(**places) for word in words), status=2, says=[expected.format(**places), "--help"])
-
-
-@pytest.mark.parametrize(
-    ("target", "words"),
-    [("out.txt", "ends in"), ("nowhere/out.csv", "nowhere"), ("traj.csv", "would be replaced")],
-)
-@pytest.mark.parametrize("first", [True, False])
-def test_a_bad_target_is_found_first(run, arm, motion, tmp_path: Path, target, words, first) -> None:
-    option = ["-o", tmp_path / target]
-    given = [*option, arm, motion] if first else [arm, motion, *option]
-    run("idm", *given, status=2, says=[str(tmp_path / target), words])
-
-
 def test_bad_robots_are_one_line(run, motion, tmp_path: Path) -> None:
     path = save(tmp_path, ARM.replace('link="slider"', 'link="slidr"', 1), "arm.urdf")
     run("idm", path, motion, status=1, says=str(path))

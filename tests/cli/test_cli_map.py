@@ -104,30 +104,3 @@ def test_rotors_of_the_file_at_the_joints(tmp_path: Path, capsys: pytest.Capture
         for name, other in (("pitch",) * 2, ("pitch", "roll"), ("roll",) * 2)
     ]
     close_to(np.array(found), wanted[[0, 0, 1], [0, 1, 1]], SOLVED)
-
-
-@pytest.mark.parametrize(
-    ("more", "status", "message"),
-    [
-        ((), 2, "give a TRAJECTORY, or --grid"),
-        (("--grid", "3", "--efforts"), 2, "--efforts needs a TRAJECTORY"),
-        (("--grid", "0"), 2, "at least one point"),
-        (("--grid", "a:b"), 2, "neither a number of points nor FROM:TO:COUNT"),
-        (("--grid", "1:0:3,0:1:2"), 2, "a range has FROM < TO"),
-        (("--grid", "0:1:3"), 2, "--grid has 1 range for 2 joints"),
-        (("--grid", "2000"), 2, "more than 1,000,000 points"),
-        (("--grid", "3", "--joints", "pitch,rol"), 1, "unknown joint 'rol' (did you mean 'roll'?)"),
-        (("--grid", "0:0:1", "--joints", "pitch"), 1, "leaves 1 of its 2 freedoms open"),
-    ],
-)
-def test_bad_questions(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], status: int, message: str
-) -> None:
-    call(capsys, *words(tmp_path, *more), status=status, says=message)
-
-
-def test_joints_without_limits_need_a_range(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    endless = words(tmp_path, "--grid", "3")
-    path = tmp_path / "ankle.urdf"
-    path.write_text(path.read_text().replace('"pitch" type="revolute"', '"pitch" type="continuous"'))
-    call(capsys, *endless, status=2, says="joint 'pitch' has no limits in the robot's file")

@@ -13,7 +13,6 @@ from hybridyn.description.shipped import find_robot, main_names, shipped_robots
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
-from tests.files import save
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
 
@@ -65,24 +64,6 @@ def test_a_robot_moves_by_its_own_trajectory(
     by_path = call(capsys, "idm", *paths, "-q")
     assert by_name.status == by_path.status == named_table.status == 0
     assert by_name.out == by_path.out == named_table.out
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["idm", "fivebar"], "did you mean 'five_bar'"),
-        (["ddm", "five_bar"], "Missing argument 'STATES'"),  # a trajectory has no efforts
-        (["idm", "five_bar", "five_bar/trj.csv"], "there is no folder 'five_bar'"),
-        (["idm", str(ROOT / "urdf")], "is a folder"),
-    ],
-)
-def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    call(capsys, *words, status=2, says=message)
-
-
-def test_a_robot_of_ones_own_has_no_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = save(tmp_path, '<robot name="mine"><link name="a"/></robot>', "mine.urdf")
-    call(capsys, "idm", path, status=2, says="Missing argument 'TRAJECTORY'")
 
 
 def test_a_scene_by_its_robots_name(capsys: pytest.CaptureFixture[str]) -> None:

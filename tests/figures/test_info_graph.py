@@ -141,10 +141,3 @@ def test_dot_is_quoted() -> None:
     text = dot_of_cards(cards(robot("tanev")))
     assert len(re.findall(r"->", text)) == 2
     assert "3 x R P*" in text
-
-
-def test_an_unknown_ending_is_refused_before_any_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answer = call(capsys, "info", "lx4", "--graph", tmp_path / "a.gif", status=2, says=".dot")
-    assert answer.out == ""

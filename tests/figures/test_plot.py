@@ -245,26 +245,6 @@ def test_ddm_effects_and_simulate_draw(tmp_path: Path, capsys: pytest.CaptureFix
         assert (pixels < 250).any(axis=2).mean() > 0.02, file.name  # lines, axes and letters
 
 
-@pytest.mark.parametrize("command", ["idm", "ddm", "effects", "simulate"])
-def test_an_unknown_ending_is_refused_before_any_work(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["five_bar"] if command == "simulate" else ["five_bar", "five_bar/traj.csv"]
-    result = tmp_path / "out.csv"
-    more = [] if command == "effects" else ["-o", result]
-    call(
-        capsys,
-        command,
-        *words,
-        *more,
-        "--plot",
-        tmp_path / "a.gif",
-        status=2,
-        says="must end in .png, .svg, .pdf, .html",
-    )
-    assert not result.exists()
-
-
 def test_a_missing_package_is_told_before_any_work(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -136,7 +136,3 @@ def test_many_findings_of_a_kind_are_shortened(tmp_path: Path, capsys: pytest.Ca
     assert "and 8 more [unused-link]" in short
     assert full.count("[unused-link]") == 20
     assert short.splitlines()[-1] == full.splitlines()[-1] == f"{path}: 20 notes"
-
-
-def test_a_misspelt_code_gets_a_hint(capsys: pytest.CaptureFixture[str]) -> None:
-    call(capsys, "check", "five_bar", "--ignore", "to-dense", status=2, says="did you mean 'too-dense'")

@@ -221,9 +221,6 @@ def test_command(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     facts = json.loads(call(capsys, *words, "--json", "--fail-on", "never").out)
     assert facts["ignored"]["pinocchio, rigid constraints"] == ["roll"]
     assert "it is written as .md or .html" in call(capsys, *words, "-o", tmp_path / "page.pdf", status=1).err
-    call(capsys, *words[:3], "bullet", status=2, says="there is no engine 'bullet'")
-    wrong = ["compare", "five_bar", "five_bar/trajectory.csv"]
-    call(capsys, *wrong, status=2, says="there is no folder 'five_bar'")
 
 
 @pytest.mark.slow

@@ -142,22 +142,6 @@ def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -
     refused(lambda: Worth(robot, q, v, a, choose(robot, None)), AssemblyError, "at sample 3", sample=3)
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "message"),
-    [
-        (["--within", "much"], 2, "neither a percentage"),
-        (["--within", "-1%"], 2, "neither a percentage"),
-        (["--effects", "gravty"], 2, "did you mean 'gravity'?"),
-        (["--effects", "gravity,velocity"], 1, "'velocity' needs 'inertia'"),
-        (["--effects", "spring"], 1, "state no numbers for the effect 'spring'"),
-    ],
-)
-def test_mistakes_are_one_line(
-    words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    call(capsys, "effects", *FIVE_BAR, *words, status=status, says=message)
-
-
 @pytest.mark.slow
 def test_effects_of_idm_and_ddm(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     efforts = call(capsys, "idm", *FIVE_BAR, "--effects", "model")

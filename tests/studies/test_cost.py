@@ -334,24 +334,6 @@ def test_runs_that_take_too_long_are_given_up(few: None, monkeypatch: pytest.Mon
     assert points[1].failure.startswith("not tried: the one before was given up")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((SWING, "models/five_bar/traj.csv"), "a robot and a trajectory, or a scene alone"),
-        (("five_bar", "five_bar/traj.csv", "--until", "1"), "are for scenes"),
-        (("five_bar", "five_bar/traj.csv", "--target", "nan"), "nan is no error"),
-        (("five_bar", "five_bar/traj.csv", "--target", "inf"), "inf is no error"),
-        (("five_bar", "five_bar/traj.csv", "--target", "0"), "0 is no error"),
-        (("five_bar", "five_bar/traj.csv", "-o", "cost.parquet"), "must end in .csv"),
-    ],
-)
-def test_wrong_use_is_refused(
-    words: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(ROOT)
-    call(capsys, "cost", *words, status=2, says=message)
-
-
 @pytest.mark.slow
 def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines()

@@ -246,16 +246,3 @@ def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> 
     assert red == [-EFFORT_LIMIT, EFFORT_LIMIT]
     page = page_of_sizing(sizing, title="one <motor>")
     assert page.count('"name":"limit"') == 2
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["-o", "report.txt"], "must end in .csv or .json"),
-        (["--plot", "cloud.jpeg"], "must end in .png, .svg, .pdf, .html"),
-        (["--plot", "nowhere/cloud.png"], "there is no folder 'nowhere'"),
-        (["--effects", "frction"], "there is no effect 'frction'"),
-    ],
-)
-def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    call(capsys, "size", "five_bar", *words, status=2, says=message)

@@ -245,9 +245,3 @@ def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
     figure = figure_of_workspace(found)
     assert len(figure.axes) >= 3 * 2
     figure.savefig(tmp_path / "maps.svg")
-
-
-def test_wrong_words_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    call(
-        capsys, "workspace", "five_bar", "--step", "x:0.1", status=2, says="'x:0.1' is not of the form x=0.1"
-    )

@@ -339,29 +339,6 @@ def test_a_film_that_is_cut_short_is_an_error(frames: int, tmp_path: Path) -> No
     assert done.stderr.endswith("the film is not complete; is the disk full?: 'film.mp4'\n")
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--png", "a.gif"), "must end in .png"),
-        (("--mp4", "nowhere/a.mp4"), "there is no folder"),
-        (("--png", "a.png", "--size", "99x100"), "must be even"),
-        (("--png", "a.png", "--size", "big"), "1280x720"),
-        (("--png", "a.png", "--at", "1"), "there is no motion"),
-    ],
-)
-def test_wrong_words_are_refused(
-    words: tuple[str, ...],
-    said: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    needs("view", "yourdfpy")
-    monkeypatch.chdir(tmp_path)
-    call(capsys, "view", "delta", *words, status=2, says=said)
-    assert [*tmp_path.iterdir()] == []
-
-
 def test_what_is_missing_is_said_before_any_work(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,127 @@
+"""Commands with words that cannot be: one line on standard error, and nothing is written."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests import ROOT
+from tests.cli.test_cli import arm, motion
+from tests.extras import needs
+from tests.files import save
+from tests.quantities.ankle import JOINTS, MOTORS, ankle_text
+
+__all__ = ["arm", "motion"]
+
+ANKLE = f"map ankle.urdf --motors {','.join(MOTORS)} --joints {','.join(JOINTS)}"
+ENDLESS = ANKLE.replace("ankle", "endless")
+
+#: Status 2: usage errors, which name the help.
+USAGE = [
+    ("ids", "there is no command 'ids'"),
+    ("idm", "Missing argument"),
+    ("idm arm.urdf", "Missing argument"),
+    ("idm mine.urdf", "Missing argument 'TRAJECTORY'"),  # a robot of one's own has none
+    ("ddm five_bar", "Missing argument 'STATES'"),  # a trajectory has no efforts
+    ("idm arn.urdf traj.csv", "did you mean 'arm.urdf'"),
+    ("idm arm.urdf tray.csv", "did you mean 'traj.csv'"),
+    ("idm {folder}/arn.urdf traj.csv", "did you mean '{folder}/arm.urdf'"),
+    ("idm . traj.csv", "is a folder"),
+    ("idm {root}/urdf", "is a folder"),
+    ("idm nowhere/arm.urdf traj.csv", "no folder 'nowhere'"),
+    ("idm fivebar", "did you mean 'five_bar'"),
+    ("idm five_bar five_bar/trj.csv", "there is no folder 'five_bar'"),
+    ("compare five_bar five_bar/trajectory.csv", "there is no folder 'five_bar'"),
+    ("compare five_bar --with bullet", "there is no engine 'bullet'"),
+    ("idm five_bar link", "'link' is a link to a file that does not exist"),
+    *(
+        (words, f"'{words.split()[-1]}' is not a regular file but a pipe or a device")
+        for words in ("info x.urdf", "idm five_bar x.csv", "plot x.csv", "simulate x.toml")
+    ),
+    ("idm arm.urdf traj.csv --gravity 1,2", "three numbers"),
+    ("idm arm.urdf traj.csv --gravity 1,2,nan", "not finite"),
+    ("idm arm.urdf traj.csv --base loose", "'loose' is not one of"),
+    ("idm arm.urdf traj.csv --xacro n=3", "name:=value"),
+    ("idm arm.urdf traj.csv --motors lift,", "empty name"),
+    ("idm arm.urdf traj.csv --weights lift=heavy", "motor=value"),
+    ("idm arm.urdf traj.csv --weights lifd=1", "did you mean 'lift'"),
+    ("idm arm.urdf traj.csv --wieghts 1", "No such option"),
+    *(
+        (words.format(target), message)
+        for words in ("idm -o {} arm.urdf traj.csv", "idm arm.urdf traj.csv -o {}")
+        for target, message in (
+            ("out.txt", "out.txt: a result file ends in"),
+            ("no/out.csv", "the folder '{folder}/no' does not exist"),
+            ("traj.csv", "'traj.csv' is read, and would be replaced"),
+        )
+    ),
+    *(
+        (f"{words} -o out.csv --plot a.gif", "must end in .png, .svg, .pdf, .html")
+        for words in ("idm five_bar", "ddm five_bar traj.csv", "simulate five_bar", "size five_bar")
+    ),
+    ("effects five_bar --plot a.gif", "must end in .png, .svg, .pdf, .html"),
+    ("effects five_bar --within much", "neither a percentage"),
+    ("effects five_bar --within=-1%", "neither a percentage"),
+    ("effects five_bar --effects gravty", "did you mean 'gravity'?"),
+    ("size five_bar -o report.txt", "must end in .csv or .json"),
+    ("size five_bar --plot nowhere/cloud.png", "there is no folder 'nowhere'"),
+    ("size five_bar --effects frction", "there is no effect 'frction'"),
+    ("cost {root}/models/five_bar/swing.toml traj.csv", "a robot and a trajectory, or a scene alone"),
+    ("cost five_bar five_bar/traj.csv --until 1", "are for scenes"),
+    *((f"cost five_bar --target {text}", f"{text} is no error") for text in ("nan", "inf", "0")),
+    ("cost five_bar -o cost.parquet", "must end in .csv"),
+    ("check five_bar --ignore to-dense", "did you mean 'too-dense'"),
+    ("workspace five_bar --step x:0.1", "'x:0.1' is not of the form x=0.1"),
+    ("info lx4 --graph a.gif", ".dot"),
+    ("view delta --png a.gif", "must end in .png"),
+    ("view delta --mp4 nowhere/a.mp4", "there is no folder"),
+    ("view delta --png a.png --size 99x100", "must be even"),
+    ("view delta --png a.png --size big", "1280x720"),
+    ("view delta --png a.png --at 1", "there is no motion"),
+    (ANKLE, "give a TRAJECTORY, or --grid"),
+    (f"{ANKLE} --grid 3 --efforts", "--efforts needs a TRAJECTORY"),
+    (f"{ANKLE} --grid 0", "at least one point"),
+    (f"{ANKLE} --grid a:b", "neither a number of points nor FROM:TO:COUNT"),
+    (f"{ANKLE} --grid 1:0:3,0:1:2", "a range has FROM < TO"),
+    (f"{ANKLE} --grid 0:1:3", "--grid has 1 range for 2 joints"),
+    (f"{ANKLE} --grid 2000", "more than 1,000,000 points"),
+    (f"{ENDLESS} --grid 3", "joint 'pitch' has no limits in the robot's file"),
+]  # fmt: skip
+#: Status 1: what only the robot tells.
+ASKED = [
+    ("effects five_bar --effects gravity,velocity", "'velocity' needs 'inertia'"),
+    ("effects five_bar --effects spring", "state no numbers for the effect 'spring'"),
+    (f"{ANKLE},rol --grid 3", "unknown joint 'rol' (did you mean 'roll'?)"),
+    (f"{ANKLE.replace(',roll', '')} --grid 0:0:1", "leaves 1 of its 2 freedoms open"),
+]
+
+
+@pytest.fixture
+def folder(arm: str, motion: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of an arm, its motion and other files, in which the test stands."""
+    monkeypatch.chdir(tmp_path)
+    save(tmp_path, '<robot name="mine"><link name="a"/></robot>', "mine.urdf")
+    save(tmp_path, ankle_text(), "ankle.urdf")
+    save(
+        tmp_path, ankle_text().replace('"pitch" type="revolute"', '"pitch" type="continuous"'), "endless.urdf"
+    )
+    os.symlink("nowhere", "link")
+    for ending in ("urdf", "csv", "toml"):
+        os.mkfifo(f"x.{ending}")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "says", "status"), [*((*case, 2) for case in USAGE), *((*case, 1) for case in ASKED)]
+)
+def test_wrong_words_are_one_line(run, folder: Path, words: str, says: str, status: int) -> None:
+    if words.startswith("view"):
+        needs("view", "yourdfpy")
+    before = {path: path.lstat().st_mtime_ns for path in folder.iterdir()}
+    places = {"folder": folder, "root": ROOT}
+    given, message = (text.format(**places) for text in (words, says))
+    run(*shlex.split(given), status=status, says=[message, *["--help"] * (status == 2)])
+    assert {path: path.lstat().st_mtime_ns for path in folder.iterdir()} == before
