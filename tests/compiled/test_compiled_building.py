@@ -10,6 +10,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -84,28 +85,25 @@ def test_another_machine_or_package_builds_its_own(monkeypatch: pytest.MonkeyPat
             cached("a robot", never)
 
 
-@pytest.mark.parametrize(
-    "damage", ["truncated", "foreign", "gone", "record", "no record", "key", "other record"]
-)
+#: What may happen to the library, its record and its key.
+DAMAGE: dict[str, Callable[[Path, Path, Path], object]] = {
+    "truncated": lambda library, record, key: library.write_bytes(library.read_bytes()[:999]),
+    "foreign": lambda library, record, key: library.write_bytes(b"\x7fELF" + library.read_bytes()[:100:-1]),
+    "gone": lambda library, record, key: library.unlink(),
+    "record": lambda library, record, key: record.write_text('{"library": 3'),
+    "no record": lambda library, record, key: record.unlink(),
+    "key": lambda library, record, key: key.write_text("../../etc/passwd"),
+    "other record": lambda library, record, key: record.write_text(
+        json.dumps({"name": "another", "library": library.stem, "about": {}})
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
 def test_what_is_damaged_is_built_again(empty_cache: Path, damage: str) -> None:
     first = cached("a robot", source)
-    (record,) = (empty_cache / "models").iterdir()
-    (key,) = (empty_cache / "keys").iterdir()
-    data = first.path.read_bytes()
-    if damage == "truncated":
-        first.path.write_bytes(data[: len(data) // 2])
-    elif damage == "foreign":
-        first.path.write_bytes(b"\x7fELF" + data[:100:-1])
-    elif damage == "gone":
-        first.path.unlink()
-    elif damage == "record":
-        record.write_text('{"library": 3')
-    elif damage == "no record":
-        record.unlink()
-    elif damage == "key":
-        key.write_text("../../etc/passwd")
-    else:
-        record.write_text(json.dumps({"name": "another", "library": first.path.stem, "about": {}}))
+    (record,), (key,) = ((empty_cache / folder).iterdir() for folder in ("models", "keys"))
+    DAMAGE[damage](first.path, record, key)
     assert works(cached("a robot", source))
     assert works(cached("a robot", never))
 
@@ -180,20 +178,18 @@ def test_without_a_compiler_the_message_says_what_to_install(
         cached("a robot", source)
 
 
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ("no-such-compiler -v", "'no-such-compiler', does not exist"),
+        ('gcc "-O2', r"CC names cannot be read: 'gcc \"-O2': No closing quotation"),
+    ],
+)
 def test_a_compiler_that_is_named_must_be_there(
-    fresh_compiler: None, monkeypatch: pytest.MonkeyPatch
+    fresh_compiler: None, monkeypatch: pytest.MonkeyPatch, named: str, words: str
 ) -> None:
-    monkeypatch.setenv("CC", "no-such-compiler -v")
-    with pytest.raises(CompileError, match="'no-such-compiler', does not exist"):
-        cached("a robot", source)
-
-
-def test_a_compiler_named_with_an_open_quotation(
-    fresh_compiler: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("CC", 'gcc "-O2')
-    with pytest.raises(CompileError, match=r"CC names cannot be read: 'gcc \"-O2': No closing quotation"):
-        cached("a robot", source)
+    monkeypatch.setenv("CC", named)
+    refused(lambda: cached("a robot", source), CompileError, words)
 
 
 def test_a_full_folder_of_the_system_does_not_matter(

@@ -213,20 +213,13 @@ def test_every_module_and_closure_has_its_reaction() -> None:
     description = shipped("lx4")
     robot = build_robot(description)
     q, v, a = states_near_home(description, "fixed", 0, 3)
-    tau, batch = hybridyn.idm(robot, q, v, a, reactions=True)
+    _, batch = hybridyn.idm(robot, q, v, a, reactions=True)
     assert list(batch.modules) == [m.name for m in reversed(robot.modules)] or set(batch.modules) == {
         m.name for m in robot.modules
     }
     assert set(batch.closures) == {c.name for c in description.closures} == set(batch.unique)
     assert batch.base.shape == (3, 6)
     assert all(w.shape == (3, 6) for w in (*batch.modules.values(), *batch.closures.values()))
-    for t in range(3):
-        one_tau, one = hybridyn.idm(robot, q[t], v[t], a[t], reactions=True)
-        close_to(one_tau, tau[t], SOLVED)
-        close_to(one.base, batch.base[t], SOLVED)
-        for name in batch.closures:
-            assert one.closures[name].shape == (6,)
-            assert np.abs(one.closures[name] - batch.closures[name][t]).max() < SOLVED * np.abs(tau).max()
 
 
 def test_asking_for_reactions_does_not_change_the_efforts() -> None:
