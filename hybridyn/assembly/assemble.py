@@ -206,8 +206,8 @@ def spanning_positions(
         end = target.of_body(m.cut.tree_body(wrist.target)).then(Motion.at_rest(len(x), wrist.R, wrist.p))
         first = m.spanning.joints[wrist.joints[0]].parent
         relative = end.seen_from(target.of_body(m.cut.tree_body(first)))
-        rest, free = np.zeros((len(x), 6)), np.ones(tree.nv, dtype=bool)
-        goal = PoseTarget(len(tree.joints), relative.R, relative.p, rest, rest, units_of_pose(m))
+        goal = PoseTarget(len(tree.joints), relative, units_of_pose(m))
+        free = np.ones(tree.nv, dtype=bool)
         none, units = Closures(tree, [], []), m.spanning_col_scale[m.wrists.columns(number)]
         blocks = [Block(np.arange(6), np.arange(tree.nv))]
         problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)

@@ -86,11 +86,7 @@ class ModuleRequest:
             placement = Motion.at_rest(len(moved.p), joint.R, joint.p)
             self.give_floating(body - 1, moved.seen_from(placement))
             return
-        velocity = np.concatenate([moved.p_dot, moved.w], axis=1)
-        acceleration = np.concatenate([moved.p_ddot, moved.w_dot], axis=1)
-        self.add(
-            PoseTarget(body, moved.R, moved.p, velocity, acceleration, units_of_pose(self.mechanism)), link
-        )
+        self.add(PoseTarget(body, moved, units_of_pose(self.mechanism)), link)
 
     def give_floating(self, joint: int, inner: Motion) -> None:
         """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""

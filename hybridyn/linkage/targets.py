@@ -22,25 +22,19 @@ class PoseTarget:
 
     Attributes:
         body: Number of the body.
-        R: Prescribed axes, shape (T, 3, 3).
-        p: Prescribed origin, shape (T, 3), [m].
-        velocity: Velocity of the origin, then angular velocity, shape (T, 6), [m/s, rad/s], base axes.
-        acceleration: Their time derivatives (classical), shape (T, 6), [m/s^2, rad/s^2], base axes.
+        goal: Its prescribed motion in the base of the tree, T samples.
         units: Unit of each row, shape (6,): the module's length, then one radian.
     """
 
     body: int
-    R: Array
-    p: Array
-    velocity: Array
-    acceleration: Array
+    goal: Motion
     units: Array
 
     def residual(self, motion: Motion, samples: Index) -> Array:
         """Compute the actual minus the prescribed pose, shape (T, 6), base axes."""
-        wanted = self.R[samples]
+        wanted = self.goal.R[samples]
         turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
-        return np.concatenate([motion.p[:, self.body] - self.p[samples], turn], axis=1)
+        return np.concatenate([motion.p[:, self.body] - self.goal.p[samples], turn], axis=1)
 
     def matrix(self, tree: Tree, motion: Motion) -> Array:
         """Return the rows over the rates, shape (T, 6, nv)."""
@@ -49,18 +43,21 @@ class PoseTarget:
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, 6)."""
         bias = np.concatenate([motion.p_ddot[:, self.body], motion.w_dot[:, self.body]], axis=1)
-        return self.velocity[samples], self.acceleration[samples] - bias
+        velocity = np.concatenate([self.goal.p_dot, self.goal.w], axis=1)
+        acceleration = np.concatenate([self.goal.p_ddot, self.goal.w_dot], axis=1)
+        return velocity[samples], acceleration[samples] - bias
 
     def between(self, sample: int, fractions: Array) -> PoseTarget:
         """Interpolate from a sample to the next: linear position, rotation about a fixed axis."""
-        R0, R1, p0, p1 = self.R[sample], self.R[sample + 1], self.p[sample], self.p[sample + 1]
+        (R0, R1), (p0, p1) = self.goal.R[sample : sample + 2], self.goal.p[sample : sample + 2]
         turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
-        return replace(self, R=R0 @ turn, p=p0 + fractions[:, None] * (p1 - p0))
+        p = p0 + fractions[:, None] * (p1 - p0)
+        return replace(self, goal=Motion.at_rest(len(p), R0 @ turn, p))
 
     def from_here(self, motion: Motion, samples: Index) -> PoseTarget:
         """Return the way from where the body is now to the given samples."""
-        R, p = motion.R[:, self.body], motion.p[:, self.body]
-        return replace(self, R=pairwise(R, self.R[samples]), p=pairwise(p, self.p[samples]))
+        here, there = motion.of_body(self.body), self.goal.take(samples)
+        return replace(self, goal=Motion(*map(pairwise, here.arrays, there.arrays)))
 
 
 @dataclass(frozen=True, eq=False)

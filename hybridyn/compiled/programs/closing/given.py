@@ -154,9 +154,10 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
         rates.append(request.known_v[:, tree.v_slices[joint]])
         accelerations.append(request.known_a[:, tree.v_slices[joint]])
     for pose in (target for target in request.targets if isinstance(target, PoseTarget)):
-        positions += [pose.p, quaternion_from_rotation(pose.R)]
-        rates.append(pose.velocity)
-        accelerations.append(pose.acceleration)
+        goal = pose.goal
+        positions += [goal.p, quaternion_from_rotation(goal.R)]
+        rates += [goal.p_dot, goal.w]
+        accelerations += [goal.p_ddot, goal.w_dot]
     for some in (target for target in request.targets if isinstance(target, CoordinateTarget)):
         positions.append(some.value)
         rates.append(some.rate)
