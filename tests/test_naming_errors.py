@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hybridyn.dynamics.in_blocks import samples_counted_from
 
 import hybridyn
+from hybridyn.dynamics.inverse import samples_counted_from
 from hybridyn.errors import (
     AT_SAMPLE,
     HybridynError,

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hybridyn.dynamics.quantities.coordinates import independent_coordinates
 
 import hybridyn
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.quantities import following
+from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.errors import CompileError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
