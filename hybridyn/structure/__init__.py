@@ -1,7 +1,7 @@
 """Build a robot made of modules from a description.
 
 Read `bodies` first (with `Payload`, a body that is added to a link), then the files in the order in which a
-robot is built: `graph` (splits the kinematic graph into modules), `wrists` (finds what can be cut),
+robot is built: `graph` (splits the kinematic graph into modules), `wrists` (cuts platforms and wrists free),
 `module_spec` (the numbers of one module, without names, and their scales), `cut` (the tree after the cuts,
 and the rates of the cut wrists), `mechanism` (lengths, ranks and postures, computed once for equal modules),
 `module` (names and indices in q, v and tau, and the state that the recursions share), `robot` (the tree of

@@ -14,7 +14,7 @@ from ..linkage.reduction import ROUNDED_ROWS
 from ..linkage.threads import one_thread
 from ..spatial import LARGEST, Array, indices, slices
 from .bodies import Bodies, payloads_of
-from .graph import ModuleGraph, find_modules, undo_cuts
+from .graph import ModuleGraph, find_modules
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
@@ -112,14 +112,14 @@ class ModuleBuilder:
         q_index = indices(self.q_slices[self.number[name]] for name in names)
         spec = module_spec(self.bodies, graph, self.home[q_index])
         report = self._mechanism(spec).reduction.report
-        if graph.wrists and report.dropped > ROUNDED_ROWS:
-            undo_cuts(self.bodies, graph)
-            spec = module_spec(self.bodies, graph, self.home[q_index])
-        body = dict(enumerate([graph.base] + [j + 1 for j in graph.joints]))
-        outputs = [body[spec.tree_body[o]] for o in spec.outputs]
+        if spec.wrists and report.dropped > ROUNDED_ROWS:
+            spec = module_spec(self.bodies, graph, self.home[q_index], cut=False)
+        every = [graph.base] + [j + 1 for j in graph.joints]
+        body = [every[i] for i in spec.tree_body]
+        outputs = [body[o] for o in spec.outputs]
         link = [self.bodies.bodies[b].name for b in outputs]
         name = link[0] if link else self.bodies.bodies[graph.joints[-1] + 1].name
-        legs = tuple(self._leg(leg) for leg in graph.legs)
+        legs = tuple(self._leg([body[b] for b in leg]) for leg in spec.legs)
         closures = [c.name for c in graph.closures] + [c.name for c in graph.couplings]
         base = self.bodies.bodies[graph.base].name
         self._append(

@@ -11,7 +11,8 @@ from ..linkage.gimbal_lock import GIMBAL_LOCK, warn_of_gimbal_lock
 from ..linkage.joints import TreeJoint
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array, Index, cross, indices, quaternion_from_rotation, select, to_body_axes
-from .module_spec import ModuleSpec, WristSpec
+from .module_spec import ModuleSpec
+from .wrists import Wrist
 
 
 class Cut:
@@ -116,7 +117,7 @@ class WristMotion:
         specs: Numbers of each wrist.
     """
 
-    def __init__(self, specs: tuple[WristSpec, ...], cut: Cut, length: float, col_scale: Array) -> None:
+    def __init__(self, specs: tuple[Wrist, ...], cut: Cut, length: float, col_scale: Array) -> None:
         """Store the data on which the motion of the wrists depends.
 
         Args:

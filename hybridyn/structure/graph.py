@@ -4,27 +4,17 @@ Each closure merges the joints on the tree path between its two links. This yiel
 components, because the components of a matroid are those of its fundamental circuits. A coupling merges its
 joints and all joints on the paths between them. Each class of joints is a module, and the modules form a
 tree.
-
-Inside a module, a *platform* is a body with at least three legs: if it and the base are removed, three or
-more legs remain. A platform is cut free from the leg that carries it in the spanning tree. Massless wrists
-at the ends of legs become point or universal closures (`wrists`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ..description.groups import Groups
 from ..description.records import Closure, Description
 from ..errors import ModelError
 from ..linkage.closures import TreeClosure, TreeCoupling
 from .bodies import Bodies, merge_fixed_joints
-from .wrists import Wrist, find_wrist, wrist_closure
-
-#: Fewest legs of a platform.
-PLATFORM_LEGS = 3
 
 
 @dataclass
@@ -37,10 +27,7 @@ class ModuleGraph:
         closures: Closures between bodies of the module (body numbers instead of tree numbers).
         couplings: Couplings (joint numbers of `Bodies`).
         carried: Bodies that carry another module.
-        platforms: Platform bodies that are cut free.
-        wrists: Chains of massless joints that are cut, with the data of the closures that replace them.
-        cut_closures: Closures after the cut.
-        legs: Groups of bodies that stay connected when the platforms and the base are removed.
+        held: Joints that must not be cut: motors, and those that the caller holds.
     """
 
     base: int
@@ -48,10 +35,7 @@ class ModuleGraph:
     closures: list[TreeClosure] = field(default_factory=list)
     couplings: list[TreeCoupling] = field(default_factory=list)
     carried: list[int] = field(default_factory=list)
-    platforms: list[int] = field(default_factory=list)
-    wrists: list[Wrist] = field(default_factory=list)
-    cut_closures: list[TreeClosure] = field(default_factory=list)
-    legs: list[list[int]] = field(default_factory=list)
+    held: frozenset[int] = frozenset()
 
 
 def find_modules(
@@ -65,10 +49,12 @@ def find_modules(
         TreeCoupling(c.name, tuple((number[name], k) for name, k in c.terms), c.offset)
         for c in description.couplings
     ]
+    kept = frozenset(number[name] for name in (*description.motors, *held))
     owner = _classes(bodies, closures, couplings)
     modules: dict[int, ModuleGraph] = {}
     for i in range(len(bodies.joints)):
-        modules.setdefault(owner[i], ModuleGraph(bodies.joints[owner[i]].parent, [])).joints.append(i)
+        base = bodies.joints[owner[i]].parent
+        modules.setdefault(owner[i], ModuleGraph(base, [], held=kept)).joints.append(i)
     for closure in closures:
         modules[owner[bodies.path(closure.body_a, closure.body_b)[0]]].closures.append(closure)
     for coupling in couplings:
@@ -76,21 +62,7 @@ def find_modules(
     for module in modules.values():
         if module.base:
             modules[owner[module.base - 1]].carried.append(module.base)
-    kept = {number[name] for name in (*description.motors, *held)}
-    for module in modules.values():
-        _cut(bodies, module, kept)
     return bodies, list(modules.values())
-
-
-def undo_cuts(bodies: Bodies, module: ModuleGraph) -> None:
-    """Undo the cuts of a module: restore its closures and joints as the author wrote them.
-
-    A cut replaces joints by closure rows. If rows are redundant and the file is rounded, the rows hold only
-    in the least-squares sense, whereas joints hold exactly. Modules of this kind are therefore not cut.
-    """
-    module.platforms, module.wrists = [], []
-    module.cut_closures = list(module.closures)
-    module.legs = _components(bodies, module, {module.base})
 
 
 def body_closure(bodies: Bodies, closure: Closure, description: Description) -> TreeClosure:
@@ -130,101 +102,3 @@ def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCo
         for i in joints:
             merge([*joints, *bodies.path(joints[0] + 1, i + 1)])
     return [groups.of(i) for i in range(len(bodies.joints))]
-
-
-def _cut(bodies: Bodies, module: ModuleGraph, driven: set[int]) -> None:
-    """Choose the platforms, cut them and the terminal wrists free, and group the other bodies into legs."""
-    module.cut_closures = list(module.closures)
-    if not module.closures:
-        module.legs = _components(bodies, module, {module.base})
-        return
-    held = driven | {i for c in module.couplings for i, _ in c.terms}
-    _cut_terminal_wrists(bodies, module, held)
-    for body in sorted(i + 1 for i in module.joints):
-        if not _is_platform(bodies, module, body):
-            continue
-        wrist = find_wrist(bodies, module.joints, module.cut_closures, module.carried, held, body)
-        if wrist:
-            module.platforms.append(body)
-            module.wrists.append(wrist)
-            module.cut_closures.append(wrist_closure(bodies, wrist))
-    module.legs = _components(bodies, module, {module.base, *module.platforms})
-
-
-def _cut_terminal_wrists(bodies: Bodies, module: ModuleGraph, held: set[int]) -> None:
-    """Replace a weld to a massless body at the end of a wrist by one closure equivalent to the wrist."""
-    for at, closure in enumerate(list(module.cut_closures)):
-        if closure.rotation != "fixed" or closure.translations != (0, 1, 2):
-            continue
-        for end, other in ((closure.body_b, closure.body_a), (closure.body_a, closure.body_b)):
-            rest = [c for c in module.cut_closures if c is not closure]
-            if not _is_free_end(bodies, module, rest, end):
-                continue
-            wrist = find_wrist(bodies, module.joints, rest, module.carried, held, end)
-            if wrist and other not in [j + 1 for j in wrist.joints]:
-                R, p = _weld(closure, end)
-                wrist = Wrist(wrist.joints, wrist.kind, wrist.parent, end, other, R, p, closure.name)
-                module.wrists.append(wrist)
-                module.cut_closures[at] = wrist_closure(bodies, wrist)
-                break
-
-
-def _weld(closure: TreeClosure, end: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the placement of body `end` in the body to which a closure welds it."""
-    Ra, pa, Rb, pb = closure.R_a, closure.p_a, closure.R_b, closure.p_b
-    if end == closure.body_a:
-        Ra, pa, Rb, pb = Rb, pb, Ra, pa
-    R = Ra @ Rb.T
-    return R, pa - R @ pb
-
-
-def _is_free_end(bodies: Bodies, module: ModuleGraph, closures: list[TreeClosure], body: int) -> bool:
-    """Return True if a massless body is connected to others by its own joint and one closure only."""
-    return (
-        body != module.base
-        and bodies.bodies[body].massless
-        and body not in module.carried
-        and not any(body in (c.body_a, c.body_b) for c in closures)
-        and not any(bodies.joints[i].parent == body for i in module.joints)
-    )
-
-
-def _edges(bodies: Bodies, module: ModuleGraph) -> list[tuple[int, int]]:
-    """List the edges of the module's graph after the cuts, as pairs of bodies."""
-    gone = {i for w in module.wrists for i in w.joints}
-    edges = [(bodies.joints[i].parent, bodies.joints[i].child) for i in module.joints if i not in gone]
-    edges += [(c.body_a, c.body_b) for c in module.cut_closures]
-    for coupling in module.couplings:
-        first = coupling.terms[0][0] + 1
-        edges += [(first, i + 1) for i, _ in coupling.terms[1:]]
-    return edges
-
-
-def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[list[int]]:
-    """Group the module's bodies into the connected components that remain without some bodies."""
-    gone = {i + 1 for w in module.wrists for i in w.joints}
-    left = {i + 1 for i in module.joints if i + 1 not in gone} - without
-    groups: Groups[int] = Groups()
-    for a, b in _edges(bodies, module):
-        if a in left and b in left:
-            low, high = sorted((groups.of(a), groups.of(b)))
-            groups.join(low, high)
-    out: dict[int, list[int]] = {}
-    for body in sorted(left):
-        out.setdefault(groups.of(body), []).append(body)
-    return list(out.values())
-
-
-def _is_platform(bodies: Bodies, module: ModuleGraph, body: int) -> bool:
-    """Return whether at least `PLATFORM_LEGS` legs touch a body.
-
-    Legs are the adjacent components that remain without the body and the base, and the direct joints
-    between the two. There are at most as many as edges at the body, which decide for most bodies.
-    """
-    at_body = [edge for edge in _edges(bodies, module) if body in edge]
-    if len(at_body) < PLATFORM_LEGS:
-        return False
-    near = {b if a == body else a for a, b in at_body}
-    components = _components(bodies, module, {module.base, body, *module.platforms})
-    direct = sum(1 for edge in at_body if {*edge} == {body, module.base})
-    return sum(1 for c in components if near & set(c)) + direct >= PLATFORM_LEGS

@@ -8,6 +8,7 @@ to the base.
 from __future__ import annotations
 
 import pickle
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,27 +21,7 @@ from ..linkage.tree import Tree
 from ..spatial import Array, indices
 from .bodies import Bodies, Body
 from .graph import ModuleGraph
-
-
-@dataclass(frozen=True, eq=False)
-class WristSpec:
-    """A cut wrist in the spanning tree's numbering.
-
-    Attributes:
-        joints: Joints of the chain.
-        end: Body at the end of the chain.
-        target: Body to which the end is fixed (`Wrist.target`).
-        R: Axes of the end in the target, shape (3, 3).
-        p: Origin of the end in the target, shape (3,), [m].
-        carries: True if the end is a platform.
-    """
-
-    joints: tuple[int, ...]
-    end: int
-    target: int
-    R: Array
-    p: Array
-    carries: bool
+from .wrists import Cutting, Wrist
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +54,7 @@ class ModuleSpec:
     couplings: tuple[TreeCoupling, ...]
     cut_closures: tuple[TreeClosure, ...]
     cut_couplings: tuple[TreeCoupling, ...]
-    wrists: tuple[WristSpec, ...]
+    wrists: tuple[Wrist, ...]
     legs: tuple[tuple[int, ...], ...]
     outputs: tuple[int, ...]
     outputs_inertia: tuple[Body, ...]
@@ -100,86 +81,77 @@ class ModuleSpec:
         return pickle.dumps(self)
 
 
-def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
+def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = True) -> ModuleSpec:
     """Build the numbers of a module: its bodies and joints counted from zero, without names.
 
     Args:
         bodies: The robot's bodies.
+        graph: The module.
         home: Home position of the module's spanning tree, shape (nq,).
+        cut: Whether platforms and wrists are cut free. A cut replaces joints by closure rows. If rows are
+            redundant and the file is rounded, the rows hold only in the least-squares sense, whereas joints
+            hold exactly; modules of this kind are therefore not cut.
     """
-    local = {graph.base: 0} | {joint + 1: i + 1 for i, joint in enumerate(graph.joints)}
-    joint_local = {joint: i for i, joint in enumerate(graph.joints)}
-    spanning = [_tree_joint(bodies, joint, local) for joint in graph.joints]
-    tree, tree_joint, tree_body, platforms = _cut_tree(graph, spanning, joint_local)
+    joints = [bodies.joints[i] for i in graph.joints]
+    number = {graph.base: 0} | {j.child: i + 1 for i, j in enumerate(joints)}
+    joint_number = {joint: i for i, joint in enumerate(graph.joints)}
+    own = [replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in number]
+    spanning = tuple(TreeJoint("", j.joint.kind, number[j.parent], j.R, j.p, j.joint.axis) for j in joints)
+    closures = tuple(_renumbered(replace(c, name="", kind=""), number) for c in graph.closures)
+    couplings = tuple(_coupled(c, joint_number) for c in graph.couplings)
+    carried = [number[b] for b in graph.carried]
+    held = {i for joint, i in joint_number.items() if joint in graph.held}
+    held |= {i for c in couplings for i, _ in c.terms}
+    records = [j.joint for j in joints]
+    parts = Cutting(spanning, records, own, list(closures), couplings, carried, held, bodies.reach)
+    if cut:
+        parts.cut()
+    tree, tree_joint, tree_body = _cut_tree(parts)
     of_tree = {body: i for i, body in enumerate(tree_body)}
-    tree_of = {joint: i for i, joint in enumerate(tree_joint) if joint is not None}
-
-    def closure(c: TreeClosure, number: dict[int, int]) -> TreeClosure:
-        """Return a closure without names, its bodies numbered in the module."""
-        return replace(c, name="", kind="", body_a=number[c.body_a], body_b=number[c.body_b])
-
-    def coupling(c: TreeCoupling, number: dict[int, int]) -> TreeCoupling:
-        """Return a coupling without its name, its joints numbered in the module."""
-        return replace(c, name="", terms=tuple((number[i], k) for i, k in c.terms))
-
-    to_tree = {body: of_tree[n] for body, n in local.items() if n in of_tree}
-    joint_to_tree = {joint: tree_of[n] for joint, n in joint_local.items() if n in tree_of}
-    outputs = _outputs(graph)
-    inertia = {b: replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in local if b != graph.base}
-    back = {n: body for body, n in to_tree.items()}
+    serial = range(1, len(own)) if not closures and not couplings else ()
+    outputs = sorted({*parts.platforms, *carried, *serial})
     return ModuleSpec(
-        spanning=tuple(spanning),
+        spanning=spanning,
         tree=tuple(tree),
         tree_joint=tuple(tree_joint),
         tree_body=tuple(tree_body),
-        platforms=tuple(platforms),
-        closures=tuple(closure(c, local) for c in graph.closures),
-        couplings=tuple(coupling(c, joint_local) for c in graph.couplings),
-        cut_closures=tuple(closure(c, to_tree) for c in graph.cut_closures),
-        cut_couplings=tuple(coupling(c, joint_to_tree) for c in graph.couplings),
-        wrists=tuple(
-            WristSpec(
-                tuple(joint_local[j] for j in w.joints),
-                local[w.end],
-                local[w.target],
-                w.R,
-                w.p,
-                w.closure is None,
-            )
-            for w in sorted(graph.wrists, key=lambda w: w.joints)
-        ),
-        legs=tuple(tuple(to_tree[b] for b in leg) for leg in graph.legs),
-        outputs=tuple(to_tree[b] for b in outputs),
-        outputs_inertia=tuple(inertia[b] for b in outputs),
-        leg_bodies=tuple(None if back[i] in outputs else inertia[back[i]] for i in range(1, len(tree) + 1)),
+        platforms=tuple(of_tree[body] - 1 for body in parts.platforms),
+        closures=closures,
+        couplings=couplings,
+        cut_closures=tuple(_renumbered(c, of_tree) for c in parts.closures),
+        cut_couplings=tuple(_coupled(c, {i: of_tree[i + 1] - 1 for i, _ in c.terms}) for c in couplings),
+        wrists=tuple(sorted(parts.wrists, key=lambda w: w.joints)),
+        legs=tuple(tuple(of_tree[b] for b in leg) for leg in parts.legs()),
+        outputs=tuple(of_tree[b] for b in outputs),
+        outputs_inertia=tuple(own[b] for b in outputs),
+        leg_bodies=tuple(None if b in outputs else own[b] for b in tree_body[1:]),
         home=home,
     )
 
 
-def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:
-    """Build a joint of the module's spanning tree from a joint of the robot."""
-    j = bodies.joints[joint]
-    return TreeJoint("", j.joint.kind, local[j.parent], j.R, j.p, j.joint.axis)
+def _renumbered(closure: TreeClosure, number: Mapping[int, int]) -> TreeClosure:
+    """Return a closure between bodies of other numbers."""
+    return replace(closure, body_a=number[closure.body_a], body_b=number[closure.body_b])
 
 
-def _cut_tree(
-    graph: ModuleGraph, spanning: list[TreeJoint], joint_local: dict[int, int]
-) -> tuple[list[TreeJoint], list[int | None], list[int], list[int]]:
+def _coupled(coupling: TreeCoupling, number: Mapping[int, int]) -> TreeCoupling:
+    """Return a coupling of joints of other numbers, without its name."""
+    return replace(coupling, name="", terms=tuple((number[i], k) for i, k in coupling.terms))
+
+
+def _cut_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[int]]:
     """Build the tree after the cuts: remove the wrists and connect the platforms to the base.
 
     Returns:
-        The joints of the tree; the number in `spanning` of each joint (None for a platform) and of each body;
-        and the numbers of the platforms' joints.
+        The joints of the tree, and the number in the spanning tree of each joint (None for a platform) and
+        of each body.
     """
-    gone = {joint_local[j] for w in graph.wrists for j in w.joints}
-    platform = {joint_local[b - 1] for b in graph.platforms}
+    gone = {j for w in parts.wrists for j in w.joints}
     tree: list[TreeJoint] = []
     tree_joint: list[int | None] = []
-    tree_body, platforms = [0], []
-    number = {0: 0}
-    for i, joint in enumerate(spanning):
-        if i in platform:
-            platforms.append(len(tree))
+    tree_body, number = [0], {0: 0}
+    for i, joint in enumerate(parts.joints):
+        if i + 1 in parts.platforms:
             tree.append(TreeJoint("", "floating"))
             tree_joint.append(None)
         elif i in gone:
@@ -189,13 +161,7 @@ def _cut_tree(
             tree_joint.append(i)
         number[i + 1] = len(tree)
         tree_body.append(i + 1)
-    return tree, tree_joint, tree_body, platforms
-
-
-def _outputs(graph: ModuleGraph) -> list[int]:
-    """Return the output bodies: platforms, bases of other modules and, if it is serial, all bodies."""
-    serial = [] if graph.closures or graph.couplings else [j + 1 for j in graph.joints]
-    return sorted({*graph.platforms, *graph.carried, *serial})
+    return tree, tree_joint, tree_body
 
 
 def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:

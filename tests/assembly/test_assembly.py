@@ -17,6 +17,7 @@ from hybridyn.description.records import Description
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
+from hybridyn.structure.module_spec import module_spec
 from tests.comparing import close_to, refused
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
@@ -500,8 +501,9 @@ def test_idle_spins_take_least_norm_rates() -> None:
 def with_aligned_wrist(description: Description, off: float, carries: bool) -> Description:
     """Turn a wrist's third axis, at home, into its first one but for an angle: gimbal lock there."""
     bodies, graphs = find_modules(description)
-    wrist = next(w for w in graphs[0].wrists if len(w.joints) == 3 and (w.closure is None) == carries)
-    joints = [bodies.joints[j].joint for j in wrist.joints]
+    spec = module_spec(bodies, graphs[0], np.zeros(0))
+    wrist = next(w for w in spec.wrists if len(w.joints) == 3 and w.carries == carries)
+    joints = [bodies.joints[graphs[0].joints[j]].joint for j in wrist.joints]
     links = Oracle(description).posture(home_posture(description, "fixed")).links
     first, second = (links[j.child].E @ j.axis for j in joints[:2])
     wanted = turn(second, off) @ first

@@ -13,6 +13,7 @@ from hybridyn.description.records import Closure, Coupling, Description, Joint, 
 from hybridyn.errors import ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
+from hybridyn.structure.module_spec import module_spec
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to, refused
 from tests.mechanisms import KINDS, random_mechanism, random_states
@@ -216,8 +217,10 @@ def test_crossing_pairs_are_cut_to_universals(kind: str, sizes: set[int]) -> Non
 def end_of_a_wrist(description: Description) -> tuple[str, str]:
     """Return the last joint and link of a chain of three that is welded to the platform."""
     bodies, graphs = find_modules(description)
-    wrist = next(w for w in graphs[0].wrists if len(w.joints) == 3 and w.closure)
-    return bodies.joints[wrist.joints[-1]].joint.name, bodies.joints[wrist.joints[-1]].joint.child
+    spec = module_spec(bodies, graphs[0], np.zeros(0))
+    wrist = next(w for w in spec.wrists if len(w.joints) == 3 and not w.carries)
+    last = bodies.joints[graphs[0].joints[wrist.joints[-1]]].joint
+    return last.name, last.child
 
 
 def with_joint(description: Description, name: str, **changes: object) -> Description:

@@ -10,7 +10,8 @@ import numpy as np
 from ...linkage.joints import NQ, NV
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
-from ...structure.module_spec import ModuleSpec, WristSpec
+from ...structure.module_spec import ModuleSpec
+from ...structure.wrists import Wrist
 from .chains import Chain, sweep
 from .expressions import Expression, dot, pack, symbols, zeros
 from .links import Link, links_of
@@ -30,7 +31,7 @@ class Path:
         q, v: Coordinates in the module's spanning tree.
     """
 
-    wrist: WristSpec
+    wrist: Wrist
     joints: tuple[int, ...]
     links: tuple[Link, ...]
     wrist_from: int
@@ -43,7 +44,7 @@ class Path:
         return slice(sum(link.nv for link in self.links[: self.wrist_from]), len(self.v))
 
 
-def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: WristSpec) -> Path:
+def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: Wrist) -> Path:
     """Return the path to the end of a wrist; `spec` has the module's numbers, which may be arguments."""
     joints = [wrist.joints[-1]]
     while (parent := spec.spanning[joints[-1]].parent) != 0:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...spatial import Array
-from ..graph import find_modules, undo_cuts
+from ..graph import find_modules
 from ..module_spec import ModuleSpec, module_spec
 from ..robot import HybridRobot
 from .slots import Slot, values_of, with_values
@@ -161,7 +161,6 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
         specs.append(replace(spec, outputs_inertia=(body,)))
     for module, graph in zip(modules, graphs, strict=True):
         own = module.mechanism.spec
-        if graph.wrists and not own.wrists:
-            undo_cuts(bodies, graph)
-        specs.append(module_spec(bodies, graph, own.home))
+        spec = module_spec(bodies, graph, own.home)
+        specs.append(spec if own.wrists else module_spec(bodies, graph, own.home, cut=False))
     return Expressed(tuple(specs), bodies.place, tuple(record.decisions))

@@ -13,8 +13,9 @@ from ....linkage.closures import TreeClosure, TreeCoupling
 from ....linkage.joints import TreeJoint
 from ....spatial import Array
 from ....structure.bodies import Body
-from ....structure.module_spec import ModuleSpec, WristSpec
+from ....structure.module_spec import ModuleSpec
 from ....structure.parameters.traced import Traced
+from ....structure.wrists import Wrist
 from ..expressions import Expression
 
 
@@ -38,7 +39,7 @@ def numbers_of(spec: ModuleSpec) -> ModuleSpec:
         """Replace the numbers of couplings."""
         return tuple(replace(c, offset=_scalar(c.offset)) for c in every)
 
-    def wrist(w: WristSpec) -> WristSpec:
+    def wrist(w: Wrist) -> Wrist:
         """Replace the numbers of a wrist."""
         return replace(w, R=_array(w.R), p=_array(w.p))
 
