@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..spatial import Array, hat, rotation_from_vector
-from .joints import TreeJoint
+from .joints import NV, TreeJoint
+from .tree import Tree
 
 #: Below this angle [rad] the series of the right Jacobian's inverse is exact to rounding.
 SMALL_ANGLE = 1e-4
@@ -24,53 +25,37 @@ class Retraction:
         flat: Whether every joint has one freedom, so that xi_dot = v.
     """
 
-    def __init__(self, kinds: Sequence[str], q_slices: Sequence[slice], v_slices: Sequence[slice]) -> None:
-        """Group the joints by kind.
+    def __init__(self, kinds: Sequence[str]) -> None:
+        """Find the joints that turn.
 
         Args:
-            kinds: Kind of each joint, as in `HybridRobot.kinds`.
-            q_slices: Slice of q of each joint.
-            v_slices: Slice of v of each joint.
+            kinds: Kind of each joint, in the order of q, v, as in `HybridRobot.kinds`.
         """
-        plain = [i for i, kind in enumerate(kinds) if kind in ("revolute", "prismatic")]
-        self._q = np.array([q_slices[i].start for i in plain], dtype=int)
-        self._v = np.array([v_slices[i].start for i in plain], dtype=int)
-        self._others = [
-            (TreeJoint("", kind), kind, q_slices[i], v_slices[i])  # type: ignore[arg-type]
-            for i, kind in enumerate(kinds)
-            if kind not in ("revolute", "prismatic")
-        ]
-        self._turning = [(kind, to) for _, kind, _, to in self._others if kind != "continuous"]
+        self._tree = Tree([TreeJoint("", kind) for kind in kinds])  # type: ignore[arg-type]
+        joints = list(zip(kinds, self._tree.v_slices, strict=True))
+        self._endless = [to.stop - 1 for kind, to in joints if kind in ("continuous", "planar")]
+        self._turning = [(kind, to) for kind, to in joints if NV[kind] > 1]
         self.flat = not self._turning
 
     def move(self, q: Array, xi: Array) -> Array:
         """Compute the posture at a displacement xi from q, shapes (nq,), (nv,)."""
-        out = q.copy()
-        out[self._q] += xi[self._v]
-        for joint, _, at, to in self._others:
-            out[at] = joint.integrate(q[None, at], xi[None, to])[0]
+        out: Array = self._tree.integrate(q[None], xi[None])[0]
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the displacement xi with `move(q0, xi) = q1`, shape (nv,)."""
-        width = len(self._v) + sum(to.stop - to.start for _, _, _, to in self._others)
-        xi = np.zeros(width)
-        xi[self._v] = q1[self._q] - q0[self._q]
-        for joint, _, at, to in self._others:
-            xi[to] = joint.difference(q0[None, at], q1[None, at])[0]
-        return xi
+        out: Array = self._tree.difference(q0[None], q1[None])[0]
+        return out
 
     def unwound(self, xi: Array, moved: Array) -> Array:
         """Add whole turns to a displacement xi to bring it nearest to `moved`, shape (nv,)."""
         out = xi.copy()
-        for _, kind, _, to in self._others:
-            if kind in ("continuous", "planar"):
-                at = to.stop - 1
-                out[at] += 2 * np.pi * np.round((moved[at] - xi[at]) / (2 * np.pi))
-                continue
+        at = self._endless
+        out[at] += 2 * np.pi * np.round((moved[at] - xi[at]) / (2 * np.pi))
+        for kind, to in self._turning:
             r = xi[to.stop - 3 : to.stop]
             angle = float(np.linalg.norm(r))
-            if angle > 0:
+            if kind != "planar" and angle > 0:
                 further = float(moved[to.stop - 3 : to.stop] @ r) / angle - angle
                 out[to.stop - 3 : to.stop] += r / angle * (2 * np.pi * np.round(further / (2 * np.pi)))
         return out
@@ -109,8 +94,8 @@ class Retraction:
                 out[at] = (R if inverse else R.T) @ x[at]
                 continue
             r = xi[to.stop - 3 : to.stop]
-            angular = slice(to.stop - 3, to.stop)
-            out[angular] = (_right_jacobian_inverse(r) if inverse else _right_jacobian(r)) @ x[angular]
+            angular, J_inverse = slice(to.stop - 3, to.stop), _right_jacobian_inverse(r)
+            out[angular] = J_inverse @ x[angular] if inverse else np.linalg.solve(J_inverse, x[angular])
             if kind == "floating":
                 R = rotation_from_vector(r)
                 at = slice(to.start, to.start + 3)
@@ -118,17 +103,12 @@ class Retraction:
         return out
 
 
-def _right_jacobian(r: Array) -> Array:
-    """Compute the right Jacobian, from the rate of a rotation vector to body angular velocity, (3, 3)."""
-    angle, S = float(np.linalg.norm(r)), hat(r)
-    if angle < SMALL_ANGLE:
-        return np.asarray(np.eye(3) - S / 2 + S @ S / 6)
-    out: Array = np.eye(3) - (1 - np.cos(angle)) / angle**2 * S + (angle - np.sin(angle)) / angle**3 * S @ S
-    return out
-
-
 def _right_jacobian_inverse(r: Array) -> Array:
-    """Compute the inverse of the right Jacobian, shape (3, 3)."""
+    """Compute the inverse of the right Jacobian, shape (3, 3).
+
+    The right Jacobian maps the rate of a rotation vector to the body's angular velocity. Its own form cancels
+    at small angles, this one does not.
+    """
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
         return np.asarray(np.eye(3) + S / 2 + S @ S / 12)

@@ -158,13 +158,14 @@ def roll_pitch_yaw(R: Array) -> Array:
 
 
 def _euler_map(R: Array) -> Array:
-    """Compute the map from rates of roll, pitch, yaw to angular velocity, shape (T, 3, 3)."""
-    _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
+    """Compute the map from rates of roll, pitch, yaw to angular velocity, shape (T, 3, 3).
+
+    Its columns are the axes of the three turns: of the body, of the line of nodes, and of the reference.
+    """
+    yaw = roll_pitch_yaw(R)[:, 2]
     E = np.zeros_like(R)
-    E[:, 0, 0], E[:, 1, 0] = np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch)
-    E[:, 2, 0] = -np.sin(pitch)
+    E[:, :, 0], E[:, 2, 2] = R[:, :, 0], 1.0
     E[:, 0, 1], E[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
-    E[:, 2, 2] = 1.0
     return E
 
 
@@ -181,12 +182,7 @@ def _coordinate_drift(R: Array, twist: Array) -> Array:
     E = _euler_map(R)
     E_inv = np.linalg.pinv(E)
     rates = np.matmul(E_inv, twist[:, 3:, None])[..., 0]
-    _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
-    pitch_dot, yaw_dot = rates[:, 1], rates[:, 2]
-    E_dot = np.zeros_like(E)
-    E_dot[:, 0, 0] = -np.sin(yaw) * np.cos(pitch) * yaw_dot - np.cos(yaw) * np.sin(pitch) * pitch_dot
-    E_dot[:, 1, 0] = np.cos(yaw) * np.cos(pitch) * yaw_dot - np.sin(yaw) * np.sin(pitch) * pitch_dot
-    E_dot[:, 2, 0] = -np.cos(pitch) * pitch_dot
-    E_dot[:, 0, 1], E_dot[:, 1, 1] = -np.cos(yaw) * yaw_dot, -np.sin(yaw) * yaw_dot
-    drift = -np.matmul(E_inv, np.matmul(E_dot, rates[..., None]))[..., 0]
+    roll, pitch, yaw = (E[:, :, i] * rates[:, i, None] for i in range(3))
+    # The line of nodes turns with yaw, the body's axis with pitch, too.
+    drift = -np.matmul(E_inv, (cross(yaw, roll + pitch) + cross(pitch, roll))[..., None])[..., 0]
     return np.concatenate([np.zeros_like(drift), drift], axis=1)

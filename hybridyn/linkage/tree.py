@@ -143,16 +143,16 @@ class Tree:
         self._sliding = self._of_kind("prismatic")
         self._adding = self._of_kind("revolute", "prismatic")
         self._others = [i for i, j in enumerate(joints) if j.kind not in ("revolute", "prismatic")]
-        self._adding_dofs = np.array([self.v_slices[i].start for i in self._adding[0]], dtype=int)
-        self._single = np.array([i for i, j in enumerate(joints) if NV[j.kind] == 1], dtype=int)
-        self._single_dofs = np.array([self.v_slices[i].start for i in self._single], dtype=int)
+        self._single, _, self._single_dofs = self._of_kind("revolute", "continuous", "prismatic")
         self._turn_parts = np.array([j.turn_parts for j in joints]).reshape(-1, 3, 3, 3).swapaxes(0, 1)
         self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
 
-    def _of_kind(self, *kinds: str) -> tuple[Index, Index]:
-        """Return the indices of the joints of some kinds, and of their first positions in q."""
+    def _of_kind(self, *kinds: str) -> tuple[Index, Index, Index]:
+        """Return the indices of the joints of some kinds, and of their first entries in q and in v."""
         numbers = [i for i, j in enumerate(self.joints) if j.kind in kinds]
-        return np.array(numbers, dtype=int), np.array([self.q_slices[i].start for i in numbers], dtype=int)
+        starts = ([parts[i].start for i in numbers] for parts in (self.q_slices, self.v_slices))
+        q, v = (np.array(start, dtype=int) for start in starts)
+        return np.array(numbers, dtype=int), q, v
 
     def neutral(self) -> Array:
         """Return the zero position, shape (nq,)."""
@@ -161,8 +161,8 @@ class Tree:
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
         out = np.empty_like(q)
-        _, single = self._adding
-        out[:, single] = q[:, single] + dq[:, self._adding_dofs]
+        _, single, dofs = self._adding
+        out[:, single] = q[:, single] + dq[:, dofs]
         for i in self._others:
             at = self.q_slices[i]
             out[:, at] = self.joints[i].integrate(q[:, at], dq[:, self.v_slices[i]])
@@ -171,8 +171,8 @@ class Tree:
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         out = np.empty((len(q0), self.nv))
-        _, single = self._adding
-        out[:, self._adding_dofs] = q1[:, single] - q0[:, single]
+        _, single, dofs = self._adding
+        out[:, dofs] = q1[:, single] - q0[:, single]
         for i in self._others:
             at = self.q_slices[i]
             out[:, self.v_slices[i]] = self.joints[i].difference(q0[:, at], q1[:, at])
@@ -184,7 +184,7 @@ class Tree:
         R, p = np.empty((n, 3, 3, T)), np.empty((n, 3, T))  # samples innermost in memory
         R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
         still, by_cos, by_sin = self._turn_parts
-        for kind, (numbers, at) in self._turning.items():
+        for kind, (numbers, at, _) in self._turning.items():
             x = q.T[at]
             cos, sin = (np.cos(x), np.sin(x)) if kind == "revolute" else (x, q.T[at + 1])
             R[numbers] = (
@@ -192,7 +192,7 @@ class Tree:
                 + by_cos[numbers, ..., None] * cos[:, None, None]
                 + by_sin[numbers, ..., None] * sin[:, None, None]
             )
-        numbers, at = self._sliding
+        numbers, at, _ = self._sliding
         p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
         R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
         for i, joint in enumerate(self.joints):

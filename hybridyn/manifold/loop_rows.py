@@ -35,7 +35,7 @@ class LoopRows:
         self.unit = mechanism.spanning_col_scale
         self.rank = tree.nv - mechanism.mobility
         self.closed = CHART_CLOSED + mechanism.rounding
-        self._retraction = Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)
+        self._retraction = Retraction([j.kind for j in tree.joints])
         self._tree, self._closures = tree, closures
         self._scale = mechanism.spanning_row_scale
         self.model = pin.Model()

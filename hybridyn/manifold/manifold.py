@@ -46,7 +46,7 @@ class Manifold:
 
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
-        self.retraction = Retraction(robot.kinds, robot.q_slices, robot.v_slices)
+        self.retraction = Retraction(robot.kinds)
         self.unit = robot.unit
         self.looped: list[LoopedModule] = []
         shared: dict[int, LoopRows] = {}

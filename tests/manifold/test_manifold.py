@@ -123,7 +123,7 @@ def moves(kinds: tuple[str, ...]) -> tuple[Retraction, np.ndarray, int]:
     """Return the moves of some joints with a random posture and the number of freedoms."""
     at = np.cumsum([0] + [NQ[k] for k in kinds]), np.cumsum([0] + [NV[k] for k in kinds])
     slices = [[slice(int(x), int(y)) for x, y in pairwise(a)] for a in at]
-    retraction = Retraction(kinds, *slices)
+    retraction = Retraction(kinds)
     q = np.zeros(int(at[0][-1]))
     for kind, where in zip(kinds, slices[0], strict=True):
         if kind == "continuous":
