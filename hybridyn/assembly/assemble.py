@@ -24,7 +24,7 @@ from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
-from ..structure.samples import is_table
+from ..tables.named_columns import is_table
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
 from .requests import Requests, first_guess, gather_requests

@@ -5,7 +5,7 @@ robot is built: `graph` (splits the kinematic graph into modules), `wrists` (cut
 `module_spec` (the numbers of one module, without names, and their scales), `cut` (the tree after the cuts,
 and the rates of the cut wrists), `mechanism` (lengths, ranks and postures, computed once for equal modules),
 `module` (names and indices in q, v and tau, and the state that the recursions share), `robot` (the tree of
-modules), `building` (runs all steps; `stated` reads home and the joints to keep). `leg_model` computes H, A
+modules), `building` (runs all steps). `leg_model` computes H, A
 and D of the legs with Pinocchio. `samples` checks arguments.
 
 May import: `linkage`, `tables` and below.

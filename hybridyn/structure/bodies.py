@@ -16,6 +16,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..description.records import Description, Joint, Link, Load
 from ..errors import ModelError
+from ..linkage.joints import NEUTRAL, NQ
 from ..spatial import LARGEST, Array
 
 
@@ -228,3 +229,18 @@ def payloads_of(description: Description) -> tuple[Payload, ...]:
         Payload(load.name, load.mass, tuple(load.com.tolist()), tuple(map(tuple, load.inertia.tolist())))
         for load in description.loads
     )
+
+
+def home_of(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
+    """Return the home position of the whole robot, shape (nq,)."""
+    parts = [np.array(description.base_home or (0.0, 0, 0, 0, 0, 0, 1))] if base != "fixed" else []
+    for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
+        value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
+        if len(value) == NQ[kind] and kind != "continuous":
+            parts.append(value)
+        elif kind == "continuous":
+            angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
+            parts.append(np.array([np.cos(angle), np.sin(angle)]))
+        else:
+            parts.append(np.array(NEUTRAL[kind]))
+    return np.concatenate(parts) if parts else np.zeros(0)

@@ -13,8 +13,8 @@ from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..linkage.threads import one_thread
 from ..spatial import LARGEST, Array, indices, slices
-from .bodies import Bodies, payloads_of
-from .graph import ModuleGraph, find_modules
+from .bodies import Bodies, home_of, payloads_of
+from .graph import ModuleGraph, find_modules, joints_to_keep
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
@@ -22,7 +22,6 @@ from .parameters.entries import Parameters
 from .parameters.slots import check_signs, with_values
 from .parameters.xacro import XacroArguments
 from .robot import Base, HybridRobot
-from .stated import home_of, joints_to_keep
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

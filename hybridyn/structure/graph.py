@@ -8,9 +8,11 @@ tree.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from ..description.groups import Groups
+from ..description.names import did_you_mean
 from ..description.records import Closure, Description
 from ..errors import ModelError
 from ..linkage.closures import TreeClosure, TreeCoupling
@@ -102,3 +104,26 @@ def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCo
         for i in joints:
             merge([*joints, *bodies.path(joints[0] + 1, i + 1)])
     return [groups.of(i) for i in range(len(bodies.joints))]
+
+
+def joints_to_keep(description: Description, held: Iterable[str]) -> frozenset[str]:
+    """Return the joints that must not be cut: those in `held`, and those with an effect in the description.
+
+    Raises:
+        ModelError: A name in `held` is not a movable joint.
+    """
+    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
+    for name in held:
+        if name not in movable:
+            raise ModelError(
+                f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
+            )
+    tables = [
+        numbers
+        for _, values in description.effects
+        for numbers in values.values()
+        if isinstance(numbers, dict)
+    ]
+    stated = {name for numbers in tables for name in numbers}
+    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
+    return frozenset(held) | (stated & set(movable)) - set(description.motors)

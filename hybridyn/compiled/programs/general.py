@@ -14,11 +14,12 @@ from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
-from ...structure.samples import as_batch, as_positions, is_table, of_joints, of_motors, same_samples
+from ...structure.samples import as_batch, as_positions, from_table, same_samples
+from ...tables.named_columns import is_table
 from .body_rows import body_rows
 
 #: Quantity of the columns of a table that stands for an argument.
-QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration"}
+QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration", "tau": "effort"}
 GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 
 
@@ -59,9 +60,7 @@ def named(robot: HybridRobot, given: Mapping[str, ArrayLike]) -> dict[str, Array
 
 def of_table(robot: HybridRobot, key: str, table: ArrayLike) -> ArrayLike:
     """Return an argument of a model from a table with named columns."""
-    if key in QUANTITY_OF:
-        return of_joints(robot, table, QUANTITY_OF[key])
-    return of_motors(robot, table) if key == "tau" else table
+    return from_table(robot, table, QUANTITY_OF[key]) if key in QUANTITY_OF else table
 
 
 def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:

@@ -68,38 +68,36 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
     Args:
         values: Their numbers, floats or others with the operators of arithmetic.
     """
-    changes: dict[str, dict[str, dict[str, Any]]] = {table: {} for table in TABLES}
-    records = {table: {one.name: one for one in getattr(description, table)} for table in TABLES}
+    records = {(table, one.name): one for table in TABLES for one in getattr(description, table)}
+    changes: dict[tuple[str, str], dict[str, Any]] = {}
     for slot, value in zip(slots, values, strict=True):
-        fields = changes[slot.table].setdefault(slot.name, {})
-        if not slot.index:
-            fields[slot.field] = value
-            continue
-        array = fields.get(slot.field)
-        if array is None:
-            array = np.array(getattr(records[slot.table][slot.name], slot.field))
-        if not isinstance(value, (float, np.floating)) and array.dtype != object:
-            array = array.astype(object)
-        array[slot.index] = value
-        if slot.field == "inertia":
-            array[slot.index[::-1]] = value
-        fields[slot.field] = array
+        fields = changes.setdefault((slot.table, slot.name), {})
+        before = fields.get(slot.field, getattr(records[slot.table, slot.name], slot.field))
+        fields[slot.field] = _with_entry(before, slot, value) if slot.index else value
     tables: dict[str, Any] = {
         table: tuple(
-            replace(one, **changes[table][one.name]) if one.name in changes[table] else one
+            replace(one, **changes[table, one.name]) if (table, one.name) in changes else one
             for one in getattr(description, table)
         )
-        for table in TABLES
-        if changes[table]
+        for table in {table for table, _ in changes}
     }
-    springs = tables.pop("springs", None)
-    if springs is not None:
-        description = description.with_springs(springs)
-    if changes["loads"]:
-        of = {load.name: load for load in tables["loads"] if load.name in changes["loads"]}
+    if "springs" in tables:
+        description = description.with_springs(tables.pop("springs"))
+    if "loads" in tables:
+        of = {load.name: load for load in tables["loads"] if ("loads", load.name) in changes}
         links = tables.get("links", description.links)
         tables["links"] = tuple(loaded(link, of[link.name]) if link.name in of else link for link in links)
     return replace(description, **tables)
+
+
+def _with_entry(before: Any, slot: Slot, value: Any) -> Any:
+    """Return a copy of an array with another entry; a symmetric one stays so."""
+    numeric = isinstance(value, float | np.floating) and before.dtype != object
+    array = np.array(before, dtype=float if numeric else object)
+    array[slot.index] = value
+    if slot.field == "inertia":
+        array[slot.index[::-1]] = value
+    return array
 
 
 def _entry(field: Any, index: tuple[int, ...]) -> Any:
