@@ -33,6 +33,7 @@ from hybridyn.structure.parameters.entries import Parameters
 from tests import ROOT
 from tests.comparing import refused
 from tests.compiled_toys import inputs, toy
+from tests.files import save
 from tests.shipped import shipped
 from tests.waiting import PATIENCE
 
@@ -106,6 +107,24 @@ def test_what_is_damaged_is_built_again(empty_cache: Path, damage: str) -> None:
     DAMAGE[damage](first.path, record, key)
     assert works(cached("a robot", source))
     assert works(cached("a robot", never))
+
+
+def test_a_new_model_may_differ_as_roundings_of_the_robot_do(tmp_path: Path) -> None:
+    """A slider of 1e-7 kg carries one of 1 kg: efforts are differences of numbers 1e7 times as large.
+
+    Roundings that happen to be alike for both sliders leave these differences as they are.
+    """
+    slider = """<joint name="j{i}" type="prismatic"><parent link="l{i}"/><child link="l{n}"/>
+        <axis xyz="0.3 0.5 0.81"/><limit lower="-2" upper="2" effort="100" velocity="5"/></joint>
+        <link name="l{n}"><inertial><mass value="{m}"/>
+        <inertia ixx="{m}" iyy="{m}" izz="{m}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+    sliders = [slider.format(i=i, n=i + 1, m=m) for i, m in enumerate((1e-7, 1.0))]
+    path = save(tmp_path, f'<robot name="light"><link name="l0"/>{"".join(sliders)}</robot>', "light.urdf")
+    robot = hybridyn.load(path)
+    q, v, a = np.zeros(2), np.zeros(2), np.array([1e7, -1e7])
+    wanted = [1.0 * a.sum() + 1e-7 * a[0], 1.0 * a.sum()]  # without gravity
+    tau = hybridyn.compile(robot).idm(q, v, a) - hybridyn.idm(robot, q, v, np.zeros(2))
+    assert np.abs(tau - wanted).max() <= 1e-8  # 2^-52 times 1e7
 
 
 def test_a_model_that_is_not_accepted_stays_unknown() -> None:
