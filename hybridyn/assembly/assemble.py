@@ -223,12 +223,12 @@ def spanning_positions(
 
 def settled(m: Mechanism, x: Array) -> Array:
     """Close loops to rounding where targets contradict them within the tolerance, shape (T, nq)."""
-    r = m.reduction
-    open_rows = m.closures.residual(x, m.tree.sweep(x)) * r.row_scale
-    bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > SETTLED)
+    r, everything = m.reduction, np.ones(m.tree.nv, dtype=bool)
+    loops = LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank)
+    open_by = np.abs(loops.residual(x, np.arange(len(x)))).max(axis=1, initial=0.0)
+    bent = np.flatnonzero(open_by > SETTLED)
     if len(bent):
-        everything = np.ones(m.tree.nv, dtype=bool)
-        x[bent] = close(LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank), x[bent]).q
+        x[bent] = close(loops, x[bent]).q
     return x
 
 

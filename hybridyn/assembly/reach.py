@@ -47,14 +47,11 @@ def closed_postures(
     requests = gather_requests(robot, motors, platforms)
     T = requests.samples
     q = np.tile(first_guess(robot, guess), (T, 1))
-    v, a = np.zeros((2, T, robot.nv))
-    place_base(robot, requests, q, v, a)
+    place_base(robot, requests, q, *np.zeros((2, T, robot.nv)))
     bodies = {0: Motion.at_rest(T)}
     out: Mask = np.zeros(T, dtype=bool)
-    for k, module in enumerate(robot.modules):
-        if robot.base == "floating" and k == 0:
-            continue
-        m = module.mechanism
+    for k in range(robot.base == "floating", len(robot.modules)):
+        module, m = robot.modules[k], robot.modules[k].mechanism
         task = module_task(robot, module, module_request(requests, robot, k, bodies))
         x, closed = _solved(task, m.cut.positions(q[:1, module.q_index])[0])
         out |= ~closed
