@@ -123,15 +123,12 @@ class ModuleRequest:
 
 def joined(requests: Iterable[ModuleRequest]) -> ModuleRequest:
     """Return one request for equal modules without targets: the samples of each, one after the other."""
-    first, *others = requests
-    if not others:
-        return first
-    every = [first, *others]
+    every = list(requests)
     known, known_v, known_a = (
         np.concatenate([getattr(r, name) for r in every]) for name in ("known", "known_v", "known_a")
     )
-    angles = {joint: np.concatenate([r.angles[joint] for r in every]) for joint in first.angles}
-    return replace(first, known=known, known_v=known_v, known_a=known_a, angles=angles)
+    angles = {joint: np.concatenate([r.angles[joint] for r in every]) for joint in every[0].angles}
+    return replace(every[0], known=known, known_v=known_v, known_a=known_a, angles=angles)
 
 
 def on_own_bases(requests: Requests, robot: HybridRobot, number: int | None = None) -> bool:

@@ -247,18 +247,14 @@ def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
 
 def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
     """Return the effect names that a word selects."""
-    if word == "none":
-        return ()
-    if word == "default":
-        return DEFAULT
-    if word == "model":
-        return (*DEFAULT, *FROM_FILES, *(name for name, _ in robot.description.effects))
-    if word not in UNITS:
+    of_files = (*FROM_FILES, *(name for name, _ in robot.description.effects))
+    meanings = {"default": DEFAULT, "model": (*DEFAULT, *of_files), "none": ()}
+    if word not in (*meanings, *UNITS):
         raise ModelError(
             f"there is no effect '{word}'{did_you_mean(word, (*UNITS, *WORDS))}; known: "
             f"{', '.join((*WORDS, *UNITS))}", element=word,
         )  # fmt: skip
-    return (word,)
+    return meanings.get(word, (word,))
 
 
 def stated_names(robot: HybridRobot) -> tuple[str, ...]:
