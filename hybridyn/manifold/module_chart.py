@@ -106,8 +106,6 @@ class ModuleChart:
 
     def _newton_step(self, G: Array, residual: Array) -> Array:
         """Compute the Newton step of the dependent coordinates."""
-        if not len(G):
-            return self.w
         try:
             return np.asarray(np.linalg.solve(G, self.U.T @ residual), dtype=float)
         except np.linalg.LinAlgError:
@@ -156,7 +154,6 @@ class ModuleChart:
         """
         along = self.Z @ u
         right = self.U.T @ (self.K @ along)
-        inverse = np.linalg.pinv(self.G, rcond=HELD) if self.lost else None
-        dependent = np.linalg.solve(self.G, right) if inverse is None else inverse @ right
-        out: Array = along - self.V @ dependent
+        solved = np.linalg.pinv(self.G, rcond=HELD) @ right if self.lost else np.linalg.solve(self.G, right)
+        out: Array = along - self.V @ solved
         return out
