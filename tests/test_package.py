@@ -17,7 +17,7 @@ from tests import ROOT
 PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
-    {"errors", "spatial", "colours"},
+    {"errors", "spatial", "colours", "threads"},
     {"description"},
     {"linkage", "tables"},
     {"structure"},

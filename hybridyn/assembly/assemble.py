@@ -18,13 +18,13 @@ from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import Block
 from ..linkage.targets import PoseTarget
-from ..linkage.threads import one_thread
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
 from ..tables.named_columns import is_table
+from ..threads import one_thread
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
 from .requests import Requests, first_guess, gather_requests

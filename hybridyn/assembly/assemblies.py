@@ -14,11 +14,11 @@ import numpy as np
 
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
-from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
+from ..threads import one_thread
 from .assemble import place_base, settled, spanning_positions
 from .follow import follow
 from .module_request import module_request, on_own_bases, place_bodies

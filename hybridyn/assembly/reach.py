@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..linkage.threads import one_thread
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
+from ..threads import one_thread
 from .assemble import place_base, spanning_positions
 from .module_request import module_request, place_bodies
 from .requests import first_guess, gather_requests

@@ -20,7 +20,7 @@ import click
 
 from .. import __version__
 from ..errors import HybridynError, shortened
-from ..linkage.threads import start_none
+from ..threads import start_none
 
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (

@@ -9,10 +9,10 @@ from typing import Any
 
 from ..effects.choice import Choice, Effects, choose
 from ..errors import CompileError, HybridynError, ModelError
-from ..linkage.threads import one_thread
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
+from ..threads import one_thread
 from .code.scalars import Scalar
 from .equations.arguments.coefficients import at_robot, check_coefficients, with_stated_springs
 from .failures import as_compile_error

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..linkage.gimbal_lock import is_locked
 from ..spatial import Array
+from ..structure.cut import is_locked
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, same_samples

@@ -80,11 +80,6 @@ class LoopProblem:
         """The tree."""
         return self.closures.tree
 
-    @property
-    def length(self) -> float:
-        """The unit of length of the scaled coordinates [m]."""
-        return float(self.col_scale.max(initial=1.0)) if len(self.col_scale) else 1.0
-
     def residual(self, q: Array, samples: Index, motion: Motion | None = None) -> Array:
         """Compute the scaled residuals, shape (T, rows).
 

@@ -11,11 +11,11 @@ import numpy as np
 from ..dynamics.state_checks import REST, STATE_CLOSED, NaturalSizes
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
-from ..linkage.threads import one_thread
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of
+from ..threads import one_thread
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest

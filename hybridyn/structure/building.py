@@ -11,8 +11,8 @@ from ..description.records import Description
 from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
-from ..linkage.threads import one_thread
 from ..spatial import LARGEST, Array, indices, slices
+from ..threads import one_thread
 from .bodies import Bodies, home_of, payloads_of
 from .graph import ModuleGraph, find_modules, joints_to_keep
 from .mechanism import Mechanism, Tolerances

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
 
 from ..linkage.elimination import least_squares
-from ..linkage.gimbal_lock import GIMBAL_LOCK, warn_of_gimbal_lock
 from ..linkage.joints import TreeJoint
 from ..linkage.tree import Motion, Tree
-from ..spatial import Array, Index, cross, indices, quaternion_from_rotation, select, to_body_axes
+from ..spatial import Array, Index, Mask, cross, indices, quaternion_from_rotation, select, to_body_axes
 from .module_spec import ModuleSpec
 from .wrists import Wrist
+
+_log = logging.getLogger("hybridyn")
 
 
 class Cut:
@@ -105,6 +107,8 @@ class Cut:
         return int(np.flatnonzero(self.bodies == body)[0])
 
 
+#: A wrist whose reciprocal condition falls below this is in gimbal lock.
+GIMBAL_LOCK = 1e-9
 #: A wrist that carries a platform is near gimbal lock if the determinant of its axes is smaller than this.
 #: Its joint rates, from which the rates of the platform are computed, grow with the reciprocal.
 NEAR_LOCK = 1e-2
@@ -253,3 +257,28 @@ def _miss(motion: Motion, end: int, target: Motion, body: int, accelerations: bo
     w_dot = target.w_dot[:, body]
     linear = target.p_ddot[:, body] + cross(w_dot, r) + cross(w, cross(w, r)) - motion.p_ddot[:, end]
     return np.concatenate([linear, w_dot - motion.w_dot[:, end]], axis=-1)
+
+
+def is_locked(S: Array) -> Mask:
+    """Check at which samples a wrist is in gimbal lock.
+
+    Args:
+        S: Joint columns of the wrist, as `WristMotion.jacobian` computes them, shape (T, 6, joints).
+
+    Returns:
+        Mask, shape (T,).
+    """
+    s = np.linalg.svd(S, compute_uv=False)
+    return s[:, -1] <= GIMBAL_LOCK * s[:, 0]
+
+
+def warn_of_gimbal_lock(S: Array) -> None:
+    """Log a warning if a wrist is in gimbal lock at some sample; its rates there are least-norm."""
+    locked = np.flatnonzero(is_locked(S))
+    if len(locked):
+        _log.warning(
+            "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm "
+            "ones, nothing else is affected",
+            len(locked),
+            locked[0],
+        )

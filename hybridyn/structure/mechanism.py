@@ -20,12 +20,11 @@ import numpy as np
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
 from ..linkage.generic_postures import kept_generic_postures
-from ..linkage.gimbal_lock import GIMBAL_LOCK
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask, indices, spatial_inertia, to_body_axes
-from .cut import Cut, WristMotion
+from .cut import GIMBAL_LOCK, Cut, WristMotion
 from .leg_model import LegModel, LongLegs
 from .module_spec import ModuleSpec, freedom_units, leg_by_leg, module_length, row_factors
 from .rank_evidence import rank_by_home, rank_decision

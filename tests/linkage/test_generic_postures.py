@@ -10,8 +10,8 @@ import pytest
 import hybridyn
 from hybridyn.linkage import newton
 from hybridyn.linkage.newton import LoopProblem, close
-from hybridyn.linkage.threads import VARIABLES, _controller, one_thread
 from hybridyn.structure import mechanism
+from hybridyn.threads import VARIABLES, _controller, one_thread
 from tests.jansen import walker
 
 COUNT = 24

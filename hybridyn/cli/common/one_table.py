@@ -85,7 +85,7 @@ def compute(module: str, options: dict[str, Any]) -> Outcome:
         OSError: The disk is full.
     """
     from ...description.writing import FULL
-    from ...linkage.threads import one_thread
+    from ...threads import one_thread
 
     import_module(module)
     source: str = options["source"]

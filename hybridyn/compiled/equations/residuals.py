@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...linkage.closures import TreeClosure, TreeCoupling
+from ...description.records import RotationKind
+from ...linkage.closures import TURNING, TreeClosure, TreeCoupling, normals
 from .chains import Chain
 from .expressions import Expression, along, cross, dot, plus, zeros
 from .rigid import motion_to_parent
@@ -81,20 +82,15 @@ class SpanningRows:
         return path
 
 
-def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:
+def _turning(rotation: RotationKind, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:
     """Return the rotational residuals, each with the axis of its rate."""
     z = B[:, 2]
     if rotation == "fixed":
         pairs = [(1, 2), (2, 0), (0, 1)]
-        return [
-            (0.5 * (along(A[:, j], B[:, i]) - along(A[:, i], B[:, j])), A[:, k])
-            for k, (i, j) in enumerate(pairs)
-        ]
-    if rotation == "parallel":
-        return [(along(A[:, i], z), cross(z, A[:, i])) for i in (0, 1)]
-    if rotation == "perpendicular":
-        return [(along(A[:, 2], z), cross(z, A[:, 2]))]
-    return []
+        angles = [0.5 * (along(A[:, j], B[:, i]) - along(A[:, i], B[:, j])) for i, j in pairs]
+    else:
+        angles = [along(n, z) for n in A.T[TURNING[rotation]]]
+    return list(zip(angles, normals(rotation, A, z), strict=True))
 
 
 def coupling_row(

@@ -13,11 +13,11 @@ import numpy as np
 from ...description.names import did_you_mean, listed
 from ...dynamics.direct import ddm
 from ...errors import HybridynError, ModelError, install_advice
-from ...linkage.threads import one_thread
 from ...simulation.simulate import simulate
 from ...simulation.solver import Solver
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from ...threads import one_thread
 from .judge_engine import judge_engine
 from .judging import SECONDS, ClosureFate, Verdict, call_time
 from .own_file import own_file

@@ -13,9 +13,9 @@ import numpy as np
 
 from ...description.records import Description
 from ...errors import HybridynError, ModelError, TrajectoryError
-from ...linkage.threads import one_thread
 from ...spatial import Array, Index
 from ...structure.parameters.slots import differences
+from ...threads import one_thread
 from .compiled_designs import CompiledDesigns, Plan, Structure, check_task
 from .designs import Designs
 from .evaluation import Chunk, Designer, Evaluated, Row, evaluate

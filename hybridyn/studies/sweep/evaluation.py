@@ -13,9 +13,9 @@ import numpy as np
 
 from ...effects import choose
 from ...errors import HybridynError
-from ...linkage.threads import one_thread
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from ...threads import one_thread
 from ..workspace.workspace import workspace
 from .following import Follower, Postmortem, Track, follow
 from .measures import OF_WORKSPACE, Gauge, call, functions_of

@@ -18,9 +18,9 @@ from ...assembly.assemble import assemble
 from ...assembly.task import closure_residual
 from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.targets import COORDINATES
-from ...linkage.threads import one_thread
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot, joint_position
+from ...threads import one_thread
 from .flood import CHUNK, Flood, Spread, Work, in_this_process
 from .measures import Measures
 from .steps import OUT_OF_REACH, REACHED, Closing

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from ....assembly.assemble import assemble_requests, by_name
 from ....assembly.requests import first_guess, gather_requests
-from ....linkage.threads import one_thread
 from ....spatial import Array
 from ....structure.robot import HybridRobot
+from ....threads import one_thread
 from .assembling import Assembler
 
 #: Rows from which building a program pays: some 3 ms each on the general path for any robot.
