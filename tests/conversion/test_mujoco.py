@@ -1,4 +1,4 @@
-"""MuJoCo's own model of the written file: mass matrix, bias, closed dynamics, and how tight closures stay."""
+"""MuJoCo's own model of the written file: mass matrix, bias, closed dynamics, forces, open closures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from hybridyn.description.placement import placement_from
 from hybridyn.description.shipped import find_robot
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import joint_position
 from tests.comparing import close_to, refused
+from tests.conversion.features import FEATURES
 from tests.conversion.judge import bodily, open_postures, read_back, same_robot, same_structure, states
 from tests.extras import needs
 from tests.files import save
@@ -293,3 +295,34 @@ def edited(description: Description, old: str, new: str, message: str, file: Pat
     assert old in text
     file.write_text(text.replace(old, new))
     refused(lambda: read(file), ModelError, message)
+
+
+# -------------------- springs, dampers and friction
+
+
+#: Robots with a force in joints that MuJoCo has by the same names.
+NAMES = [
+    name
+    for name, (_, robot) in FEATURES.items()
+    if name.startswith(("spring", "damper", "viscous"))
+    and not {joint.kind for joint in robot.joints} & {"planar", "floating"}
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_springs_and_dampers_act_as_stated(name: str) -> None:
+    """MuJoCo's passive forces are -(damping v) - stiffness (x - rest), by the numbers of the description."""
+    _, d = FEATURES[name]
+    written, draw = Model(d), np.random.default_rng(4)
+    robot, (q,) = written.robot, open_postures(written.robot, 1)
+    v = draw.normal(size=robot.nv)
+    dampers = dict(d.effects).get("damper", {}).get("coefficient", {})
+    damping = {joint.name: joint.damping + dampers.get(joint.name, 0.0) for joint in d.joints}
+    springs, expected = {spring.name: spring for spring in d.springs}, np.zeros(robot.nv)
+    for one, to in zip(robot.joints, robot.v_slices, strict=True):
+        expected[to] = -damping[one] * v[to]
+        if spring := springs.get(one):
+            expected[to] -= spring.stiffness * (float(joint_position(robot, q, one)) - spring.rest)
+    written.place(q, v)
+    assert np.abs(expected).max() > 0
+    close_to(written.data.qfrc_passive[written.columns], expected, SAME)

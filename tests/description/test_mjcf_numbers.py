@@ -1,15 +1,29 @@
-"""Every number of a robot read from MJCF is MuJoCo's: mass matrix, bias, equality Jacobian."""
+"""Every number of a robot read from MJCF is MuJoCo's; shipped robots are the same from MJCF and from URDF."""
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import hybridyn
+from hybridyn import ddm, idm
+from hybridyn.description import Description
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests import ROOT
+from tests.command_line import call
+from tests.comparing import close_to
 from tests.files import save
+from tests.judging import efforts
+from tests.mjcf import MuJoCo
 from tests.mjcf_states import Pair
 from tests.mjcf_texts import ROBOTS, random_tree
+from tests.shipped import shipped, states_near_home
+from tests.snippets import blocks
 
 #: Numbers against MuJoCo's, relative to the largest of each table: two ways through ten products of doubles.
 AGAINST_MUJOCO = 1e-10
@@ -41,3 +55,75 @@ def test_a_robot_has_the_numbers_of_mujoco(name: str, tmp_path: Path) -> None:
 def test_a_random_tree_has_the_numbers_of_mujoco(seed: int, tmp_path: Path) -> None:
     file = save(tmp_path, random_tree(seed), "robot.xml")
     compare(Pair(file), np.random.default_rng(seed))
+
+
+# -------------------- shipped robots
+
+
+#: Two readers of the same numbers: each rotation passes through a quaternion in one of them.
+TWO_READERS = 1e-11
+
+
+def written(description: Description, folder: Path) -> Path:
+    """Write a robot as MJCF with motors and home."""
+    mujoco = MuJoCo(description)
+    actuators = ET.SubElement(mujoco.root, "actuator")
+    for motor in description.motors:
+        ET.SubElement(actuators, "motor", joint=motor)
+    robot = build_robot(description)
+    mujoco.place(robot.home, np.zeros(robot.model.nv))
+    keys = ET.SubElement(mujoco.root, "keyframe")
+    ET.SubElement(keys, "key", name="home", qpos=" ".join(repr(float(x)) for x in mujoco.data.qpos))
+    file = folder / f"{description.name}.xml"
+    ET.ElementTree(mujoco.root).write(file)
+    return file
+
+
+def angles(robot: HybridRobot, other: HybridRobot, q: np.ndarray) -> np.ndarray:
+    """Return positions for a robot whose continuous joints are hinges with one number."""
+    out = np.zeros((len(q), other.model.nq))
+    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
+        to = other.q_slices[other.joints.index(name)]
+        part = q[:, at]
+        out[:, to] = np.arctan2(part[:, 1:], part[:, :1]) if kind == "continuous" else part
+    return out
+
+
+def columns(robot: HybridRobot, other: HybridRobot) -> list[int]:
+    """Return where each rate of the other robot stands in this one's."""
+    return [robot.v_slices[robot.joints.index(name)].start for name in other.joints]
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart", "delta", "tanev"])
+def test_both_models_are_those_of_the_urdf(name: str, tmp_path: Path) -> None:
+    description = shipped(name)
+    if name == "five_bar":  # planar: the hinge of its loop is a point
+        (hinge,) = description.closures
+        description = replace(description, closures=(replace(hinge, kind="spherical", rotation="free"),))
+    urdf, mjcf = build_robot(description), hybridyn.load(written(description, tmp_path))
+    assert mjcf.motors == urdf.motors
+    q, v, a = states_near_home(description, "fixed", 5, 2)
+    order, theirs = columns(urdf, mjcf), angles(urdf, mjcf, q)
+    tau = idm(urdf, q, v, a)
+    close_to(idm(mjcf, theirs, v[:, order], a[:, order]), tau, TWO_READERS)
+    tau = efforts(description, len(q))
+    close_to(ddm(mjcf, theirs, v[:, order], tau), ddm(urdf, q, v, tau)[:, order], TWO_READERS)
+
+
+def test_the_home_of_the_file_closes_the_loops(tmp_path: Path) -> None:
+    robot = hybridyn.load(written(shipped("gough_stewart"), tmp_path))
+    assert hybridyn.closure_residual(robot, robot.home) < 1e-9  # what its model.toml states
+
+
+def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = blocks(ROOT / "docs" / "mjcf.md", "xml")
+    file, motion = tmp_path / "five_bar.xml", tmp_path / "motion.csv"
+    file.write_text(example.text)
+    time = np.linspace(0, 1, 20)
+    left, right = 0.2 * np.sin(time), 0.1 * time**2
+    rows = ["time,motor_left/position,motor_right/position"]
+    rows += [f"{t},{a},{b}" for t, a, b in zip(time, left, right, strict=True)]
+    motion.write_text("\n".join(rows) + "\n")
+    efforts = call(capsys, "idm", file, motion, "--effects", "model", "-q")
+    assert efforts.out.startswith("time,motor_left/effort,motor_right/effort")
+    assert len(efforts.out.splitlines()) == 21

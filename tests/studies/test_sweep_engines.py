@@ -14,8 +14,10 @@ from hybridyn.errors import HybridynError
 from tests.command_line import program
 from tests.comparing import refused
 from tests.extras import needs
-from tests.studies.test_sweep import pendulum_in, rows_of, written
+from tests.studies.test_sweep import folder, rows_of, written
 from tests.waiting import wait_until
+
+__all__ = ["folder"]
 
 needs("sweep")
 
@@ -37,22 +39,15 @@ def mass(robot, motion):
 """
 
 
-@pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a pendulum and its motion, in which the test stands."""
-    monkeypatch.chdir(tmp_path)
-    return pendulum_in(tmp_path)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["loky", "dask", "ray"])
 def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
-    place: Path, engine: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if engine != "loky":
         needs(engine)
     monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
-    Path("killer.py").write_text(KILLER.format(mark=place / "killed", pid=os.getpid()))
+    Path("killer.py").write_text(KILLER.format(mark=folder / "killed", pid=os.getpid()))
     path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
     state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
     rows = rows_of("out")
@@ -65,7 +60,7 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
 
 
 @pytest.mark.slow
-def test_a_cluster_that_stands_is_used(place: Path) -> None:
+def test_a_cluster_that_stands_is_used(folder: Path) -> None:
     distributed = needs("dask")
     path = written("method = 'grid'")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -75,7 +70,7 @@ def test_a_cluster_that_stands_is_used(place: Path) -> None:
 
 
 def test_a_scheduler_that_does_not_answer_is_one_line(
-    place: Path,
+    folder: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     needs("dask")
@@ -100,12 +95,12 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["loky", "dask", "ray"])
 def test_a_design_that_ends_every_process_is_named(
-    place: Path, engine: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if engine != "loky":
         needs(engine)
     monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
-    text = KILLER.format(mark=place / "never", pid=os.getpid()).replace("6.5 / 39) and", "38.5 / 39) and")
+    text = KILLER.format(mark=folder / "never", pid=os.getpid()).replace("6.5 / 39) and", "38.5 / 39) and")
     Path("killer.py").write_text(re.sub(r"Path\(.*\).write_text.*", "pass", text))
     path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
     state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
@@ -117,21 +112,21 @@ def test_a_design_that_ends_every_process_is_named(
 
 
 @pytest.mark.slow
-def test_a_killed_program_is_continued(place: Path) -> None:
+def test_a_killed_program_is_continued(folder: Path) -> None:
     Path("slowly.py").write_text(
         "import time\n\ndef wait(robot, motion):\n    time.sleep(0.1)\n    return 1.0\n"
     )
     path = written("method = 'grid'", MANY, "{ one = 'slowly.py:wait', top = 'peak_effort' }")
     words = ["sweep", path, "-o", "out", "--jobs", 1, "--allow-python", "--format", "csv"]
     running = program(*words)
-    wait_until(lambda: len(list(place.glob("out/designs-*"))) >= 2, "two shards")
+    wait_until(lambda: len(list(folder.glob("out/designs-*"))) >= 2, "two shards")
     running.kill()
     running.communicate()
-    (place / "out" / ".designs-000000039-000000039.csv.1.tmp").write_text("half a sh")
+    (folder / "out" / ".designs-000000039-000000039.csv.1.tmp").write_text("half a sh")
     begun = len(rows_of("out")["design"])
     assert 0 < begun < 40
     state = hybridyn.sweep(path, "out", jobs=1, allow_python=True, resume=True)
     assert (state.now, state.done) == (40 - begun, 40)
     hybridyn.sweep(path, "whole", jobs=1, allow_python=True, format="csv")
     assert rows_of("out") == rows_of("whole")
-    assert not list(place.glob("out/.*"))
+    assert not list(folder.glob("out/.*"))

@@ -13,7 +13,9 @@ from hybridyn.studies.sweep.designs import Designs
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
 from hybridyn.studies.sweep.reading import read_study
 from tests.comparing import refused
-from tests.studies.test_sweep import pendulum_in
+from tests.studies.test_sweep import folder
+
+__all__ = ["folder"]
 
 #: Largest relative error of a motion whose steps are accurate to 1e-7.
 OF_STEPS = 1e-5
@@ -61,13 +63,11 @@ top = "peak_effort"
 """
 
 
-@pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a pendulum, a scene and a study, in which the test stands."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def fall(folder: Path) -> None:
+    """Write a scene and a study of the pendulum."""
     Path("fall.toml").write_text(SCENE)
     Path("study.toml").write_text(STUDY)
-    return pendulum_in(tmp_path)
 
 
 def rows_of_study() -> tuple[Row, ...]:
@@ -76,7 +76,7 @@ def rows_of_study() -> tuple[Row, ...]:
     return evaluate(source, Chunk(0, designs.values(0, designs.count))).rows
 
 
-def test_a_fall_has_the_energy_and_the_time_of_a_pendulum(place: Path) -> None:
+def test_a_fall_has_the_energy_and_the_time_of_a_pendulum() -> None:
     """From rest at the horizontal, the kinetic energy is m g l sin(angle), and the time its quadrature."""
     for row in rows_of_study():
         length = row.values[0]
@@ -98,7 +98,7 @@ def test_a_fall_has_the_energy_and_the_time_of_a_pendulum(place: Path) -> None:
         assert abs(total) < OF_STEPS * kinetic
 
 
-def test_a_scene_that_cannot_begin_is_counted(place: Path) -> None:
+def test_a_scene_that_cannot_begin_is_counted() -> None:
     Path("fall.toml").write_text(SCENE + "[initial]\njoints = { turn = 0.0, end = 1.0 }\n")
     assert {row.status for row in rows_of_study()} == {"failed"}
 
@@ -120,7 +120,7 @@ def test_a_scene_that_cannot_begin_is_counted(place: Path) -> None:
         ),
     ],
 )  # fmt: skip
-def test_wrong_scenes_are_one_line(place: Path, file: str, old: str, new: str, said: str) -> None:
+def test_wrong_scenes_are_one_line(file: str, old: str, new: str, said: str) -> None:
     text = Path(file).read_text()
     assert old in text
     Path(file).write_text(text.replace(old, new))

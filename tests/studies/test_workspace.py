@@ -195,26 +195,13 @@ def test_no_step_changes_the_branch() -> None:
         ({"at": {"z": 5.0}}, "does not reach the workspace's origin"),
         ({"steps": {"x": 0.0}}, "the step of 'x' must be positive"),
         ({"steps": {"roll": 0.1}}, "'roll' is not swept"),
+        ({"link": "m1_tool", "at": {"x": 0.0, "z": -0.12}}, r"joint 'm1_\w+_drive' is outside its limits"),
+        ({"robot": "lx4"}, r"choose a module: 1 \(m1_platform\), 2"),
     ],
 )
 def test_wrong_arguments_are_refused(words: dict[str, object], message: str) -> None:
-    refused(lambda: workspace(hybridyn.load("five_bar"), **words), hybridyn.HybridynError, message)
-
-
-def test_a_stack_needs_the_module() -> None:
-    refused(
-        lambda: workspace(hybridyn.load("lx4")),
-        hybridyn.TrajectoryError,
-        r"choose a module: 1 \(m1_platform\), 2",
-    )
-
-
-def test_an_origin_outside_the_limits_is_refused(tmp_path: Path) -> None:
-    refused(
-        lambda: workspace(hybridyn.load("five_bar"), link="m1_tool", at={"x": 0.0, "z": -0.12}),
-        hybridyn.ModelError,
-        r"joint 'm1_\w+_drive' is outside its limits",
-    )
+    robot = hybridyn.load(words.pop("robot", "five_bar"))
+    refused(lambda: workspace(robot, **words), hybridyn.HybridynError, message)
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
