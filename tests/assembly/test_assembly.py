@@ -20,6 +20,7 @@ from hybridyn.structure.graph import find_modules
 from hybridyn.structure.module_spec import module_spec
 from tests.comparing import close_to, refused
 from tests.dynamics.test_idm import symmetric_five_bar
+from tests.engines import engine_of
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
 from tests.posing import far_apart, of_joints, of_link, position
@@ -310,10 +311,12 @@ def test_a_guess_half_a_turn_away_still_closes(kind: str) -> None:
     hybridyn.idm(robot, q, v, a)
 
 
-def test_the_guess_chooses_the_branch() -> None:
+@pytest.mark.parametrize("engine", ["general", "compiled"])
+def test_the_guess_chooses_the_branch(engine: str) -> None:
     """Tip above or below the motors: each guess keeps its own."""
     robot = build_robot(symmetric_five_bar())
-    up, *_ = hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1})
+    on = engine_of(engine, robot)
+    up, *_ = on.assemble(motors={"left": 2.0, "right": 1.1})
     mirrored = up.copy()
     for joint, i in (("left_elbow", 0), ("right_elbow", 1)):
         at = robot.q_slices[robot.joints.index(joint)]
@@ -323,7 +326,7 @@ def test_the_guess_chooses_the_branch() -> None:
         across = np.arctan2(*(D - B)[::-1])
         angle = 2 * across - rods - (2.0, 1.1)[i]
         mirrored[at] = [np.cos(angle + 0.05), np.sin(angle + 0.05)]
-    down, *_ = hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=mirrored)
+    down, *_ = on.assemble(motors={"left": 2.0, "right": 1.1}, guess=mirrored)
     assert far_apart(robot, down[None], mirrored[None]) < 0.1
     assert far_apart(robot, up[None], down[None]) > 1.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -25,12 +26,12 @@ from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.workspace.sweep import coordinate_target
-from tests.assembly.test_assembly import STEP, base_pose, stretched, waves
+from tests.assembly.test_assembly import base_pose, stretched, waves
 from tests.comparing import close_to, refused, same_words
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.oracle import Base
-from tests.posing import COORDINATES, far_apart, of_joints, of_link, position, swaying
+from tests.posing import COORDINATES, of_joints, of_link, position, swaying
 from tests.samples import slow
 from tests.shipped import shipped
 
@@ -55,46 +56,52 @@ def compare(assembler: Assembler, within: float = SAME, **wanted: Any) -> States
     return got
 
 
-@pytest.mark.parametrize(
-    "name", ["five_bar", *map(slow, ("gough_stewart", "lx4", "rps3", "delta", "tanev", "stewart_ur5"))]
-)
-def test_motors_give_the_rows_of_the_general_path(name: str) -> None:
-    robot = build_robot(shipped(name))
-    assembler = Assembler(robot)
-    size = 0.02 if name == "tanev" else 0.04  # larger waves lead tanev to a singularity
-    compare(assembler, motors=waves(robot, np.linspace(0, 1, 60), size))
-    assert assembler.recomputed == 0
-
-
-@pytest.mark.parametrize("name", ["rps3", slow("gough_stewart"), slow("lx4")])
-def test_poses_give_the_rows_of_the_general_path(name: str) -> None:
-    """Relative poses, absolute ones, and one row alone."""
-    robot = build_robot(shipped(name))
+def of_platforms(robot: HybridRobot, below: bool) -> tuple[States, Any]:
+    """Return states and the poses of all platforms in them, as seen from the root or from the one below."""
     states = hybridyn.assemble(robot, motors=waves(robot, np.linspace(0, 0.5, 12), 0.03))
-    links = [module.outputs[0] for module in robot.modules]
-    below = [robot.description.root, *links]
-    relative = {
-        f"{link}@{other}": of_link(robot, *states, link, other)
-        for link, other in zip(links, below, strict=False)
-    }
-    absolute = {link: of_link(robot, *states, link, below[0]) for link in links}
-    assembler = Assembler(robot)
-    for poses in (relative, absolute, {name: tuple(x[0] for x in pose) for name, pose in relative.items()}):
-        q, _, _ = compare(assembler, platforms=poses)
-        assert far_apart(robot, q, states[0][: len(q)]) < SAME * 10
-    assert assembler.recomputed == 0
+    root, links = robot.description.root, [module.outputs[0] for module in robot.modules]
+    others = [root, *links] if below else [root] * len(links)
+    pairs = zip(links, others, strict=False)
+    return states, {f"{link}@{other}": of_link(robot, *states, link, other) for link, other in pairs}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", COORDINATES)
-def test_some_coordinates_of_a_pose_give_the_rows_of_the_general_path(name: str) -> None:
-    """The rest of the pose follows from the loops; other modules have motors."""
-    robot = build_robot(shipped(name))
+def arm_and_platform(robot: HybridRobot) -> dict[str, Any]:
+    """Return the pose of the first platform, and the motors of what stands on it."""
+    states, poses = of_platforms(robot, False)
+    arm = [motor for module in robot.modules[1:] for motor in module.motors]
+    return {"motors": of_joints(robot, *states, arm), "platforms": dict([next(iter(poses.items()))])}
+
+
+def some_coordinates(robot: HybridRobot) -> dict[str, Any]:
+    """Return some coordinates of a platform; the rest of its pose follows, other modules have motors."""
     phase = np.linspace(0, 2 * np.pi, 40)
     rest = [motor for module in robot.modules[1:] for motor in module.motors]
-    motors = {motor: wave for motor, wave in waves(robot, phase, 0.02).items() if motor in rest}
+    every = waves(robot, phase, 0.02)
+    return {"motors": {motor: every[motor] for motor in rest}, "platforms": swaying(robot, phase)}
+
+
+#: What is asked of a robot; larger waves lead tanev to a singularity.
+ASKED: dict[str, Callable[[HybridRobot], dict[str, Any]]] = {
+    "motors": lambda r: {"motors": waves(r, np.linspace(0, 1, 60), 0.02 if r.name == "tanev" else 0.04)},
+    "relative poses": lambda r: {"platforms": of_platforms(r, True)[1]},
+    "absolute poses": lambda r: {"platforms": of_platforms(r, False)[1]},
+    "some coordinates": some_coordinates,
+    "a pose and motors": arm_and_platform,
+}
+LATER = [
+    *(("motors", name) for name in ("gough_stewart", "lx4", "rps3", "delta", "tanev", "stewart_ur5")),
+    *((f"{x} poses", name) for x in ("relative", "absolute") for name in ("rps3", "gough_stewart", "lx4")),
+    *(("some coordinates", name) for name in COORDINATES), ("a pose and motors", "stewart_ur5"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("what", "name"), [("motors", "five_bar"), ("relative poses", "rps3"), *(slow(*pair) for pair in LATER)]
+)
+def test_rows_are_those_of_the_general_path(what: str, name: str) -> None:
+    robot = build_robot(shipped(name))
     assembler = Assembler(robot)
-    compare(assembler, motors=motors, platforms=swaying(robot, phase))
+    compare(assembler, **ASKED[what](robot))
     assert assembler.recomputed == 0
 
 
@@ -122,18 +129,6 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
         assert np.abs(np.array(K).reshape(6, tree.nv) - target.matrix(tree, motion)).max() <= SAME
 
 
-@pytest.mark.slow
-def test_a_mixture_of_motors_and_a_pose() -> None:
-    robot = build_robot(shipped("stewart_ur5"))
-    states = hybridyn.assemble(robot, motors=waves(robot, np.linspace(0, 0.5, 5), 0.03))
-    platform = robot.modules[0].outputs[0]
-    arm = [motor for module in robot.modules[1:] for motor in module.motors]
-    poses = {platform: of_link(robot, *states, platform, robot.description.root)}
-    assembler = Assembler(robot)
-    compare(assembler, motors=of_joints(robot, *states, arm), platforms=poses)
-    assert assembler.recomputed == 0
-
-
 def test_rows_far_apart_stay_on_the_branch() -> None:
     """Steps that no prediction covers are divided into smaller ones."""
     robot = build_robot(shipped("five_bar"))
@@ -145,31 +140,7 @@ def test_rows_far_apart_stay_on_the_branch() -> None:
     assert coarse.recomputed == 0
 
 
-def test_rates_are_the_derivatives_of_positions() -> None:
-    robot = build_robot(symmetric_five_bar())
-    time = 0.3 + STEP * np.array([-1.0, 0.0, 1.0])
-    q, v, _ = in_c(Assembler(robot), motors=waves(robot, time, 0.04))
-    slope = [
-        (position(robot, joint, q[2]) - position(robot, joint, q[0])) / (2 * STEP) for joint in robot.joints
-    ]
-    assert np.abs(slope - v[1]).max() <= 1e-6
-
-
 # -------------------------------------------------------------------- branches, reach, singularities
-
-
-def test_the_guess_chooses_the_branch() -> None:
-    robot = build_robot(symmetric_five_bar())
-    assembler, motors = Assembler(robot), {"left": 2.0, "right": 1.1}
-    up = compare(assembler, motors=motors)[0][0]
-    mirrored = up.copy()
-    for joint, crank in (("left_elbow", 2.0), ("right_elbow", 1.1)):
-        B = np.array([0.4 * np.cos(2.0), 0.4 * np.sin(2.0)])
-        D = np.array([0.5 + 0.4 * np.cos(1.1), 0.4 * np.sin(1.1)])
-        angle = 2 * np.arctan2(*(D - B)[::-1]) - position(robot, joint, up) - 2 * crank
-        mirrored[robot.q_slices[robot.joints.index(joint)]] = np.cos(angle), np.sin(angle)
-    down = compare(assembler, motors=motors, guess=mirrored)[0][0]
-    assert far_apart(robot, up[None], down[None]) > 1.0
 
 
 def rows_towards(robot: HybridRobot, first: float, last: float, parts: list[float]) -> dict[str, Array]:
