@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hybridyn.compiled.code.library_source import Source
 from hybridyn.compiled.program import (
     Add,
     Call,
@@ -119,3 +120,14 @@ def inputs(program: Program, samples: int, seed: int = 0) -> list[np.ndarray[Any
     """Return random inputs of a program, shapes (samples, n)."""
     rng = np.random.default_rng(seed)
     return [rng.normal(size=(samples, size)) for _, size in program.inputs]
+
+
+def numbered(number: int) -> Source:
+    """Return the source of a library that knows its number, built at once."""
+    visible = '__attribute__((visibility("default")))'
+    return Source((f"{visible} int number(void) {{ return {number}; }}\n",), {"number": number})
+
+
+def never() -> Source:
+    """Fail where a library is built that is there."""
+    raise AssertionError("it is there, and need not be built")

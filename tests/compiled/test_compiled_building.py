@@ -32,7 +32,7 @@ from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import ROOT
 from tests.comparing import refused
-from tests.compiled_toys import inputs, toy
+from tests.compiled_toys import inputs, never, toy
 from tests.files import save
 from tests.shipped import shipped
 from tests.waiting import PATIENCE
@@ -53,10 +53,6 @@ def fresh_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def source() -> Source:
     return library_source([TOY], Scalar("float64", 1))
-
-
-def never() -> Source:
-    raise AssertionError("the source was printed although the model is built")
 
 
 def works(built: Built) -> bool:

@@ -15,14 +15,14 @@ import pytest
 
 import hybridyn.compiled.library.cache as cache_file
 import hybridyn.compiled.library.eviction as keeping
-from hybridyn.compiled.code.library_source import Source, library_source
+from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.compiled.library.calls import loaded
 from hybridyn.compiled.library.eviction import ABANDONED, IN_USE, remove_unused
 from tests import ROOT
 from tests.clocks import Clock
-from tests.compiled_toys import toy
+from tests.compiled_toys import never, numbered, toy
 from tests.waiting import PATIENCE
 
 HOUR = 3600.0
@@ -37,18 +37,8 @@ def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def source(number: int) -> Source:
-    """Return a library that knows its number."""
-    visible = '__attribute__((visibility("default")))'
-    return Source((f"{visible} int number(void) {{ return {number}; }}\n",), {"number": number})
-
-
 def built(number: int) -> Built:
-    return cached(f"key {number}", lambda: source(number))
-
-
-def never() -> Source:
-    raise AssertionError("it is there, and need not be built")
+    return cached(f"key {number}", lambda: numbered(number))
 
 
 def known(number: int) -> bool:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from hybridyn.compiled.code.library_source import Source
 from hybridyn.compiled.library import cache
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.errors import CompileError
+from tests.compiled_toys import numbered
 
 
 @pytest.fixture
@@ -31,13 +31,7 @@ def group_may_write() -> Iterator[None]:
 def built() -> tuple[Built, int]:
     """Return a library, and how often its source was asked for."""
     asked = []
-
-    def source() -> Source:
-        asked.append(1)
-        visible = '__attribute__((visibility("default")))'
-        return Source((f"{visible} int number(void) {{ return 1; }}\n",), {"number": 1})
-
-    return cached("key", source), len(asked)
+    return cached("key", lambda: asked.append(1) or numbered(1)), len(asked)
 
 
 @pytest.mark.parametrize("inner", ["", "keys", "models", "libraries"])
