@@ -152,25 +152,25 @@ class _Path:
         self._m, self._q, self.direction = state.mechanism, state.q[t : t + 1], direction
         self.bend = np.zeros_like(direction)
 
+    def _moved(self, q: Array, x: Array) -> Array:
+        """Compute the posture at a scaled displacement x from a posture, shapes (n,), (1, nq)."""
+        return self._m.tree.integrate(q, (x * self._m.reduction.col_scale)[None])
+
     def at(self, s: float) -> tuple[Array, Array]:
         """Compute posture and velocity at path length s, shapes (1, nq), (n,)."""
-        unit = self._m.reduction.col_scale
-        q = self._m.tree.integrate(self._q, ((s * self.direction + s * s / 2 * self.bend) * unit)[None])
-        return q, self.direction + s * self.bend
+        x = s * self.direction + s * s / 2 * self.bend
+        return self._moved(self._q, x), self.direction + s * self.bend
 
-    def rows(self, q: Array, moved: Array) -> Array:
+    def rows(self, q: Array, x: Array) -> Array:
         """Compute the rows at a displacement from a posture, shape (rows, n)."""
-        m = self._m
-        x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
-        out: Array = m.reduction.scaled(m.closures.matrix(m.tree.sweep(x)))[0]
+        motion = self._m.tree.sweep(self._moved(q, x))
+        out: Array = self._m.reduction.scaled(self._m.closures.matrix(motion))[0]
         return out
 
-    def gamma(self, q: Array, moved: Array, rate: Array) -> Array:
+    def gamma(self, q: Array, x: Array, rate: Array) -> Array:
         """Compute the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
-        m = self._m
-        x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
-        rates = rate * m.reduction.col_scale
-        at = np.repeat(x, len(rates), axis=0)
+        m, rates = self._m, rate * self._m.reduction.col_scale
+        at = np.repeat(self._moved(q, x), len(rates), axis=0)
         return m.closures.rates(m.tree.sweep(at, rates), rates)[1] * m.reduction.row_scale
 
     def strong_drift(self, s: float, parts: tuple[Array, ...], strong: int) -> Array:
