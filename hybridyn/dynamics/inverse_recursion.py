@@ -70,9 +70,7 @@ def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: 
     m = s.mechanism
     F_b, H = loads.on.leg_forces(s)  # Eqs. (54)-(62)
     f_base, f_legs = loads.on_legs(k, s)
-    F, H = F_b - f_base, H - f_legs
-    if (rotor := loads.rotor_diagonal(s)) is not None:
-        H += rotor * s.a
+    F, H = F_b - f_base, H - f_legs + loads.rotor_diagonal(s) * s.a
     out = ModuleForces(basis, H, np.einsum("tij,ti->tj", basis.Psi, H), F, H, [], [])
     for o, body in enumerate(m.spec.outputs):
         inertia, V = m.inertias[o], s.outputs[:, o]

@@ -125,26 +125,16 @@ class Loads:
     def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
         """Compute what the loads on module k exert on its base and along x, as `ModuleLoad.on_legs`."""
         base, along = self.modules[k].on_legs(state)
-        if self.joints is not None:
-            passive = np.zeros_like(along)
-            state.mechanism.cut.to_tree(self.joints[:, state.module.v_index], passive)
-            along = along + passive
-        return base, along
+        return base, along + self._along(state, self.joints)
 
-    def rotor_diagonal(self, state: ModuleState) -> Array | None:
-        """Return the inertia that rotors add to the diagonal along x, shape (n,), or None."""
-        if self.rotors is None:
-            return None
-        out = np.zeros((1, state.mechanism.tree.nv))
-        state.mechanism.cut.to_tree(self.rotors[None, state.module.v_index], out)
-        diagonal: Array = out[0]
-        return diagonal
+    def rotor_diagonal(self, state: ModuleState) -> Array:
+        """Return the inertia that rotors add to the diagonal along x, shape (1, n)."""
+        return self._along(state, None if self.rotors is None else self.rotors[None])
 
     def leg_matrix(self, state: ModuleState) -> Array:
         """Compute M_leg with rotors, shape (T, 6 + n, 6 + n)."""
         M = self.on.leg_matrix(state)
-        if (rotor := self.rotor_diagonal(state)) is not None:
-            M[:, 6:, 6:] += np.diag(rotor)
+        M[:, 6:, 6:] += np.diag(self.rotor_diagonal(state)[0])
         return M
 
     def leg_terms(self, k: int, state: ModuleState) -> LegTerms:
@@ -153,6 +143,13 @@ class Loads:
         p, h = self.on.leg_forces(state, bias=True)
         f_base, f = self.on_legs(k, state)
         return LegTerms(M, p - f_base, h, f)
+
+    def _along(self, state: ModuleState, of_robot: Array | None) -> Array:
+        """Return numbers of the robot's freedoms, shape (T, nv), along x, (T, n); zero without any."""
+        out = np.zeros((1 if of_robot is None else len(of_robot), state.mechanism.tree.nv))
+        if of_robot is not None:
+            state.mechanism.cut.to_tree(of_robot[:, state.module.v_index], out)
+        return out
 
 
 def all_loads(

@@ -13,7 +13,6 @@ from ..spatial import Array, Mask, cross, hat, rotate_back
 from .guards import LOST_PIVOT
 
 if TYPE_CHECKING:
-    from ..structure.mechanism import Mechanism
     from ..structure.module import ModuleState
     from .loads import ModuleLoad
 
@@ -117,7 +116,7 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
         The multipliers, shape (T, rows), with the least norm in the author's rows; and an orthonormal basis
         of the self-stresses, scaled like the multipliers and padded with zeros, shape (T, rows, k).
     """
-    reduction = state.mechanism.reduction
+    m, reduction = state.mechanism, state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank
     U, s, Vt = np.linalg.svd(reduction.scaled(state.K), full_matrices=rank < rows)
     keep = (np.arange(s.shape[1]) < rank) & (s > LOST_PIVOT * s[:, :1])
@@ -126,20 +125,12 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
     kept = keep.sum(axis=1)
     first = int(kept.min(initial=rank))
     idle = U[:, :, first:] * np.where(np.arange(first, U.shape[2]) >= kept[:, None], 1.0, 0.0)[:, None]
-    carried = _carrying_rows(state.mechanism)
-    if carried.any() and idle.size:
-        change = np.linalg.pinv(idle[:, ~carried], rcond=UNDETERMINED) @ lam[:, ~carried, None]
+    carried = m.closures.row_slices[len(m.spec.closures) : len(m.closures.closures)]  # wrists of platforms
+    if carried and idle.size:
+        authors = np.r_[: carried[0].start, carried[-1].stop : rows]
+        change = np.linalg.pinv(idle[:, authors], rcond=UNDETERMINED) @ lam[:, authors, None]
         lam -= np.matmul(idle, change)[..., 0]
     return lam * reduction.row_scale, idle * reduction.row_scale[:, None]
-
-
-def _carrying_rows(mechanism: Mechanism) -> Mask:
-    """Return a mask of the rows that replace a wrist that carries a platform, shape (rows,)."""
-    closures = mechanism.closures
-    out = np.zeros(closures.rows, dtype=bool)
-    for at in closures.row_slices[len(mechanism.spec.closures) : len(closures.closures)]:
-        out[at] = True
-    return out
 
 
 def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure) -> Array:
