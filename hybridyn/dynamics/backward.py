@@ -55,7 +55,8 @@ def backward(
             _check_effort_digits(s, needed, size, weight * s.mechanism.length)
             tau[:, module.motor_index] = _efforts(robot, s, needed, size, rounding, sharing)  # Eq. (33)
         if result is not None:
-            module_reactions(result, s, loads.modules[k], needed.F, needed.H, tau[:, module.motor_index])
+            efforts = tau[:, module.motor_index]
+            module_reactions(result, s, loads.modules[k], needed.F, needed.H, efforts)  # Eq. (52)
         if module.parent < 0:
             root += needed.F
     if result is not None:

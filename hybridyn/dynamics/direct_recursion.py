@@ -128,9 +128,8 @@ def _own_bias(s: ModuleState, loads: Loads, k: int) -> Array:
     """Compute crf(V)(I V) + F_e of every output, shape (T, outputs, 6)."""
     out = np.zeros_like(s.outputs)
     for o, inertia in enumerate(s.mechanism.inertias):
-        out[:, o] = loads.on.body_bias(s.outputs[:, o], inertia) - loads.modules[k].on_output(
-            s, o
-        )  # Eq. (38)
+        F_e = loads.modules[k].on_output(s, o)
+        out[:, o] = loads.on.body_bias(s.outputs[:, o], inertia) - F_e  # Eq. (38)
     return out
 
 
@@ -142,9 +141,9 @@ def _equation_of_motion(
     Psi, A, D = basis.Psi, legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
     f = legs.f - legs.h - np.einsum("tij,tj->ti", A, basis.drift)
     f[:, s.module.motor_columns] += tau
-    A_t = congruence(Psi, A)
-    E = np.einsum("tij,tik->tjk", Psi, D)
-    Q_0 = np.einsum("tij,ti->tj", Psi, f)
+    A_t = congruence(Psi, A)  # Eqs. (43), (49): the legs
+    E = np.einsum("tij,tik->tjk", Psi, D)  # Eq. (42): the legs
+    Q_0 = np.einsum("tij,ti->tj", Psi, f)  # Eqs. (44), (50): the legs, and the motors of Eq. (40)
     x = ArticulatedModule(s, basis, unforced, legs, I_star, beta_star, tau, [], [], [], [], f, A_t, E, Q_0)
     for o, body in enumerate(s.mechanism.spec.outputs):
         J, I_o = s.mechanism.jacobian(s.motion, body), I_star[:, o]
@@ -154,7 +153,7 @@ def _equation_of_motion(
             + unforced.of_body(body).acceleration()
             + s.convective[:, o]
         )
-        b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]
+        b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]  # Eq. (39) at u_dot = 0, V_dot = 0
         x.A_t += congruence(a, I_o)  # Eq. (43)
         x.E += np.einsum("tij,tik,tkl->tjl", a, I_o, X, optimize=True)  # Eq. (42)
         x.Q_0 -= np.einsum("tij,ti->tj", a, b)  # Eq. (44)
@@ -167,9 +166,9 @@ def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
     """Compute what a module adds to the inertia, shape (T, 6, 6), and the bias, shape (T, 6), of its base."""
     Psi, G, legs = x.basis.Psi, x.G, x.legs
     with_base = np.concatenate([np.tile(np.eye(6), (len(G), 1, 1)), -np.matmul(Psi, G)], axis=1)
-    inertia = congruence(with_base, legs.M)  # Eqs. (45), (47)
+    inertia = congruence(with_base, legs.M)  # Eqs. (41), (45), (47)
     held = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], x.basis.drift) + legs.p
-    bias = held + np.einsum("tij,ti->tj", G, x.Q_0)  # Eqs. (46), (48)
+    bias = held + np.einsum("tij,ti->tj", G, x.Q_0)  # Eqs. (41), (46), (48)
     for o, (X, a, b) in enumerate(zip(x.X, x.a_maps, x.b, strict=True)):
         inertia += congruence(X - np.matmul(a, G), x.I_star[:, o])
         bias += np.einsum("tij,ti->tj", X, b)
@@ -201,7 +200,7 @@ def accelerate(
                 for X, a_map, c in zip(x.X, x.a_maps, x.c, strict=True)
             ]
         )
-        x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eq. (36)
+        x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eqs. (35), (36)
         natural = float(np.linalg.norm(robot.gravity)) / s.mechanism.length
         size = np.abs(x_ddot / s.mechanism.reduction.col_scale).max(axis=1, initial=0.0)
         check_digits(module, "accelerations", "rad/s^2", size, largest_term(x, carried), natural)

@@ -80,7 +80,7 @@ def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: 
         J = m.jacobian(s.motion, body)
         out.H = out.H + np.einsum("tij,ti->tj", J, W)
         out.Q += np.einsum("tij,ti->tj", np.matmul(J, basis.Psi), W)  # Eqs. (16), (33) before the motors
-        out.F += wrench_to_base(*s.placement(o), W)
+        out.F += wrench_to_base(*s.placement(o), W)  # Eq. (32)
         out.F_p.append(F_p)
         out.F_e.append(F_e)
     return out

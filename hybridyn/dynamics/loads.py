@@ -139,7 +139,7 @@ class Loads:
 
     def leg_terms(self, k: int, state: ModuleState) -> LegTerms:
         """Compute the inertia and forces of the legs of module k."""
-        M = self.leg_matrix(state)
+        M = self.leg_matrix(state)  # Eqs. (34), (37): A, D and S1
         p, h = self.on.leg_forces(state, bias=True)
         f_base, f = self.on_legs(k, state)
         return LegTerms(M, p - f_base, h, f)

@@ -104,3 +104,20 @@ def test_every_equation_of_the_paper_has_its_row() -> None:
             found |= set(range(int(first), int(last or first) + 1))
     assert {2, 6, *range(8, 12), 13, *range(15, 18), *range(24, 27), *range(28, 34), *range(38, 49)} <= found
     assert {51, 53, *range(54, 76)} <= found
+
+
+def tagged() -> dict[int, str]:
+    """Return files and lines that name each equation of the paper in a comment, as the page writes them."""
+    found: dict[int, dict[str, list[str]]] = {}
+    for path in sorted((ROOT / "hybridyn" / "dynamics").glob("*.py")):
+        for number, line in enumerate(path.read_text().split("\n"), 1):
+            for equation in re.findall(r"\((\d+)\)", line.partition("# Eq")[2]):
+                lines = found.setdefault(int(equation), {}).setdefault(str(path.relative_to(ROOT)), [])
+                lines.append(str(number))
+    return {n: "; ".join(f"`{f}` {', '.join(at)}" for f, at in places.items()) for n, places in found.items()}
+
+
+def test_equations_of_the_models_stand_in_the_lines_that_the_theory_names() -> None:
+    text = (DOCS / "theory.md").read_text()
+    stated = dict(re.findall(r"^\| \((\d+)\) \| [^|]+ \| (`hybridyn/dynamics/[^|]+) \|$", text, re.MULTILINE))
+    assert {int(n): where for n, where in stated.items()} == {n: tagged()[n] for n in range(30, 54)}
