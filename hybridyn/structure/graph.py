@@ -89,20 +89,15 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
 
 def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> list[int]:
     """Return for each joint the first joint of its module, by union-find along the fundamental circuits."""
-    groups: Groups[int] = Groups()
-
-    def merge(joints: list[int]) -> None:
-        """Join the groups of some joints; the first joint stands for them."""
-        firsts = sorted({groups.of(i) for i in joints})
-        for other in firsts[1:]:
-            groups.join(firsts[0], other)
-
-    for closure in closures:
-        merge(bodies.path(closure.body_a, closure.body_b))
+    circuits = [bodies.path(closure.body_a, closure.body_b) for closure in closures]
     for coupling in couplings:
         joints = [i for i, _ in coupling.terms]
-        for i in joints:
-            merge([*joints, *bodies.path(joints[0] + 1, i + 1)])
+        circuits += [[*joints, *bodies.path(joints[0] + 1, i + 1)] for i in joints]
+    groups: Groups[int] = Groups()
+    for circuit in circuits:
+        first, *others = sorted({groups.of(i) for i in circuit})  # the first joint stands for them
+        for other in others:
+            groups.join(first, other)
     return [groups.of(i) for i in range(len(bodies.joints))]
 
 

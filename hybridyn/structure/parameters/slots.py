@@ -59,7 +59,7 @@ class Slot:
 def values_of(description: Description, slots: Sequence[Slot]) -> list[float]:
     """Return the numbers in slots."""
     records = {table: {one.name: one for one in getattr(description, table)} for table in TABLES}
-    return [float(_entry(getattr(records[s.table][s.name], s.field), s.index)) for s in slots]
+    return [float(np.asarray(getattr(records[s.table][s.name], s.field))[s.index]) for s in slots]
 
 
 def with_values(description: Description, slots: Sequence[Slot], values: Iterable[Any]) -> Description:
@@ -98,10 +98,6 @@ def _with_entry(before: Any, slot: Slot, value: Any) -> Any:
     if slot.field == "inertia":
         array[slot.index[::-1]] = value
     return array
-
-
-def _entry(field: Any, index: tuple[int, ...]) -> Any:
-    return field[index] if index else field
 
 
 def differences(one: Description, other: Description) -> list[Slot]:

@@ -74,14 +74,11 @@ class XacroArguments:
                 "was loaded from it",
                 file=self._origin.file,
             )
-        found: dict[Slot, None] = {}
+        found: set[Slot] = set()
         for probe in PROBES:
             values = np.where(self.nominal == 0.0, PROBE_OF_ZERO, probe * self.nominal)
-            for one in range(len(values)):
-                alone = self.nominal.copy()
-                alone[one] = values[one]
-                found |= dict.fromkeys(self._changes(alone))
-            found |= dict.fromkeys(self._changes(values))
+            alone = np.where(np.eye(len(values), dtype=bool), values, self.nominal)
+            found.update(*(self._changes(one) for one in (*alone, values)))
         return tuple(sorted(found))
 
     def numbers(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
