@@ -81,11 +81,6 @@ def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
             "this is SDF (Gazebo)",
         ),
         ('<!-- <robot> --><mujoco model="a"><worldbody></mujoco>', "this is MJCF (MuJoCo)"),
-        (
-            '<robot name="a"><drake:ball_constraint/></robot>',
-            "need xmlns:drake=",
-        ),
-        ('<robot name="a"><drake:collision_filter_group name="g"/></robot>', "need xmlns:drake="),
     ],
 )
 def test_text_that_is_no_xml_still_says_what_it_is(text: str, told: str, tmp_path: Path) -> None:

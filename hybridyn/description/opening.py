@@ -45,7 +45,7 @@ def open_file(
     xacro_args: Mapping[str, object],
     package_dirs: Sequence[str | os.PathLike[str]],
 ) -> tuple[Node, list[str]]:
-    """Return the root element of a file, of one model if the path names it, and the notes of xacro."""
+    """Return the root element of a file, of one model if the path names it, and notes of XML and xacro."""
     file, model = split_model(path)
     root, notes = _expanded(file, xacro_args, package_dirs)
     if model:
@@ -67,7 +67,7 @@ def _expanded(
                 raise ModelError(
                     f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
                 )
-            return root, []
+            return root, list(root.notes)
     expanded, notes = expand(file, xacro_args, package_dirs)
     return parse(expanded, f"{file} (expanded)"), notes
 

@@ -32,6 +32,4 @@ def unread_form(text: bytes) -> str:
     found = [tag for tag in tags if tag in LEGACY_FORMS]
     if found:
         return f"and it holds <{found[0]}>, {LEGACY_FORMS[found[0]]}"
-    if any(tag.startswith("drake:") for tag in tags) and b"xmlns:drake" not in text:
-        return 'Drake\'s elements need xmlns:drake="http://drake.mit.edu" in <robot>'
     return ""

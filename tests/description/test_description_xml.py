@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -36,11 +38,31 @@ BOMB = (
         ("<mujocoinclude><worldbody/></mujocoinclude>", "this is a part of an MJCF file (MuJoCo)"),
         ('<sdf version="1.9"><model name="a"/></sdf>', "the model has no <link>"),
         ("<html/>", "not a robot file"),
-        ('<robot name="a"><drake:frame/></robot>', "not well-formed XML"),
+        ('<robot name="a" name="b"><link name="l"/></robot>', "not well-formed XML"),
+        ('<robot name="a"><!-- a -- b --><link name="l"></robot>', "not well-formed XML"),
     ],
 )
 def test_refuses_what_is_no_robot(tmp_path: Path, text: str | bytes, message: str) -> None:
     refused(save(tmp_path, text), message)
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        (lambda text: text.replace("<link", "<!-- limits -- see the manual --><link", 1), "2: '--' in"),
+        (lambda text: "<!-- by hand --><?xml version='1.0'?>" + text, "1: an XML declaration"),
+        (lambda text: text.replace("<link", "<drake:group name='g'/><link", 1), "2: a prefix without xmlns"),
+        (lambda text: text.replace("<link", "<material name='<grey>'/><link", 1), "2: '<' in an attribute"),
+    ],
+)
+def test_what_other_readers_accept_is_read_and_noted(
+    tmp_path: Path, change: Callable[[str], str], note: str
+) -> None:
+    wanted = read(save(tmp_path, FOUR_BAR))
+    found = read(save(tmp_path, change(FOUR_BAR), "other.urdf"))
+    assert [one for one in found.notes if note in one]
+    same = {"notes": wanted.notes, "source": wanted.source, "read_from": wanted.read_from}
+    assert repr(replace(found, **same)) == repr(wanted)
 
 
 def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,13 +50,13 @@ class ClosedDesigns:
             Designs whose states are certain at every row, shape (designs,).
         """
         designs, rows = out[0].shape[:2]
-        slots, *guess, g, g_dot, g_ddot = (
+        slots, *start, g, g_dot, g_ddot = (
             np.ascontiguousarray(x, dtype=float) for x in (slots, *guess, *given)
         )
         certain = np.empty(designs)
-        q, p, g_0, *_ = *(x.ctypes.data for x in guess), None
+        q, p, g_0, *_ = *(x.ctypes.data for x in start), None
         levels = [x.ctypes.data for x in (g, g_dot, g_ddot)]
-        apart, own = guess[0].ndim - 1, int(g.ndim == 3)
+        apart, own = start[0].ndim - 1, int(g.ndim == 3)
         rooms = [x.ctypes.data for x in (*out, certain)]
 
         def run(start: int) -> None:

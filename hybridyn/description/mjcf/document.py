@@ -49,6 +49,7 @@ class Document:
         root: Root element; included elements replace their `<include>`.
         folders: The folders that it may read.
         files: Paths of the files, the robot's own first.
+        notes: What is not well-formed in included files.
     """
 
     def __init__(self, root: Node, package_dirs: list[str]) -> None:
@@ -66,7 +67,7 @@ class Document:
         around = Path(main).parent
         granted = [str(around.parent)] if around.name in FILE_FOLDERS else []
         self.folders = RobotFolders(main, package_dirs, [], LARGEST_FILE, granted)
-        self.files = [root.file]
+        self.files, self.notes = [root.file], list[str]()
         self._paths = [main]
         self._seen = {os.path.realpath(main)}
         self._size = self._count = 0
@@ -126,6 +127,7 @@ class Document:
         if self._count > MOST_ELEMENTS:
             raise node.error(f"the included files have more than {MOST_ELEMENTS} elements")
         self.files.append(inner.file)
+        self.notes += inner.notes
         self._paths.append(path)
         here = len(self.files) - 1
         includes = [(xml, here) for xml in inner.xml.iter("include")]

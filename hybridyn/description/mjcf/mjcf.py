@@ -56,7 +56,7 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     add_home(robot, compiled, start)
     apply_marks(robot, marks)
     robot.gravity = _gravity(compiled)
-    robot.notes += _notes(compiled, start.note, pairs or _can_touch(compiled))
+    robot.notes += document.notes + _notes(compiled, start.note, pairs or _can_touch(compiled))
     return robot
 
 

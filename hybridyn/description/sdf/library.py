@@ -92,6 +92,7 @@ class Library:
         if root.tag != "sdf":
             raise uri.error(f"the root element of '{name}' is <{root.tag}> instead of <sdf>")
         inner = Source(path, _minor(root), (*source.above, real))
+        self.unread.repaired += root.notes
         self._check(root)
         models = root.children("model")
         if len(models) != 1 or root.children("world"):

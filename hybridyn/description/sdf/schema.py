@@ -83,16 +83,19 @@ class Unread:
     """What is left out and noted.
 
     Attributes:
+        repaired: What is not well-formed in included files.
         custom: Elements with a namespace.
     """
 
+    repaired: list[str] = field(default_factory=list)
     custom: list[str] = field(default_factory=list)
     plugins: list[str] = field(default_factory=list)
 
     def notes(self) -> list[str]:
         """Return the remarks in words."""
         words = {"elements of other programs": self.custom, "plugins": self.plugins}
-        return [f"{what} are not read: {listed(dict.fromkeys(of))}" for what, of in words.items() if of]
+        left_out = [f"{what} are not read: {listed(dict.fromkeys(of))}" for what, of in words.items() if of]
+        return [*self.repaired, *left_out]
 
 
 def check(node: Node, unread: Unread) -> None:

@@ -1,8 +1,9 @@
 """Parse robot files in XML safely, into elements that know their file and line.
 
 The following raise before parsing: DOCTYPE and entity declarations (expansion bombs, external files),
-encodings that could hide them, and files above `LARGEST_FILE`. Numbers are read strictly: `1,5`, `nan`,
-`inf`, `1_000` and empty texts are errors.
+encodings that could hide them, and files above `LARGEST_FILE`. What is not well-formed, but what Gazebo,
+Drake and MuJoCo read alike (`READ_ALIKE`), is read as they do and noted. Numbers are read strictly: `1,5`,
+`nan`, `inf`, `1_000` and empty texts are errors.
 """
 
 from __future__ import annotations
@@ -32,6 +33,14 @@ LONGEST_TEXT = 2000
 #: Largest number accepted; its square is still finite, so no length or inertia overflows later.
 LARGEST_NUMBER = 1e150
 
+#: What other readers of robot files accept although XML forbids it, by the kind of libxml2's error.
+READ_ALIKE = {
+    "ERR_HYPHEN_IN_COMMENT": "'--' in a comment",
+    "NS_ERR_UNDEFINED_NAMESPACE": "a prefix without xmlns",
+    "ERR_RESERVED_XML_NAME": "an XML declaration that is not the first line",
+    "ERR_LT_IN_ATTRIBUTE": "'<' in an attribute",
+}
+
 _ENCODINGS = {"utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "latin1", "windows-1252"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
@@ -44,19 +53,11 @@ def parse(text: bytes, file: str) -> Node:
         ModelError: The text is not well-formed XML, or contains a forbidden declaration (see above).
     """
     refuse_dangerous(text, file)
-    parser = etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-        remove_comments=True,
-        remove_pis=True,
-    )
+    notes: list[str] = []
     try:
-        root = etree.fromstring(text, parser)
+        root = etree.fromstring(text, _parser())
     except etree.XMLSyntaxError as error:
-        line = error.lineno or None
-        raise ModelError(f"not well-formed XML: {error.msg}", file=file, line=line) from None
+        root, notes = _repaired(text, file, error)
     except (ValueError, LookupError) as error:
         raise ModelError(f"not readable as XML: {error}", file=file) from None
     if root.getroottree().docinfo.internalDTD is not None:
@@ -64,7 +65,40 @@ def parse(text: bytes, file: str) -> Node:
     count = sum(1 for _ in root.iter("*"))
     if count > MOST_ELEMENTS:
         raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
-    return Node(root, file)
+    return Node(root, file, tuple(notes))
+
+
+def _parser(*, recover: bool = False) -> etree.XMLParser:
+    """Return a parser that reads no other file."""
+    return etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+        recover=recover,
+    )
+
+
+def _repaired(text: bytes, file: str, error: etree.XMLSyntaxError) -> tuple[etree._Element, list[str]]:
+    """Return the root element of a text that is not well-formed, and what is read as other readers do.
+
+    Raises:
+        ModelError: Other readers do not read it either.
+    """
+    parser = _parser(recover=True)
+    root = etree.fromstring(text, parser)
+    found = [(entry.type_name, entry.line) for entry in parser.error_log]
+    if root is None or not found or any(kind not in READ_ALIKE for kind, _ in found):
+        line = error.lineno or None
+        raise ModelError(f"not well-formed XML: {error.msg}", file=file, line=line) from None
+    first = dict(reversed(found))
+    return root, [
+        f"{file}:{first[kind]}: {what} is not XML; it is read as Gazebo, Drake and MuJoCo do"
+        for kind, what in READ_ALIKE.items()
+        if kind in first
+    ]
 
 
 def refuse_dangerous(text: bytes, file: str) -> None:
@@ -105,10 +139,12 @@ class Node:
     Attributes:
         xml: The lxml element.
         file: Path of the file, for messages.
+        notes: Of a root element: what is not well-formed in the file.
     """
 
     xml: etree._Element
     file: str
+    notes: tuple[str, ...] = ()
 
     @property
     def tag(self) -> str:
@@ -178,8 +214,8 @@ class Node:
         return value
 
     def attributes(self) -> list[str]:
-        """Return the names of the attributes, except those with a namespace."""
-        return [name for name in map(str, self.xml.attrib) if not name.startswith("{")]
+        """Return the names of the attributes, except those with a namespace or a prefix."""
+        return [name for name in map(str, self.xml.attrib) if not name.startswith("{") and ":" not in name]
 
     def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
         """Return an attribute as a number; `infinite` also accepts `inf` and `-inf` (for limits only)."""
