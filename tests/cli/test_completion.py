@@ -10,28 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from hybridyn.cli import COMMANDS
+from hybridyn.cli import COMMANDS, main
 from hybridyn.cli.completion import SHELLS, VARIABLE
 from hybridyn.description.shipped import main_names
 from tests import ROOT
 from tests.command_line import call
+from tests.comparing import refused
 from tests.files import save
 
 
-def offered(line: str) -> list[str]:
-    """Ask the program what it offers for the last word of a line, as bash does."""
-    words = line.split(" ")
-    environment = os.environ | {
-        VARIABLE: "bash_complete",
-        "COMP_WORDS": line,
-        "COMP_CWORD": str(len(words) - 1),
-        "PYTHONPATH": str(ROOT),
-    }
-    code = "import sys; from hybridyn.cli import main; sys.exit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
-    return [item.partition(",")[2] for item in done.stdout.splitlines() if item.startswith("plain,")]
+def asked(line: str) -> dict[str, str]:
+    """Return the variables by which bash asks what there is for the last word of a line."""
+    return {VARIABLE: "bash_complete", "COMP_WORDS": line, "COMP_CWORD": str(line.count(" "))}
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -52,7 +42,16 @@ def test_the_shell_is_that_of_the_user(
     call(capsys, "completion", status=2)
 
 
-def test_commands_options_and_robots_are_offered() -> None:
+def test_commands_options_and_robots_are_offered(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def offered(line: str) -> list[str]:
+        for name, value in asked(line).items():
+            monkeypatch.setenv(name, value)
+        refused(lambda: main([]), SystemExit, "0")
+        items = capsys.readouterr().out.splitlines()
+        return [item.partition(",")[2] for item in items if item.startswith("plain,")]
+
     assert offered("hybridyn ") == list(COMMANDS)
     assert "--fail-on" in offered("hybridyn check --fa")
     assert offered("hybridyn check --fail-on w") == ["warning"]
@@ -85,11 +84,8 @@ def test_completing_imports_nothing_heavy() -> None:
         "atexit.register(lambda: print([m for m in ('numpy', 'pinocchio', 'scipy') if m in sys.modules]));"
         "sys.exit(main())"
     )
-    environment = os.environ | {
-        VARIABLE: "bash_complete",
-        "COMP_WORDS": "hybridyn idm ",
-        "COMP_CWORD": "2",
-        "PYTHONPATH": str(ROOT),
-    }
+    environment = os.environ | asked("hybridyn idm ") | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == "[]"
+    *offered, heavy = done.stdout.splitlines()
+    assert "plain,five_bar" in offered
+    assert heavy == "[]"

@@ -55,8 +55,8 @@ def least_margin(writer: ModuleKernels) -> float:
     for start in zip(*writer._postures(writer.u.modules[0]), strict=True):
         for size in SIZES:
             at, p, g = (x + size * rng.uniform(-1, 1, x.shape) for x in start)
-            *_, bound, _ = written.settle(at, p, *start[:2], g, rates, rates, table)
-            _, turned, guard = written.branch(*start[:2], at, p, at, p, g, table)
+            *_, bound, _ = written.settle(at, p, *start, g, rates, rates, table)
+            _, turned, guard = written.branch(*start, at, p, at, p, g, table)
             t = float(bound)
             if float(guard) <= 1.0 and t < 1.0 and turned > 0.0:
                 least = min(least, t / (1.0 - t) / float(turned))
