@@ -357,16 +357,22 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     engine = "<physics><ode><erp>.1</erp></ode></physics>"
     parts = [
         link("base"), link("a"), WORLD, joint("j", "revolute", "base", "a", stop, engine, axis=""),
-        '<plugin name="control" filename="c.so"/>', "<my:thing/>", link("b"), joint("k", "fixed", "a", "b"),
+        '<plugin name="control" filename="c.so"/>', "<my:thing/>", joint("k", "fixed", "a", "b"),
+        link("b", "<static>0</static><contact><collide_bitmask>1</collide_bitmask></contact>"), link("c"),
+        joint("hip", "ball", "a", "c", "<axis><dynamics><damping>2</damping></dynamics></axis>", axis=""),
     ]  # fmt: skip
     file = save(tmp_path, sdf(*parts).replace("<sdf", '<sdf xmlns:my="urn:my"'), "robot.sdf")
-    notes = "\n".join(read(file).notes)
+    found = read(file)
+    notes = "\n".join(found.notes)
+    assert {one.damping for one in found.joints} == {0.0}
     for words in (
         "stiffness and dissipation",
         "physics engine",
         "'control'",
         "'my:thing'",
-        "an axis of a fixed",
+        "joints 'k', 'hip': an axis that the joint does not have, and its dynamics, are ignored",
+        '<static> in <link name="b"> is ignored, as Gazebo does',
+        '<contact> in <link name="b"> is ignored, as Gazebo does',
     ):
         assert words in notes
 

@@ -96,7 +96,7 @@ class Remarks:
         words = {
             "stiffness and dissipation of joint stops are not read (the effect stop has them)": self.stops,
             "settings of a physics engine are not read": self.engines,
-            "an axis of a fixed or ball joint has no effect": self.idle,
+            "an axis that the joint does not have, and its dynamics, are ignored, as Gazebo does": self.idle,
         }
         return [f"joints {listed(names)}: {text}" for text, names in words.items() if names]
 
@@ -182,7 +182,7 @@ def _mimic(node: Node, item: Item) -> Mimic | None:
 
 
 def refuse_idle(kind: str, idle: list[Node], item: Item, remarks: Remarks) -> None:
-    """Refuse what an axis without a meaning states, and note the axis.
+    """Note axes without a meaning, with their damping, friction and springs, which Gazebo ignores, too.
 
     Args:
         kind: Type of the joint.
@@ -190,13 +190,9 @@ def refuse_idle(kind: str, idle: list[Node], item: Item, remarks: Remarks) -> No
         remarks: Takes the note.
 
     Raises:
-        ModelError: Such an axis has a leader, damping, friction or a spring.
+        ModelError: Such an axis has a leader.
     """
     for axis in idle:
         if axis.child("mimic") is not None:
             raise axis.error(f"<mimic> in an axis that a {kind} joint does not have; remove it")
-        if any(_dynamics(axis.child("dynamics"))[name] for name in ("damping", "friction", "stiffness")):
-            raise axis.error(
-                f"damping, friction or a spring in an axis that a {kind} joint does not have; remove them"
-            )
     remarks.idle.append(item.full_name)

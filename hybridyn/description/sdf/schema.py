@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..names import did_you_mean, listed
+from ..names import closest, did_you_mean, listed
 from ..urdf.foreign import LEGACY_FORMS
 from ..urdf.xml_node import Node
 
@@ -85,21 +85,25 @@ class Unread:
     Attributes:
         repaired: What is not well-formed in included files.
         custom: Elements with a namespace.
+        unknown: Elements that SDFormat does not have, and where they stand.
     """
 
     repaired: list[str] = field(default_factory=list)
     custom: list[str] = field(default_factory=list)
     plugins: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
 
     def notes(self) -> list[str]:
         """Return the remarks in words."""
         words = {"elements of other programs": self.custom, "plugins": self.plugins}
         left_out = [f"{what} are not read: {listed(dict.fromkeys(of))}" for what, of in words.items() if of]
-        return [*self.repaired, *left_out]
+        return [*self.repaired, *left_out, *(f"{one} is ignored, as Gazebo does" for one in self.unknown)]
 
 
 def check(node: Node, unread: Unread) -> None:
-    """Refuse attributes and children that SDFormat does not have, and misplaced joints, links and inertias.
+    """Refuse what SDFormat does not have there where it resembles what it has, and note the rest.
+
+    Attributes, joints, links, inertias and numbers that are read elsewhere may not be misplaced, either.
 
     Args:
         node: An element; `axis2` counts as `axis`, `velocity` etc. by their own names.
@@ -133,9 +137,12 @@ def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], unread: Unr
         refuse_lost(child)
         unread.custom.append(child.tag)
         return
-    hint = did_you_mean(child.tag, known)
-    names = listed(known) or "nothing"
-    raise child.error(f"unknown in {node.label}{hint}; known: {names}")
+    elsewhere = child.tag in READ and child.tag != "static"
+    if elsewhere or child.tag.startswith("hybridyn:") or closest(child.tag, known):
+        hint = did_you_mean(child.tag, known)
+        raise child.error(f"unknown in {node.label}{hint}; known: {listed(known) or 'nothing'}")
+    refuse_lost(child)
+    unread.unknown.append(f"{child.file}:{child.line}: <{child.tag}> in {node.label}")
 
 
 def refuse_lost(node: Node) -> None:
