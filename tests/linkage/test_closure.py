@@ -126,10 +126,8 @@ def test_groups_of_equal_closures_are_evaluated_each_by_itself() -> None:
     K, r, rates = together.matrix(motion), together.residual(q, motion), together.rates(motion, v)
     for one, at in zip(many, together.row_slices, strict=True):
         alone = Closures(tree, [one], [])
-        close_to(K[:, at], alone.matrix(motion), EXACTLY)
-        close_to(r[:, at], alone.residual(q, motion), EXACTLY)
-        for x, y in zip(rates, alone.rates(motion, v), strict=True):
-            close_to(x[:, at], y, EXACTLY)
+        wanted = alone.matrix(motion), alone.residual(q, motion), *alone.rates(motion, v)
+        close_to(tuple(x[:, at] for x in (K, r, *rates)), wanted, EXACTLY)
     free = rng.random(tree.nv) < 0.5
     assert np.array_equal(together.moved_by(free).matrix(motion)[:, :, free], K[:, :, free])
     rows, cols = rng.uniform(0.5, 2, together.rows), rng.uniform(0.5, 2, tree.nv)
