@@ -45,7 +45,7 @@ def judge_written_out(case: Case) -> int:
 
 @pytest.mark.parametrize("freedoms", [2, SMALL])
 def test_models(freedoms: int) -> None:
-    for_all(mechanisms(freedoms), judge_models, 16)
+    for_all(mechanisms(freedoms), judge_models, 12)
 
 
 def test_models_of_one_freedom() -> None:

@@ -24,7 +24,7 @@ from tests.engines import engine_of
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
 from tests.posing import far_apart, of_joints, of_link, position
-from tests.samples import in_turn, some
+from tests.samples import in_turn, slow, some
 from tests.shipped import shipped, states_near_home
 from tests.sketch import turn
 
@@ -311,7 +311,7 @@ def test_a_guess_half_a_turn_away_still_closes(kind: str) -> None:
     hybridyn.idm(robot, q, v, a)
 
 
-@pytest.mark.parametrize("engine", ["general", "compiled"])
+@pytest.mark.parametrize("engine", ["general", slow("compiled")])
 def test_the_guess_chooses_the_branch(engine: str) -> None:
     """Tip above or below the motors: each guess keeps its own."""
     robot = build_robot(symmetric_five_bar())

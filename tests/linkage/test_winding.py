@@ -10,6 +10,7 @@ from hybridyn.errors import AssemblyError
 from hybridyn.structure.robot import HybridRobot
 from tests.command_line import call, table_text
 from tests.oracle import Oracle
+from tests.samples import slow
 
 OFFSET = 0.2
 ROUNDING = 1e-11  # an angle of some hundred turns has lost two digits or three
@@ -104,8 +105,8 @@ def test_more_turns_than_a_limited_joint_has_are_no_mistake(tmp_path: Path) -> N
 # -------------------------------------------------------------------- positions given
 
 
-@pytest.mark.parametrize("kind", ["continuous", "revolute"])
-@pytest.mark.parametrize("ratio", [3.14, -3.0, 0.3333333])
+@pytest.mark.parametrize("kind", ["continuous", slow("revolute")])
+@pytest.mark.parametrize("ratio", [slow(3.14), slow(-3.0), 0.3333333])
 def test_the_driven_joint_follows_at_any_spacing(tmp_path: Path, ratio: float, kind: str) -> None:
     geared = gear(tmp_path, ratio, kind)
     for spacing in (0.01, 1.0, 7.0):

@@ -59,7 +59,7 @@ def judge_run(case: Case) -> None:
 
 
 def test_runs() -> None:
-    for_all(mechanisms(4), judge_run, 8)
+    for_all(mechanisms(4), judge_run, 4)
 
 
 @pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 20))])
