@@ -122,6 +122,19 @@ def test_mimic_on_a_fixed_joint_is_noted(tmp_path: Path) -> None:
     assert any("<mimic> has no effect" in note for note in description.notes)
 
 
+def test_what_other_readers_ignore_is_noted(tmp_path: Path) -> None:
+    """An axis with angles, as old exporters wrote it; a joint on the world, which Drake and Gazebo have."""
+    text = FOUR_BAR.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1" rpy="0 0 0.3"/>', 1)
+    fixed = '<joint name="stand" type="fixed"><parent link="world"/><child link="ground"/></joint></robot>'
+    found = read_text(tmp_path, text.replace("</robot>", fixed))
+    wanted = read_text(tmp_path, FOUR_BAR)
+    assert [link.name for link in found.links] == ["world", *(link.name for link in wanted.links)]
+    np.testing.assert_array_equal(found.joints[0].axis, wanted.joints[0].axis)
+    notes = "\n".join(found.notes)
+    for words in ("'rpy' of the <axis> of joint", "a link 'world' that the file does not state"):
+        assert words in notes
+
+
 AXIS = '<axis xyz="0 0 1"/>\n    <limit'
 DRIVE = 'type="revolute">\n    <origin'
 PLANAR = f"""<robot name="r"><link name="a"/><link name="b">{INERTIAL}</link>
@@ -130,7 +143,7 @@ PLANAR = f"""<robot name="r"><link name="a"/><link name="b">{INERTIAL}</link>
 WRONG = [
     (FOUR_BAR, "inertial>", "inertail>", "did you mean <inertial>"),
     (FOUR_BAR, AXIS, '<axsi xyz="0 0 1"/>\n    <limit', "did you mean <axis>"),
-    (FOUR_BAR, AXIS, '<axis xzy="0 0 1"/>\n    <limit', "(did you mean 'xyz'?)"),
+    (FOUR_BAR, AXIS, '<axis xzy="0 0 1"/>\n    <limit', "did you mean 'xyz'?"),
     (FOUR_BAR, 'rpy="0 0 0.4"', 'ryp="0 0 0.4"', "(did you mean 'rpy'?)"),
     (FOUR_BAR, 'effort="10"', 'efort="10"', "did you mean 'effort'"),
     (FOUR_BAR, "<mass value", "<mas value", "did you mean <mass>"),

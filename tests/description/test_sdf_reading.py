@@ -377,6 +377,15 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
         assert words in notes
 
 
+def test_an_empty_element_is_the_default(tmp_path: Path) -> None:
+    axis = "<axis><xyz>0 0 1</xyz><limit><effort/></limit><dynamics><damping/></dynamics></axis>"
+    file = written(
+        tmp_path, link("base"), link("a"), WORLD, joint("j", "revolute", "base", "a", axis, axis="")
+    )
+    found = next(one for one in read(file).joints if one.name == "j")
+    assert (found.damping, found.effort) == (0.0, np.inf)
+
+
 def test_an_initial_position_is_home(tmp_path: Path) -> None:
     axis = "<axis><xyz>0 0 1</xyz><initial_position>.4</initial_position></axis>"
     file = written(

@@ -33,14 +33,14 @@ def number(node: Node | None, tag: str, default: float = 0.0, *, infinite: bool 
     Args:
         node: The element, or None where it is absent.
         tag: Name of the child.
-        default: The number of an absent child.
+        default: The number of an absent or empty child.
         infinite: Whether `inf` and `-inf` are numbers, too.
 
     Raises:
         ModelError: The text is no number, or the child is stated twice.
     """
     child = None if node is None else node.child(tag)
-    return default if child is None else child.content_number(infinite=infinite)
+    return default if child is None or not child.content() else child.content_number(infinite=infinite)
 
 
 def flag(node: Node, tag: str, default: bool = False) -> bool:

@@ -53,6 +53,8 @@ def read_urdf(root: Node) -> RobotFile:
         raise root.error(f"{len(link_nodes)} links, limit {MOST_LINKS}")
     for node in link_nodes:
         robot.links.append(_read_link(node, robot.notes))
+    if "world" in {node.required_child("parent").xml.get("link") for node in joint_nodes}:
+        _add_world(robot)
     independent: set[str] = set()
     for node in joint_nodes:
         robot.joints.append(_read_joint(node, robot))
@@ -82,6 +84,13 @@ def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
         driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
         where = 'URDF+ joints with independent="true"'
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
+
+
+def _add_world(robot: RobotFile) -> None:
+    """Add the link "world", on which joints stand, unless the file states it; Drake and Gazebo do so, too."""
+    if all(link.name != "world" for link in robot.links):
+        robot.links.insert(0, Link("world", 0.0, np.zeros(3), np.zeros((3, 3))))
+        robot.notes.append("joints stand on a link 'world' that the file does not state: it is added")
 
 
 def _read_link(node: Node, notes: list[str]) -> Link:
@@ -123,7 +132,10 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     name, kind = node.text("name"), _joint_kind(node)
     axis = node.child("axis")
     if axis is not None:
-        axis.only(["xyz"], [])
+        axis.refuse_misspelt(["xyz"], [])
+        if unknown := [attribute for attribute in axis.attributes() if attribute != "xyz"]:
+            where = f"{axis.file}:{axis.line}: {listed(unknown)} of the <axis> of joint '{name}'"
+            robot.notes.append(f"{where} is ignored, as other readers do")
     joint = Joint(
         name=name,
         kind=kind,
