@@ -19,6 +19,7 @@ from hybridyn.studies.sweep.compiled_designs import _difference, _divided
 from hybridyn.studies.sweep.evaluation import Designer, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
+from hybridyn.studies.sweep.sweep import Swept
 from hybridyn.studies.sweep.variants import Variants, scaled
 from tests import ROOT
 from tests.comparing import refused
@@ -113,6 +114,33 @@ def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
     assert not about_of("out").compiled
 
 
+def both_ways(study: Path) -> Swept:
+    """Return a sweep by compiled models; the general path has the same rows."""
+    needs("compiled")
+    state = hybridyn.sweep(study, "compiled", format="csv")
+    assert state.why_general == ""
+    assert 0 < state.difference <= SAME
+    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
+    assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
+    ours, theirs = rows_of("compiled"), rows_of("general")
+    for name in ("design", "status", "unreachable", "singular", "message"):
+        assert ours[name] == theirs[name]
+    for name in about_of("compiled").measures:
+        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)
+    return state
+
+
+def in_one_chunk(study: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """Return the rows of a sweep that is not divided, to their last bits."""
+    monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 16)
+    hybridyn.sweep(study, "whole", format="csv")
+    return bits_of("whole")
+
+
+def bits_of(output: str) -> dict[str, str]:
+    return {name: repr(values) for name, values in rows_of(output).items()}
+
+
 def five_bar_in(folder: Path) -> Path:
     """Write a study of a five-bar whose motors swing; some designs do not reach all postures."""
     t = np.linspace(0.0, 0.8, 41)
@@ -129,30 +157,18 @@ def five_bar_in(folder: Path) -> Path:
 def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    needs("compiled")
     here(Here())
     study = five_bar_in(folder)
-    state = hybridyn.sweep(study, "compiled", format="csv")
-    assert state.why_general == ""
+    state = both_ways(study)
     assert 0 < state.checked <= 2  # a tenth
-    assert 0 < state.difference <= SAME
     assert 8 <= state.compiled <= state.statuses["ok"] < 16
-    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
-    assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
-    ours, theirs = rows_of("compiled"), rows_of("general")
-    for name in ("design", "status", "unreachable", "singular", "message"):
-        assert ours[name] == theirs[name]
-    for name in about_of("compiled").measures:
-        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)
 
-    monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 16)  # one chunk
-    hybridyn.sweep(study, "whole", format="csv")
+    whole = in_one_chunk(study, monkeypatch)
     for file in sorted(Path("compiled").glob("designs-*"))[::2]:
         file.unlink()
     resumed = hybridyn.sweep(study, "compiled", format="csv", resume=True)
     assert 0 < resumed.now < 16
-    for name, values in rows_of("whole").items():
-        assert repr(values) == repr(rows_of("compiled")[name])  # the same bits
+    assert bits_of("compiled") == whole
 
     monkeypatch.setattr(compiled_chunks, "CompiledDesigns", refuse)
     next(Path("compiled").glob("designs-*")).unlink()
@@ -224,22 +240,13 @@ def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_gene
     folder: Path, here: Any
 ) -> None:
     """Designs that do not reach the path are counted the same."""
-    needs("compiled")
     here(Here())
     t = np.linspace(0, 0.8, 21)
     rows = np.column_stack([t, 0.15 * np.sin(8 * t), np.full(21, -0.48)])
     np.savetxt("tool.csv", rows, "%.17g", ",", header="time,m1_tool/pose/x,m1_tool/pose/z", comments="")
-    study = save(folder, NUMBERS, "five_bar.toml")
-    state = hybridyn.sweep(study, "compiled", format="csv")
-    assert state.why_general == ""
+    state = both_ways(save(folder, NUMBERS, "five_bar.toml"))
     assert state.checked + state.statuses["unreachable"] == 12
-    assert 0 < state.difference <= SAME
     assert 6 <= state.compiled == state.statuses["ok"] < 12
-    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
-    assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
-    ours, theirs = rows_of("compiled"), rows_of("general")
-    for name in about_of("compiled").measures:
-        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)
 
 
 def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,7 +281,6 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
 def test_each_structure_has_compiled_models_of_its_own(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    needs("compiled")
     here(Here())
     t = np.linspace(0.0, 0.8, 21)
     rows = np.column_stack([t, 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t)])
@@ -287,17 +293,6 @@ def test_each_structure_has_compiled_models_of_its_own(
         FOUR_BARS.format(file=ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"),
         "four_bars.toml",
     )
-    state = hybridyn.sweep(study, "compiled", format="csv")
-    assert state.why_general == ""
+    state = both_ways(study)
     assert (state.compiled, state.checked, state.statuses) == (8, 8, {"ok": 9})
-    assert 0 < state.difference <= SAME
-    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
-    ours, theirs = rows_of("compiled"), rows_of("general")
-    for name in about_of("compiled").measures:
-        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0)
-    assert general.statuses == state.statuses
-
-    monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 16)  # one chunk
-    hybridyn.sweep(study, "whole", format="csv")
-    for name, values in rows_of("whole").items():
-        assert repr(values) == repr(ours[name])  # the same bits
+    assert in_one_chunk(study, monkeypatch) == bits_of("compiled")
