@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hybridyn.description import Closure
 from hybridyn.description.placement import placement_from, rotation_from_rpy
+from tests import sketch
 from tests.description.reading import refused
 from tests.robot_texts import FOUR_BAR, LOOP, line_of, read_text, robot, save
 
@@ -49,9 +50,7 @@ def rows(closure: Closure, relative: Array) -> Array:
 
 
 def turn(axis: Array, angle: float) -> Array:
-    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    rotation = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
-    return placement_from(rotation, np.zeros(3))
+    return placement_from(sketch.turn(axis, angle), np.zeros(3))
 
 
 def slide(direction: Array, distance: float) -> Array:

@@ -41,6 +41,12 @@ def driven(*names: str) -> str:
     )
 
 
+def light(*parts: str) -> str:
+    """Return a four-bar whose coupler states no mass."""
+    whole = f'<link name="coupler">{INERTIAL}'
+    return robot(LOOP, *parts, driven("drive")).replace(whole, '<link name="coupler">')
+
+
 ALL = driven("drive", "elbow", "swing")
 LOST = {
     "named pair": (robot(frame("l1_cl1_1", "coupler"), frame("l1_cl1_2", "rocker"), ALL), "'l1_cl1_1' and"),
@@ -60,11 +66,13 @@ LOST = {
         "none of its 3 joints states an effort",
     ),
     "left passive": (robot(driven("drive")), "leaves these passive: 'elbow', 'swing'"),
+    # the coupler of a four-bar; a frame that is welded to a link may have no mass
+    "lost mass": (light(frame("tag", "rocker")), "link 'coupler' moves and has no mass"),
 }
 
 
 @pytest.mark.parametrize("case", LOST)
-def test_a_robot_that_lost_its_loops_is_told(
+def test_a_robot_that_lost_loops_or_mass_is_told(
     case: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     text, part = LOST[case]
@@ -73,10 +81,11 @@ def test_a_robot_that_lost_its_loops_is_told(
         loaded = load(path)
     (said,) = [record.getMessage() for record in caplog.records]
     assert part in said
-    assert "loop" in said
-    assert any(part in remark for remark in findings(loaded))
-    (found,) = [finding for finding in hybridyn.check(path) if finding.code == "lost-loops"]
-    assert part in found.message
+    code, words = ("missing-inertial", "link 'coupler'") if "mass" in case else ("lost-loops", part)
+    assert "mass" in case or "loop" in said
+    assert any(words in remark for remark in findings(loaded))
+    (found,) = [finding for finding in hybridyn.check(path) if finding.code == code]
+    assert words in f"{found.element} {found.message}"
 
 
 @pytest.mark.parametrize("name", ["robot_submechanisms.yml", "submechanisms/knee.submechanism.yaml"])
@@ -110,27 +119,9 @@ def test_shipped_robots_lost_nothing(name: str) -> None:
     assert of_files(read(shipped_robots()[name].file)) == []
 
 
-def test_moving_links_without_mass_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """The coupler of a four-bar; a frame that is welded to a link is not."""
-    light = robot(LOOP, frame("tag", "rocker"), driven("drive")).replace(
-        f'<link name="coupler">{INERTIAL}', '<link name="coupler">'
-    )
-    path = save(tmp_path, light)
-    with caplog.at_level(logging.WARNING, logger="hybridyn"):
-        loaded = load(path)
-    (said,) = [record.getMessage() for record in caplog.records]
-    assert "link 'coupler' moves and has no mass" in said
-    assert any("'coupler'" in remark for remark in findings(loaded))
-    (found,) = [finding for finding in hybridyn.check(path) if finding.code == "missing-inertial"]
-    assert found.element == "link 'coupler'"
-
-
 def test_mass_welded_to_a_link_is_its_own(tmp_path: Path) -> None:
     welded = frame("weight", "coupler").replace('name="weight"/>', f'name="weight">{INERTIAL}</link>', 1)
-    text = robot(LOOP, welded, driven("drive")).replace(
-        f'<link name="coupler">{INERTIAL}', '<link name="coupler">'
-    )
-    assert weightless(load(save(tmp_path, text)).description) == []
+    assert weightless(load(save(tmp_path, light(welded))).description) == []
 
 
 def test_a_robot_without_any_mass_is_an_error(tmp_path: Path) -> None:
