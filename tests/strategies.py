@@ -16,11 +16,6 @@ from tests.generated import BASES, PARTS, Case, Layout, case_of
 from tests.waiting import must_end
 
 
-def any_rank(case: Case) -> bool:
-    """Keep every mechanism."""
-    return True
-
-
 def clear_rank(case: Case) -> bool:
     """Keep mechanisms of clear rank."""
     return case.mobility is not None

@@ -33,7 +33,6 @@ from tests.shipped import shipped
 
 STEP = 1e-4  # [s]; central differences of fourth order leave STEP^4 and rounding over STEP, both near 1e-12
 DIFFERENCES = 1e-8
-QUADRATIC = 1e-12  # central differences of what is quadratic are exact at any step: rounding alone
 EXACT = 1e-12  # linear in what is changed: rounding alone
 SOLVED = 5e-12  # rounding times the condition of the mass matrix: 1e4 for the snake, where 1e-12 is found
 

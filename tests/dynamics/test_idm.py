@@ -21,9 +21,6 @@ from tests.oracle import Base, Oracle
 from tests.posing import of_joints, position
 from tests.samples import slow
 
-BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
-STATES = {"lx4": 3, "snake": 2}  # per robot by default; 10 for the others
-PER_KIND = 2
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
 
 
