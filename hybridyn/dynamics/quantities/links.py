@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ...effects.choice import Choice
 from ...linkage.tree import Motion
-from ...spatial import Array, rotate_back
+from ...spatial import Array, motion_matrix, rotate_back, rotation_from_quaternion, to_body_axes
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
@@ -54,12 +54,30 @@ def link_jacobian(
     one_of("axes", axes, "world", "link")
     q, single = as_positions(robot, q)
 
-    def twist(x: Array, rates: Array) -> Array:
-        """Compute the twist of the link."""
-        return _twist(link_motions(robot, x, rates, [link])[link], axes)
-
-    J = by_columns(twist, q, engine.motions(q)[1].E)
+    J, R = _jacobian(engine, q, link)
+    if axes == "world":
+        if robot.base == "moving":
+            R = np.matmul(rotation_from_quaternion(q[:, 3:7]), R)
+        J = to_body_axes(np.swapaxes(R, 1, 2), J)
     return J[0] if single else J
+
+
+def _jacobian(engine: Engine, q: Array, link: str) -> tuple[Array, Array]:
+    """Compute a link's Jacobian in its own axes, shape (T, 6, N), and its axes in those of the first base."""
+    robot, u = engine.robot, engine.u
+    states, (_, E, _) = engine.motions(q)
+    body, *at = robot.bodies.place[link]
+    X, R = (np.tile(x, (len(q), 1, 1)) for x in (motion_matrix(*at), at[0]))
+    J = np.zeros((len(q), 6, u.size))
+    k, number = robot.body_owner[body]
+    while k >= 0:
+        s, own = states[k], u.own[k]
+        turned, moved = s.spanning.R[:, number], s.spanning.p[:, number]
+        in_module = to_body_axes(turned, s.mechanism.spanning.jacobian(s.spanning, number))
+        J[:, :, own] = np.matmul(X, np.matmul(in_module, E[:, s.module.v_index[:, None], own]))
+        X, R = np.matmul(X, motion_matrix(turned, moved)), np.matmul(turned, R)
+        k, number = robot.body_owner[robot.bodies.place[s.module.base][0]]
+    return J, R
 
 
 def delassus(
