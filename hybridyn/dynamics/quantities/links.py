@@ -76,7 +76,8 @@ def _jacobian(engine: Engine, q: Array, link: str) -> tuple[Array, Array]:
         in_module = to_body_axes(turned, s.mechanism.spanning.jacobian(s.spanning, number))
         J[:, :, own] = np.matmul(X, np.matmul(in_module, E[:, s.module.v_index[:, None], own]))
         X, R = np.matmul(X, motion_matrix(turned, moved)), np.matmul(turned, R)
-        k, number = robot.body_owner[robot.bodies.place[s.module.base][0]]
+        k = s.module.parent
+        number = robot.body_owner[robot.bodies.place[s.module.base][0]][1] if k >= 0 else 0
     return J, R
 
 
