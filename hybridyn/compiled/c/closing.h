@@ -18,8 +18,8 @@ static S largest_of(const S *x, int n) {
     return out;
 }
 
-/* Newton's method from (q, p), where g_0 holds, to the given positions; the first step goes to `first`, the sum of the lengths of those
-   after it to `later`. 0 where it closes. */
+/* Newton's method from (q, p), where g_0 holds, to the given positions; the first step goes to `first`, the sum of the
+   lengths of those after it to `later`. 0 where it closes. */
 static int closed(const S *q, const S *p, const S *g_0, const S *const *given, Moved *first, Closed *out, S *later) {
     static Moved at;
     const S *in[3] = {q, p, given[0]};

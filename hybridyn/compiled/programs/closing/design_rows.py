@@ -27,7 +27,7 @@ from ..designs import DesignsInSlots, designs_to_verify
 from ..sources import robot_key
 from .checking import Closer, check_rows
 from .choosing import module_requests, numbers, parts_of, structure_of
-from .part import Part
+from .part import Part, places_at
 
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
@@ -129,9 +129,10 @@ class DesignRows:
         room = self._room(len(slots), table.samples) if out is None else out
         if table.closing is None:
             return _without_states(room, np.zeros(len(slots), dtype=bool))
-        start = _guess(table.closing.parts, self.robot.home if guess is None else guess, table.strict)
+        start = _guess(table.closing.parts, self.robot.home if guess is None else guess)
         return _without_states(
-            room, table.closing.library.close(slots, start, table.given, room, self.threads)
+            room,
+            table.closing.library.close(slots, start, table.given, room, self.threads, strict=table.strict),
         )
 
     def each(self, table: DesignRequests, slots: Array, guess: Array) -> DesignStates:
@@ -148,8 +149,8 @@ class DesignRows:
         if table.closing is None:
             return _without_states(room, np.zeros(len(slots), dtype=bool))
         g, g_dot, g_ddot = (x[:, None] for x in table.given)
-        start = _guess(table.closing.parts, guess, table.strict)
-        found = table.closing.library.close(slots, start, (g, g_dot, g_ddot), room, self.threads)
+        start, close = _guess(table.closing.parts, guess), table.closing.library.close
+        found = close(slots, start, (g, g_dot, g_ddot), room, self.threads, strict=table.strict)
         return _without_states(room, found)
 
     def _room(self, designs: int, rows: int) -> States:
@@ -207,20 +208,15 @@ class DesignRows:
         return close
 
 
-def _guess(parts: list[Part], q: Array, strict: bool = False) -> tuple[Array, ...]:
-    """Return a guess, shape (nq,) or (T, nq), its platforms, and where `strict` what is prescribed there.
+def _guess(parts: list[Part], q: Array) -> States:
+    """Return a guess, shape (nq,) or (T, nq), its platforms, and what is prescribed there.
 
     The platforms are where the nominal design has them.
     """
     rows = np.atleast_2d(q)
-    poses, given = [np.zeros((len(rows), 0))], [np.zeros((len(rows), 0))]
-    for part in parts:
-        m = part.module.mechanism
-        x = m.cut.positions(rows[:, part.module.q_index])
-        poses += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
-        given += [part.given.of_posture(m.tree, x)] if strict else []
-    parts_of_guess = rows, *(np.concatenate(x, axis=1) for x in ((poses, given) if strict else (poses,)))
-    return tuple(x if q.ndim == 2 else x[0] for x in parts_of_guess)
+    cut = [part.module.mechanism.cut.positions(rows[:, part.module.q_index]) for part in parts]
+    p, g = places_at(parts, cut, len(rows))
+    return (rows, p, g) if q.ndim == 2 else (rows[0], p[0], g[0])
 
 
 def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Part]:

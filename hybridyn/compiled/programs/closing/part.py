@@ -6,8 +6,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ....assembly.follow import MOST_TURNING
 from ....linkage.reduction import Block
+from ....spatial import Array
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from .extended import extended
@@ -50,6 +53,24 @@ class Part:
     def platforms(self) -> int:
         """Number of the platforms' coordinates."""
         return 7 * len(self.module.mechanism.spec.platforms)
+
+
+def places_at(parts: Sequence[Part], postures: Sequence[Array], samples: int) -> tuple[Array, Array]:
+    """Compute the coordinates of all platforms and what is prescribed, at postures of each part.
+
+    Args:
+        postures: Positions of the tree after the cuts of each part, shape (T, its nq).
+        samples: Number T.
+
+    Returns:
+        Shapes (T, platforms), (T, numbers).
+    """
+    platforms, given = [np.zeros((samples, 0))], [np.zeros((samples, 0))]
+    for part, x in zip(parts, postures, strict=True):
+        m = part.module.mechanism
+        platforms += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
+        given.append(part.given.of_posture(m.tree, x))
+    return np.concatenate(platforms, axis=1), np.concatenate(given, axis=1)
 
 
 def lanes_for(parts: Sequence[Part]) -> int:

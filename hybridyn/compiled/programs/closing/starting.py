@@ -9,7 +9,7 @@ from ....linkage.newton import LoopProblem, close
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import Place
-from .part import CLOSED_TO_ROUNDING, Part
+from .part import CLOSED_TO_ROUNDING, Part, places_at
 
 
 def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | None:
@@ -19,7 +19,7 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | Non
         parts: Its modules but a free base.
         guess: Positions of the spanning tree, shape (nq,).
     """
-    q, p, g = guess.copy(), [np.zeros(0)], [np.zeros(0)]
+    q, cut = guess.copy(), []
     for part in parts:
         m, at = part.module.mechanism, part.module.q_index
         x = m.cut.positions(q[None, at])
@@ -33,6 +33,6 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | Non
                     return None
                 x = found.q
                 q[at] = spanning_positions(part.module, x, m.tree.sweep(x), q[at])[0]
-        p += [x[0, m.tree.q_slices[i]] for i in m.spec.platforms]
-        g.append(part.given.of_posture(m.tree, x)[0])
-    return Place(q, np.concatenate(p), np.concatenate(g))
+        cut.append(x)
+    p, g = places_at(parts, cut, 1)
+    return Place(q, p[0], g[0])
