@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..assembly.assemble import assemble
-from ..description.placement import inverse
-from ..description.records import Array, Closure, Description
+from ..description.records import Description
 from ..errors import HybridynError, ModelError
+from ..linkage.closures import residual_of
 from ..structure.building import build_robot
 from ..structure.robot import HybridRobot, positions
 from .home import home_of, poses_at
@@ -55,21 +55,13 @@ def _openings(d: Description) -> Iterator[tuple[float, str]]:
     places = np.array([pose[:3, 3] for pose in poses.values()])
     size = float(np.ptp(places, axis=0).max()) or 1.0
     for closure in d.closures:
-        there = inverse(poses[closure.link_a] @ closure.frame_a) @ poses[closure.link_b] @ closure.frame_b
-        yield float(np.abs(_residual(closure, there, size)).max(initial=0.0)), closure.name
+        ends = poses[closure.link_a] @ closure.frame_a, poses[closure.link_b] @ closure.frame_b
+        a, b = ((M[None, :3, :3], M[None, :3, 3]) for M in ends)
+        off = np.abs(residual_of(closure.translations, closure.rotation, a, b)[0])
+        off[: len(closure.translations)] /= size
+        yield float(off.max(initial=0.0)), closure.name
     at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
     for coupling in d.couplings:
         terms = [(factor * at[name], abs(factor)) for name, factor in coupling.terms]
         error = sum(term for term, _ in terms) - coupling.offset
         yield abs(error) / max(size for _, size in terms), coupling.name
-
-
-def _residual(closure: Closure, there: Array, size: float) -> Array:
-    """Return the residual of a closure, shape (rows,); `there` is frame B in frame A."""
-    turn = {
-        "free": [],
-        "perpendicular": there[2, 2],
-        "parallel": there[:3, 2] - np.eye(3)[2],
-        "fixed": there[:3, :3] - np.eye(3),
-    }[closure.rotation]
-    return np.concatenate([there[list(closure.translations), 3] / size, np.ravel(turn)])

@@ -20,7 +20,7 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     Args:
         joint: One of its joints, not fixed.
     """
-    at = d.home.get(joint.name) or ZERO.get(joint.kind, (0.0,))
+    at = d.home.get(joint.name) or ZERO[joint.kind]
     if joint.kind == "planar":
         return (*at[:2], math.atan2(at[3], at[2]))
     return at if joint.kind in ("spherical", "floating") else (angle_of(at),)

@@ -20,9 +20,11 @@ FREEDOMS: dict[JointKind, int] = {
     "planar": 3,
     "floating": 6,
 }
-#: Coordinates of a joint at zero, where they are not all zero, by its kind.
+#: Coordinates of a joint at zero, by its kind, as in Pinocchio: unlimited angles are cosine and sine.
 ZERO: dict[str, tuple[float, ...]] = {
+    "revolute": (0.0,),
     "continuous": (1.0, 0.0),
+    "prismatic": (0.0,),
     "spherical": (0.0, 0.0, 0.0, 1.0),
     "planar": (0.0, 0.0, 1.0, 0.0),
     "floating": (0.0,) * 6 + (1.0,),

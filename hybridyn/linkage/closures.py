@@ -103,6 +103,36 @@ def normals(rotation: RotationKind, A: Array, z: Array) -> Array:
     return axes if rotation in ("free", "fixed") else cross(z[..., None, :], axes)
 
 
+def residual_of(
+    translations: Sequence[int], rotation: RotationKind, a: tuple[Array, Array], b: tuple[Array, Array]
+) -> Array:
+    """Compute the residual of closures of one form, shape (..., rows): metres, then radians.
+
+    Args:
+        translations: Axes of frame A along which the origins coincide.
+        rotation: Kind of constraint on the relative rotation.
+        a: Axes and origin of frame A, shapes (..., 3, 3), (..., 3).
+        b: Axes and origin of frame B.
+    """
+    (A, pa), (B, pb) = a, b
+    shift = rotate_back(A, pb - pa)[..., list(translations)]
+    if rotation == "free":
+        return shift
+    relative = compose(np.swapaxes(A, -1, -2), B)
+    if rotation == "fixed":
+        turn = rotation_vector(relative)
+    elif rotation == "perpendicular":
+        turn = relative[..., 2:3, 2]
+    else:
+        tilt = relative[..., :2, 2]
+        sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
+        angle = np.arctan2(sine, relative[..., 2:3, 2])
+        turn = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
+        # Exactly opposite axes do not define a direction of tilt: take x.
+        turn[..., 0] += np.where((sine[..., 0] <= 1e-9) & (relative[..., 2, 2] < 0), np.pi, 0.0)
+    return np.concatenate([shift, turn], axis=-1)
+
+
 class _Group:
     """Closures of the same form, evaluated as a batch: same rows, same number of freedoms involved."""
 
@@ -139,22 +169,7 @@ class _Group:
     def residual(self, motion: Motion) -> Array:
         """Compute the residuals, shape (T, g, rows): metres, then radians."""
         A, pa, B, pb = self.frames(motion)
-        shift = rotate_back(A, pb - pa)[..., self.translations]
-        if self.rotation == "free":
-            return shift
-        relative = compose(np.swapaxes(A, -1, -2), B)
-        if self.rotation == "fixed":
-            turn = rotation_vector(relative)
-        elif self.rotation == "perpendicular":
-            turn = relative[..., 2:3, 2]
-        else:
-            tilt = relative[..., :2, 2]
-            sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
-            angle = np.arctan2(sine, relative[..., 2:3, 2])
-            turn = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
-            # Exactly opposite axes do not define a direction of tilt: take x.
-            turn[..., 0] += np.where((sine[..., 0] <= 1e-9) & (relative[..., 2, 2] < 0), np.pi, 0.0)
-        return np.concatenate([shift, turn], axis=-1)
+        return residual_of(self.translations, self.rotation, (A, pa), (B, pb))
 
     def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
         """Compute the rows over the involved freedoms, shape (T, g, rows, involved)."""

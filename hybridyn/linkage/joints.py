@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..description.records import JointKind
+from ..description.robot_file import ZERO
 from ..spatial import (
     Array,
     cross,
@@ -24,13 +25,8 @@ from ..spatial import (
 
 #: Name of the free-flyer joint of the root link, as in Pinocchio.
 ROOT_JOINT = "root_joint"
-#: Zero position of each kind of joint, as in Pinocchio: unlimited angles are cosine and sine.
-NEUTRAL = {
-    "revolute": (0.0,), "continuous": (1.0, 0.0), "prismatic": (0.0,), "spherical": (0.0, 0.0, 0.0, 1.0),
-    "planar": (0.0, 0.0, 1.0, 0.0), "floating": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
-}  # fmt: skip
 #: Number of coordinates of each kind of joint.
-NQ = {kind: len(q) for kind, q in NEUTRAL.items()}
+NQ = {kind: len(q) for kind, q in ZERO.items()}
 #: Number of leading coordinates in metres, for the kinds of joint that have any.
 TRANSLATIONS = {"prismatic": 1, "planar": 2, "floating": 3}
 #: Number of freedoms of each kind of joint.
@@ -93,7 +89,7 @@ class TreeJoint:
     @property
     def neutral(self) -> Array:
         """The zero position, shape (nq,)."""
-        return np.array(NEUTRAL[self.kind])
+        return np.array(ZERO[self.kind])
 
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate the constant twist dq from q over unit time, shape (T, nq).

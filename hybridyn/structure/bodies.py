@@ -15,8 +15,9 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..description.records import Description, Joint, Link, Load
+from ..description.robot_file import ZERO
 from ..errors import ModelError
-from ..linkage.joints import NEUTRAL, NQ
+from ..linkage.joints import NQ
 from ..spatial import LARGEST, Array
 
 
@@ -233,7 +234,7 @@ def payloads_of(description: Description) -> tuple[Payload, ...]:
 
 def home_of(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
     """Return the home position of the whole robot, shape (nq,)."""
-    parts = [np.array(description.base_home or (0.0, 0, 0, 0, 0, 0, 1))] if base != "fixed" else []
+    parts = [np.array(description.base_home or ZERO["floating"])] if base != "fixed" else []
     for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
         value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
         if len(value) == NQ[kind] and kind != "continuous":
@@ -242,5 +243,5 @@ def home_of(description: Description, bodies: Bodies, kinds: list[str], base: st
             angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
             parts.append(np.array([np.cos(angle), np.sin(angle)]))
         else:
-            parts.append(np.array(NEUTRAL[kind]))
+            parts.append(np.array(ZERO[kind]))
     return np.concatenate(parts) if parts else np.zeros(0)

@@ -94,9 +94,7 @@ def far_from_zero(robot: HybridRobot) -> str:
     looped = {name for module in robot.modules if loops & {*module.closures} for name in module.joints}
     if not looped:
         return ""
-    zero = np.zeros(robot.nq)
-    for kind, at in zip(robot.kinds, robot.q_slices, strict=True):
-        zero[at] = ZERO.get(kind, 0.0)
+    zero = np.concatenate([ZERO[kind] for kind in robot.kinds])
     distances = _distances(robot, robot.home, zero)
     joint = max((name for name in distances if name in looped), key=lambda name: distances[name], default="")
     if not joint or distances[joint] == 0.0:
