@@ -78,8 +78,7 @@ class NaturalSizes:
 
 def robot_weight(robot: HybridRobot) -> float:
     """Return the weight of all bodies [N]."""
-    mass = sum(body.mass for body in robot.bodies.bodies)
-    return mass * float(np.linalg.norm(robot.gravity))
+    return _mass(robot) * float(np.linalg.norm(robot.gravity))
 
 
 def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
@@ -95,8 +94,12 @@ def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
         Shape (T,), [N m].
     """
     length = robot.bodies.size
-    mass = sum(body.mass for body in robot.bodies.bodies)
-    return mass * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+    return _mass(robot) * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+
+
+def _mass(robot: HybridRobot) -> float:
+    """Return the mass of all bodies [kg]."""
+    return sum(body.mass for body in robot.bodies.bodies)
 
 
 def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:

@@ -53,13 +53,13 @@ def read_urdf(root: Node) -> RobotFile:
         raise root.error(f"{len(link_nodes)} links, limit {MOST_LINKS}")
     for node in link_nodes:
         robot.links.append(_read_link(node, robot.notes))
-    if "world" in {node.required_child("parent").xml.get("link") for node in joint_nodes}:
-        _add_world(robot)
     independent: set[str] = set()
     for node in joint_nodes:
         robot.joints.append(_read_joint(node, robot))
         if node.flag("independent", True):
             independent.add(robot.joints[-1].name)
+    if any(joint.parent == "world" for joint in robot.joints):
+        _add_world(robot)
     for node in root.children(*CLOSURE_READERS):
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:

@@ -53,7 +53,6 @@ def link_jacobian(
     named_links(robot, [link])
     one_of("axes", axes, "world", "link")
     q, single = as_positions(robot, q)
-
     J, R = _jacobian(engine, q, link)
     if axes == "world":
         if robot.base == "moving":
@@ -65,7 +64,7 @@ def link_jacobian(
 def _jacobian(engine: Engine, q: Array, link: str) -> tuple[Array, Array]:
     """Compute a link's Jacobian in its own axes, shape (T, 6, N), and its axes in those of the first base."""
     robot, u = engine.robot, engine.u
-    states, (_, E, _) = engine.motions(q)
+    states, motions = engine.motions(q)
     body, *at = robot.bodies.place[link]
     X, R = (np.tile(x, (len(q), 1, 1)) for x in (motion_matrix(*at), at[0]))
     J = np.zeros((len(q), 6, u.size))
@@ -74,7 +73,7 @@ def _jacobian(engine: Engine, q: Array, link: str) -> tuple[Array, Array]:
         s, own = states[k], u.own[k]
         turned, moved = s.spanning.R[:, number], s.spanning.p[:, number]
         in_module = to_body_axes(turned, s.mechanism.spanning.jacobian(s.spanning, number))
-        J[:, :, own] = np.matmul(X, np.matmul(in_module, E[:, s.module.v_index[:, None], own]))
+        J[:, :, own] = np.matmul(X, np.matmul(in_module, motions.E[:, s.module.v_index[:, None], own]))
         X, R = np.matmul(X, motion_matrix(turned, moved)), np.matmul(turned, R)
         k = s.module.parent
         number = robot.body_owner[robot.bodies.place[s.module.base][0]][1] if k >= 0 else 0
