@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import reduce
 
 import casadi as ca
 
@@ -46,8 +47,8 @@ def flattened(program: Program) -> tuple[int, int]:
         The number of operations with the guard and without it.
     """
     symbols = [ca.SX.sym(name, size) for name, size in program.inputs]
-    result, guard = run(program, [x for column in symbols for x in ca.vertsplit(column)])
-    outputs = [ca.vertcat(*result), guard]
+    result, guards = run(program, [x for column in symbols for x in ca.vertsplit(column)])
+    outputs = [ca.vertcat(*result), reduce(ca.fmax, guards)]
     both = (ca.Function("flat", symbols, ca.cse(wanted)) for wanted in (outputs, outputs[:-1]))
     with_guard, alone = (len(costing(operations_of(f))) for f in both)
     return with_guard, alone

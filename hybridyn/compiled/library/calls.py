@@ -83,8 +83,8 @@ class Library:
             Its outputs, shapes (n,), and the sample's guard.
         """
         calls = self.programs[name]
-        out, _ = calls.single(*inputs)
-        return calls.split(out), calls.guard
+        out, guard = calls.single(*inputs)
+        return calls.split(out), guard
 
     def batch(
         self, name: str, *inputs: ArrayLike, threads: int = 1, outs: tuple[Numbers, ...] | None = None
@@ -133,47 +133,41 @@ class Calls:
         self._memory = threading.local()
         self.trusted = GUARD_LIMIT
         self.at_once: Callable[..., int] | None = None
-        self._guard = np.zeros(1, dtype)
         if plain:
-            memory: Any = (ctypes.c_char * dtype.itemsize).in_dll(held, f"{name}_guard")
-            self._guard = np.frombuffer(memory, dtype)
             address = ctypes.cast(getattr(held, f"{name}_call"), ctypes.c_void_p)
             self._method = Method(name.encode(), address, METH_FASTCALL)
             self.at_once = self._method.function()
 
-    @property
-    def guard(self) -> float:
-        """The guard of the last single call."""
-        return float(self._guard[0])
-
-    def single(self, *inputs: ArrayLike) -> tuple[Numbers, int]:
+    def single(self, *inputs: ArrayLike) -> tuple[Numbers, float]:
         """Run one sample.
 
         Args:
             inputs: Inputs, shapes (n,).
 
         Returns:
-            All outputs in one array, and 0 if the guard is within its limit (see `guard`).
+            All outputs in one array, and the sample's guard.
         """
-        out = np.empty(self.size, self.dtype)
+        out, guard = np.empty(self.size, self.dtype), np.empty(1, self.dtype)
         if self.at_once is not None and len(inputs) == len(self.inputs):
-            status = self.at_once(*inputs, out)
+            status = self.at_once(*inputs, out, guard)
             if status != REFUSED:
-                return out, status
-        return self._converted(inputs, out)
+                return out, float(guard[0])
+        return self._converted(inputs, out, guard)
 
-    def _converted(self, inputs: tuple[ArrayLike, ...], out: Numbers) -> tuple[Numbers, int]:
+    def _converted(
+        self, inputs: tuple[ArrayLike, ...], out: Numbers, guard: Numbers
+    ) -> tuple[Numbers, float]:
         """Run one sample after converting its inputs to contiguous arrays."""
         arrays = [np.array(x, self.dtype, order="C", ndmin=1) for x in inputs]
         for array, (name, size) in zip(arrays, self.inputs, strict=True):
             if array.shape != (size,):
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({size},)")
         if self.at_once is not None:
-            return out, self.at_once(*arrays, out)
-        parts, guard = self.batch([array[None] for array in arrays], 1)
-        self._guard[0] = guard[0]
-        np.concatenate([part[0] for part in parts], out=out)
-        return out, 0 if guard[0] <= self.trusted else 2
+            self.at_once(*arrays, out, guard)
+        else:
+            parts, guard = self.batch([array[None] for array in arrays], 1)
+            np.concatenate([part[0] for part in parts], out=out)
+        return out, float(guard[0])
 
     def split(self, out: Numbers) -> tuple[Numbers, ...]:
         """Split an array of all outputs."""
@@ -203,8 +197,9 @@ class Calls:
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
         if samples == 1 and self.at_once is not None and outs is None:  # the same bits, without unused lanes
             rows, out = [array[0] for array in arrays], np.empty(self.size, self.dtype)
-            if self.at_once(*rows, out) == 0:
-                return tuple(part[None] for part in self.split(out)), np.fmin(self._guard, self.trusted)
+            guard = np.empty(1, self.dtype)
+            if self.at_once(*rows, out, guard) == 0:
+                return tuple(part[None] for part in self.split(out)), guard
         outs = outs or tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
         guard = np.empty(samples, self.dtype)
         pointers = [(ctypes.c_void_p * len(x))(*map(_address, x)) for x in (arrays, outs)]

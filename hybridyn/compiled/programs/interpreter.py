@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -9,7 +10,7 @@ import numpy as np
 
 from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Turned, Worst
 
-#: Sums of results above this are taken as infinite.
+#: Sums of results and guards above this are taken as infinite.
 FINITE = 1e300
 
 
@@ -24,11 +25,11 @@ def function_of(program: Program) -> ca.Function:
     given = [
         column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)
     ]
-    result, guard = run(program, given)
+    result, guards = run(program, given)
     ends = np.cumsum([0] + [size for _, size in program.outputs])
     outputs = [ca.vertcat(*result[ends[i] : ends[i + 1]]) for i in range(len(program.outputs))]
-    total = ca.sum1(ca.vertcat(*result)) if result else ca.SX(0.0)
-    guard = ca.if_else(ca.fabs(total) <= FINITE, guard, np.inf)  # fmax ignores NaN
+    total = ca.sum1(ca.vertcat(*result, *guards))
+    guard = ca.if_else(ca.fabs(total) <= FINITE, reduce(ca.fmax, guards), np.inf)
     return ca.Function(
         program.name,
         columns,
@@ -38,25 +39,25 @@ def function_of(program: Program) -> ca.Function:
     )
 
 
-def run(program: Program, given: list[Any]) -> tuple[list[Any], Any]:
-    """Run a program on CasADi scalars and return results and guard."""
+def run(program: Program, given: list[Any]) -> tuple[list[Any], list[Any]]:
+    """Run a program on CasADi scalars; return its results, and the guards of which the largest counts."""
     shared: list[Any] = [None] * program.shared
     own: list[Any] = [None] * program.own
     result: list[Any] = [ca.SX(np.nan)] * sum(size for _, size in program.outputs)
-    guard: Any = ca.SX(0.0)
+    guards: list[Any] = [ca.SX(0.0)]
     for step in program.steps:
         if isinstance(step, Start):
             shared[step.start : step.start + len(step.values)] = [ca.SX(float(x)) for x in step.values]
             continue
-        guard = _call(program, step, given, result, shared, own, guard)
-    return result, guard
+        _call(program, step, given, result, shared, own, guards)
+    return result, guards
 
 
 def _call(
     program: Program, call: Call, given: list[Any], result: list[Any], shared: list[Any], own: list[Any],
-    guard: Any,
-) -> Any:  # fmt: skip
-    """Run one call and return the updated guard."""
+    guards: list[Any],
+) -> None:  # fmt: skip
+    """Run one call, and append its guards."""
     function = program.kernels[call.kernel].function
     for i in range(call.copies):
         arguments = []
@@ -94,5 +95,4 @@ def _call(
                     for j, value in enumerate(values):
                         shared[start + j] = shared[start + j] + value
                 case Worst():
-                    guard = ca.fmax(guard, values[0])
-    return guard
+                    guards.append(values[0])
