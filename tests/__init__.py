@@ -1,7 +1,5 @@
 """The tests: helpers are imported as `from tests.x import y`, whatever the folder of the test."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 #: The clone's folder.

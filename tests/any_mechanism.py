@@ -5,8 +5,6 @@ may have no mass. The oracle may therefore be of no use, and a refusal is a righ
 draws mechanisms of clear rank, at states of the oracle, where every answer is known.
 """
 
-from __future__ import annotations
-
 from typing import get_args
 
 import numpy as np

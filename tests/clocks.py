@@ -1,7 +1,5 @@
 """A clock for tests of what measures time: it moves as the test says, not as fast as the machine is."""
 
-from __future__ import annotations
-
 
 class Clock:
     """Stands for the module `time` in a file that reads it.

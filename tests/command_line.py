@@ -1,7 +1,5 @@
 """The command line in tests: called in this process, or as a program of its own."""
 
-from __future__ import annotations
-
 import csv
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """How tests compare numbers and refusals, and the tolerances that more than one of them uses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small programs with everything a program may have."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """What every test shares: one thread of BLAS, and a folder in which workers find what one of them made."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

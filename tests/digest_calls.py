@@ -1,7 +1,5 @@
 """What `tests.digests` asks of a robot at given states: a list of calls, each of which gives numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -10,8 +10,6 @@ the machine's linear algebra, so it is not kept with the code. A difference is s
 largest entry, and in terms of its conditioning: how far roundings of the inputs move the result.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Robots with every effect on them, for tests that state identities."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -5,8 +5,6 @@ engine_of("written", robot).idm(q, v, a)      the programs of compiled models, r
 engine_of("compiled", robot).idm(q, v, a)     `hybridyn.compile(robot)`
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from functools import partial

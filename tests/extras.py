@@ -1,7 +1,5 @@
 """What tests need beyond the extra `test`: they are skipped where that is absent, and say which it is."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, files
 from importlib.util import find_spec

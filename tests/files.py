@@ -1,7 +1,5 @@
 """Small files of tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

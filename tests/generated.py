@@ -8,8 +8,6 @@ loops. Every mechanism is drawn assembled, in a posture stored as `home`; states
     case.description, case.base, case.oracle, case.states(5)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 

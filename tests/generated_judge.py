@@ -3,8 +3,6 @@
 A refusal is judged too: its reason must be one that the oracle finds.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Theo Jansen's walkers: any number of legs on one crank, each of six bars and three loops, as URDF."""
 
-from __future__ import annotations
-
 import numpy as np
 
 #: Jansen's lengths [m].

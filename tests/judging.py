@@ -1,7 +1,5 @@
 """What the tests of the direct model share: drawn robots with states, efforts, the oracle's answer."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

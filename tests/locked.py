@@ -1,7 +1,5 @@
 """Robots with parts that loops lock: a hinge in the leg of a five-bar, and modules without any motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

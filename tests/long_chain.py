@@ -5,8 +5,6 @@ largest of the terms that cancel in them: all modules' mass, carried along by th
 the stack's height.
 """
 
-from __future__ import annotations
-
 import re
 import resource
 import sys

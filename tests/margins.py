@@ -10,8 +10,6 @@ singular, 1 isotropic. Motions and twists come from `tests.oracle`, postures fro
     python -m tests.margins lx4 snake    these only
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

@@ -9,8 +9,6 @@ closure rows or motors' map are ill conditioned, or whose mobility is not the re
     q, v, a = random_states(description, "floating", seed, count=5, wrenches=wrenches)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The tests that the last run skipped for an extra that was not installed: `pytest --missed` runs them."""
 
-from __future__ import annotations
-
 import pytest
 
 #: The words of `extras.skip` by which a skipped test is known.

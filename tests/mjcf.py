@@ -4,8 +4,6 @@ MuJoCo refuses moving bodies without mass but lets a body have several joints, s
 link that carries one joint go to the child of that joint, written in the child's frame at zero position.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

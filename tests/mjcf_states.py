@@ -1,7 +1,5 @@
 """A robot read from MJCF beside MuJoCo's own model of the same file, at the same states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robots as MJCF texts, one for each way in which MJCF states something."""
 
-from __future__ import annotations
-
 import random
 
 HEAD = '<compiler angle="radian"/><option><flag contact="disable" limit="disable"/></option>'

@@ -1,7 +1,5 @@
 """Matrices of MuJoCo's models, by every version of MuJoCo."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -7,8 +7,6 @@
 A mutant is one fragment of one file, replaced in a copy of the tree. It lives if no test of its room fails.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Seeded mutations of text files: bytes, numbers, names, values, whole elements."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What several tests need and takes long: computed once a session, for all its workers."""
 
-from __future__ import annotations
-
 import fcntl
 import functools
 import hashlib

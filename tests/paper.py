@@ -7,8 +7,6 @@ of its tip's velocity that lie in its plane, and the third gives a row of what a
 stars that print lost are from derivation: (40), (46), (51) hold J_r^-T.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -3,8 +3,6 @@
 A part takes a `Sketch`, the link it stands on and a `Place` in the world; it gives links that can carry more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Pinocchio models of descriptions, built here and nowhere else, so that tests have a judge of their own."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random Pinocchio models with closed loops, closed where they are drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -3,8 +3,6 @@
 Poses come from Pinocchio's model of the spanning tree, which knows nothing of modules.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`KINDS`: the robots that can be drawn, each a recipe with what is known of its mobility."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

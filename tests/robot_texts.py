@@ -1,7 +1,5 @@
 """Small robots as texts, for the tests of the readers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hybridyn.description import Description, read

@@ -1,7 +1,5 @@
 """What the default suite tries of many robots; the others are under the mark `slow`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ The two texts of a random robot are written from one list of frames by rules of 
 frame of a link at its joint, SDF anywhere.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

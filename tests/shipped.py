@@ -1,7 +1,5 @@
 """The shipped robots as records, and states of them that the oracle has closed."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lay out a mechanism in the world, posture first: joints and closures are then defined to hold there."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The fenced blocks of the Markdown pages, for the tests that run them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

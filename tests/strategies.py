@@ -4,8 +4,6 @@ for_all(mechanisms(5), judge, 32)
 for_all(mechanisms(5, keep=one_freedom), judge, 32)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots and states that move freely, for the tests of time integration."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What commands take for granted, write and say beside their numbers."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

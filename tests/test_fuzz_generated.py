@@ -3,8 +3,6 @@
 Blocks of mechanisms are the tests, so that `--part` spreads them. A case is one state of one mechanism.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

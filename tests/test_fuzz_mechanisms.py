@@ -5,8 +5,6 @@ allows: accelerations and efforts by the oracle to 1e-7, compiled models by the 
 judgement, to rounding, is that of mechanisms of clear rank in `tests.test_fuzz_generated`.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -6,8 +6,6 @@ description: the loops are closed by its own residual, the motors stand where th
 do the work that it finds.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from functools import lru_cache

@@ -4,8 +4,6 @@ The fuzz of absurd numbers (`tests/scenes/test_fuzz_scenes.py`) mostly ends in t
 stay valid, so that at least half of the cases must get through; the others are refused in one line.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Habits of the ecosystem: a quiet library, a quick start, types, hooks, a CI that a fork can run."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

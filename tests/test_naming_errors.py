@@ -1,7 +1,5 @@
 """Messages that name the file, the form or the package they speak of."""
 
-from __future__ import annotations
-
 import pickle
 import re
 import subprocess

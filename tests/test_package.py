@@ -1,7 +1,5 @@
 """The public names and the floors of the package."""
 
-from __future__ import annotations
-
 import ast
 import pydoc
 import re

@@ -1,7 +1,5 @@
 """What is no file, or would fill the memory, is refused in one line before it is read."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from pathlib import Path

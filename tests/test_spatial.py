@@ -1,7 +1,5 @@
 """The 6-D helpers against Pinocchio, and rotations where they are hard: tiny, and half a turn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What users install: wheel and sdist hold the robots, and the README runs from an installed wheel."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Robots as USD texts."""
 
-from __future__ import annotations
-
 HEAD = '#usda 1.0\n(\n  defaultPrim = "robot"\n  metersPerUnit = {meters}\n  upAxis = "{up}"\n)\n'
 
 BODY = "PhysicsRigidBodyAPI", "PhysicsMassAPI"

@@ -1,7 +1,5 @@
 """Waits for other processes, and work that must end: by events, with limits that only a hang reaches."""
 
-from __future__ import annotations
-
 import signal
 import time
 from collections.abc import Callable, Iterator

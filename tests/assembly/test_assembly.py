@@ -1,7 +1,5 @@
 """Closing the loops: from motors, poses and mixtures to the posture that was meant, or to an error."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """One big step of the motors ends where a fine straight motion ends, or raises as it does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Equal modules are assembled together; one that needs more than plain steps, each by itself."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

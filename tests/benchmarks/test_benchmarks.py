@@ -1,7 +1,5 @@
 """The benchmarks' own arithmetic: the gate refuses, peers agree, references are better, results survive."""
 
-from __future__ import annotations
-
 import math
 import operator
 import os

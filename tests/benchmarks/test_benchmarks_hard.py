@@ -1,7 +1,5 @@
 """The table of the hard cases: worst of each, sorted, and a broken claim said plainly."""
 
-from __future__ import annotations
-
 import json
 from itertools import permutations
 from pathlib import Path

@@ -13,8 +13,6 @@ as welds; they are judged by the oracle alone. So are mechanisms whose tree ends
 holds: Pinocchio gives NaN there at any `mu`, and MuJoCo refuses the link.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Commands over a folder or a glob of tables: shards, errors that name the table, and lost processes."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

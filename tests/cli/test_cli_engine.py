@@ -1,7 +1,5 @@
 """The engine of the command line: chosen by a rule that is told, the same numbers by both."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple

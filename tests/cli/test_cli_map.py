@@ -1,7 +1,5 @@
 """`hybridyn map`: the table of the map between motors and output joints."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

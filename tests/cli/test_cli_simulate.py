@@ -1,7 +1,5 @@
 """`hybridyn simulate`: results, stopping and going on, what it says, and what idm makes of a run."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Shell completion: the scripts, and what they offer."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

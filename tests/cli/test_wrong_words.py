@@ -1,7 +1,5 @@
 """Commands with words that cannot be: one line on standard error, and nothing is written."""
 
-from __future__ import annotations
-
 import os
 import shlex
 from pathlib import Path

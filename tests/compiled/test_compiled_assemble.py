@@ -1,7 +1,5 @@
 """Loops closed in C row after row: the results, the errors and the warnings of the general path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

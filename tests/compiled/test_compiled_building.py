@@ -1,7 +1,5 @@
 """Compilers, builds and the cache of built models."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """The cache of built libraries does not grow for ever, and nothing in use is taken from anybody."""
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import json

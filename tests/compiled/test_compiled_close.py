@@ -1,7 +1,5 @@
 """Loops closed from what the motors do, as exported C does it: the states that the general path assembles."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

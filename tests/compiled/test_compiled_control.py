@@ -1,7 +1,5 @@
 """Control steps: efforts from what the motors do, as closing the loops and the inverse model give them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Derivatives of the written-out models against finite differences and linearity."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

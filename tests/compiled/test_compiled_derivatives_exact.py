@@ -1,7 +1,5 @@
 """Derivatives of both models against differences of the oracle in 113 bits, along random closed motions."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Derivatives over the motors: against those over all joints along the loops, and against differences."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Many designs along one table: every design as a robot of its own, and what cannot be is counted."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Models as C for other programs: the files compile without a warning and give the general path's numbers."""
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import re

@@ -3,8 +3,6 @@
 All but the tests of the cache run the models by CasADi, without a compiler.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Guards of open loops, and one division per divisor."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Laws of efforts in time steps in C: controllers, and programs in Python; against the loop in Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

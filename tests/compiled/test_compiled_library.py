@@ -1,7 +1,5 @@
 """Calls of built programs: the same bits however a sample is computed."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import re

@@ -1,7 +1,5 @@
 """The map between motors and joints in exported C, and the example of a transmission of ros2_control."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Compiled robots: the general path's numbers, its errors, and its help where a model must not be trusted."""
 
-from __future__ import annotations
-
 import dataclasses
 import logging
 from typing import Any

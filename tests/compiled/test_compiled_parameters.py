@@ -1,7 +1,5 @@
 """Numbers of the robot as arguments of compiled models, against a robot that is built with these numbers."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from functools import partial

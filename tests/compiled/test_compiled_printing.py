@@ -1,7 +1,5 @@
 """Kernels as C: every operation, the printed sine and cosine, every kind of number."""
 
-from __future__ import annotations
-
 import math
 
 import casadi as ca

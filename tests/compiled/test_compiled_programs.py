@@ -1,7 +1,5 @@
 """Written-out models, run by CasADi without a compiler, against the general path."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

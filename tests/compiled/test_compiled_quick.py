@@ -1,7 +1,5 @@
 """A quick build gives the same bits, is replaced by the optimised one, and leaves no compiler behind."""
 
-from __future__ import annotations
-
 import atexit
 import functools
 import logging

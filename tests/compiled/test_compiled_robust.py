@@ -1,7 +1,5 @@
 """Written-out models of badly written robots: home open or singular, loops rounded, motors locked."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Every public function gets the same input on both paths: equal results, or errors in the same words."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The codes of single calls: the same bits as a batch, chosen by measurement, kept in the cache, printed."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import replace
 from itertools import accumulate, count

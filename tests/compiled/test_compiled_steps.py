@@ -1,7 +1,5 @@
 """Steps in time in C: the general path's motion within the method's error, on loops that stay closed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -17,6 +15,7 @@ from hybridyn.effects import Limits
 from hybridyn.errors import AssemblyError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation import stepping
+from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, same_bits
@@ -94,7 +93,7 @@ def pushed(model: CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np.ndarray,
     return q, v, np.full(len(model.robot.motors), tau) * 1.1
 
 
-def flown(model: CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any) -> hybridyn.Result:
+def flown(model: CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any) -> Result:
     q, v, tau = pushed(model)
     given = FRAME | {"effort": tau, "effects": model.effects} | options
     return hybridyn.simulate(model.robot, q, v, (0, end), compiled=model if compiled else None, **given)

@@ -1,7 +1,5 @@
 """Commands assemble long tables in C, with the postures and the errors of the general path."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The cache of built libraries takes nothing that somebody else may have written."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bounds of how far Jacobians turn in a step: no step that the full check refuses passes by its bound."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

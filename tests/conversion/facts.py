@@ -1,7 +1,5 @@
 """What a robot is, fact by fact, and which facts of a robot did not come back equal from a file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

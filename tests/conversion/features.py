@@ -4,8 +4,6 @@ The robot without any feature has two hinges in a row and a slide beside them; f
 at motor "one", at link "tool" or at closure "loop", which closes at home.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -7,8 +7,6 @@ Joints are known by their names. Poses of closure frames come from Pinocchio's t
 postures too, so that every row is compared and not only those that hold.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

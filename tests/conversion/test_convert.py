@@ -1,7 +1,5 @@
 """The command and the function: which files are written, which loops are closed first, what is said."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """No mutation of a file that `convert` wrote, with its marks, ends in a traceback or a hang."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

@@ -7,8 +7,6 @@ limits of speed and effort (both mean none), and fixed joints and massless links
 MuJoCo hangs on the body of the world.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

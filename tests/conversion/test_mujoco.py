@@ -1,7 +1,5 @@
 """MuJoCo's own model of the written file: mass matrix, bias, closed dynamics, forces, open closures."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from pathlib import Path

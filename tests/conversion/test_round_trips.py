@@ -1,7 +1,5 @@
 """Robots of this repository and random mechanisms, written and read back, are the same robots."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What stands in an SDF file that `convert` writes, and what comes back from it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

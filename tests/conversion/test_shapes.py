@@ -1,7 +1,5 @@
 """Visual shapes: what is read of a URDF, and how URDF and MJCF refer to them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree as ET
 

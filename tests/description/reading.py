@@ -1,7 +1,5 @@
 """Read a file that may be broken: it is a robot, or refused with one readable line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

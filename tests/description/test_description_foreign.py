@@ -1,7 +1,5 @@
 """foreign.py: a loop in a form that is not read raises an error naming it; no loop is loaded as a tree."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

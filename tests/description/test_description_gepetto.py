@@ -1,7 +1,5 @@
 """gepetto.py: closures, retyped joints and motors of a side-car equal those of Gepetto's own loader."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

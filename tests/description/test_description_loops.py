@@ -1,7 +1,5 @@
 """loops.py and closure_forms.py: each closure allows the motion of its name, wherever its frames are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """model_toml.py: home, motors, rotors and friction from model.toml, found where the repository keeps it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """motors.py: the first source that names motors is used and reported; wrong names are never dropped."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Links, joints, limits and rotors of URDF, and one tree with known names; what is misspelt is an error."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """xacro.py: macros, arguments and packages work; harmful files raise an error."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """xml_node.py: dangerous XML raises an error, numbers are read strictly, and messages name the line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

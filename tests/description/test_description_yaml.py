@@ -1,7 +1,5 @@
 """yaml_file.py: numbers are those of YAML 1.2, and every trap of YAML is an error that names its line."""
 
-from __future__ import annotations
-
 import pytest
 
 from hybridyn.description.side_cars.yaml_file import read_yaml

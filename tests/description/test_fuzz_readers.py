@@ -5,8 +5,6 @@ Seeded mutations of small valid URDF, xacro, YAML and TOML files. Each must be r
 text, and no number that is not finite.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from pathlib import Path

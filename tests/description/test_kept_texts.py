@@ -1,7 +1,5 @@
 """Expanded xacro and checked model files are kept, and used again while all they depend on is unchanged."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

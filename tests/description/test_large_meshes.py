@@ -1,7 +1,5 @@
 """Meshes are not opened for dynamics: neither a missing nor a huge one keeps a robot from loading."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`load`, `info` and `check` report robots whose file lacks their loops or masses."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

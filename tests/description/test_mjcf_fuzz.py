@@ -4,8 +4,6 @@ Each mutated file is read, or refused with a `ModelError` of one line. A robot t
 the joints and the equalities of MuJoCo's own model of the same file.
 """
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every number of a robot read from MJCF is MuJoCo's; shipped robots are the same from MJCF and from URDF."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What MJCF states beside geometry: motors, passive forces, home, base, gravity, limits, names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

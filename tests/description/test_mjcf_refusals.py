@@ -1,7 +1,5 @@
 """What hybridyn cannot say of an MJCF file is refused by name; its files stay in the robot's folders."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

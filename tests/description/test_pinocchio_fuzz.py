@@ -3,8 +3,6 @@
 Each changed model is read, or refused with a `HybridynError` of one line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

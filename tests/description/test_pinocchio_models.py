@@ -1,7 +1,5 @@
 """`from_pinocchio` against Pinocchio: the numbers of trees and of closed loops, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

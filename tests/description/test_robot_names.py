@@ -1,7 +1,5 @@
 """Robots by name: from Python, on the command line, from a clone and from what a wheel installs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Trees read from SDF against Drake, whose parser is libsdformat, the reference reader of SDFormat."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

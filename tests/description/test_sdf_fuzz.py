@@ -4,8 +4,6 @@ Each mutated file is read, or refused with a `ModelError` of one line. A robot t
 joint that stands in its files, and the masses.
 """
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the SDF reader makes of joints, frames, models and worlds, against values computed by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

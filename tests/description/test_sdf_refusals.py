@@ -1,7 +1,5 @@
 """What the SDF reader refuses: one line with file, line, element and the mend."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Robots written twice, as SDF and as URDF, have the same models."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Poses, axes and inertias of SDF files against rod, which reads SDF by code of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loops as other tools write them in URDF: each gives the robot that the same loop as `<loop>` gives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

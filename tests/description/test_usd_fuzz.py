@@ -4,8 +4,6 @@ Each mutated file is read, or refused with a `ModelError` of one line. A robot t
 as many loops as usd-core's own parser finds in the same stage.
 """
 
-from __future__ import annotations
-
 import contextlib
 import random
 import re

@@ -1,7 +1,5 @@
 """Numbers of a USD robot against usd-core's own evaluation of the stage, and against hand-written URDF."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What USD states beside frames and masses: trees and cuts, limits, drives, couplings, home, base, layers."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

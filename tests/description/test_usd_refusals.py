@@ -1,7 +1,5 @@
 """What hybridyn cannot say of a USD file is refused by name, with the prim's path and the mend."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Robots as USD files: that of the page, with the commands; what `convert` wrote, in usd-core."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from pathlib import Path

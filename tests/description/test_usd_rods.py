@@ -1,7 +1,5 @@
 """Distance joints with equal distances are rods: lengths stay, and accelerations are those of a rod."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

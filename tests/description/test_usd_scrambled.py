@@ -5,8 +5,6 @@ axis, and half of them are stated from the child to the parent; lengths are in c
 kilograms.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Restrictions on xacro files: expressions without access to Python, their bounds, and folders."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The direct model, judged by the oracle, by Pinocchio's `aba` and by the inverse model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

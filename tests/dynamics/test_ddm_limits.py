@@ -1,7 +1,5 @@
 """Where a direct model can break: batches, empty ones, light and massless legs, long chains, wrong input."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

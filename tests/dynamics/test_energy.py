@@ -1,7 +1,5 @@
 """energy: against Pinocchio's model of the spanning tree, and what a moving base supplies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Both models and the closed-loop quantities against the oracle, of every robot and by every engine."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Each guard of the core has a robot here whose numbers are wrong, or that is refused falsely, without it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The inverse model: against the oracle and a closed form; motors too many, too few; what it refuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Solving with articulated inertias: graded, singular, empty."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The general form against the paper's formulas as printed, and the term that its direct model loses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Wrenches inside the robot against balances written elsewhere: Pinocchio's tree, and the oracle's bodies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

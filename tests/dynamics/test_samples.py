@@ -3,8 +3,6 @@
 For each function of states, and for each engine that has it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A loop of single calls is advised to compile: once, and for single samples only."""
 
-from __future__ import annotations
-
 import itertools
 import warnings
 

@@ -1,7 +1,5 @@
 """effects: each law and all together, by power balance, by the other model, by hand and by limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """`hybridyn info --graph`: the cards of a robot, where they stand, and the files that they become."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from pathlib import Path

@@ -4,8 +4,6 @@ Each reference is an ordinary differential equation without constraints, integra
 better. None shares anything with hybridyn.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import solve_ivp
 

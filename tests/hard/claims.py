@@ -1,7 +1,5 @@
 """The one way a hard case states its claim: a measured number, its bound, and where the bound comes from."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

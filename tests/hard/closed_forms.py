@@ -4,8 +4,6 @@ Every robot's function gives joint positions by name. Angles that it takes are a
 so that a posture can be put exactly at a singularity, or at any distance from it.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping
 from functools import lru_cache

@@ -9,8 +9,6 @@ quaternion e, and g = p e / 2 (a product of quaternions), |p + R(e) a_i - b_i| =
 are eight quadrics in (e, g) (the coordinates of Study).
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import mpmath

@@ -4,8 +4,6 @@
 digits); `multiprecision` has as many digits as one likes, and is a thousand times slower.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -17,8 +17,6 @@ the best lambda what is left of the first equation is its part along Z = null(K)
 **Condition**: what a change of that size can do to tau, or to a, at most, to first order, relative to it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -1,7 +1,5 @@
 """Modules of a stack for the reference in extended precision: read from records, and how their legs move."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

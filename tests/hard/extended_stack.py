@@ -9,8 +9,6 @@ The equations are taken at the very numbers that the core was given; nothing is 
 by more digits, and both by the oracle, another formulation, at small heights (`test_size.py`).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planar four-bars whose four bars can lie in one line: their change points, where two branches cross."""
 
-from __future__ import annotations
-
 import tempfile
 from functools import lru_cache
 from pathlib import Path

@@ -10,8 +10,6 @@ without absolute values or comparisons, so that s may be complex: f'(s) = Im f(s
 rounding. The links' numbers are those of the Description; the loops' are those of the law.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

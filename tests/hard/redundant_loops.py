@@ -4,8 +4,6 @@ Every linkage has one freedom, hangs askew in the world (a closure in 3-D sees n
 links whose centres of mass and inertias lie askew as well, so that internal wrenches have all six components.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Times are not scaled. A quantity of dimension kg^a m^b s^c is multiplied by mass^a length^b.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

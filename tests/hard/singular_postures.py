@@ -4,8 +4,6 @@ Every function gives the robot's record and its joints at distance d; d = 0 is t
 the rounding of the robot's own numbers. What the distance is stands in each docstring.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stacks of one to a thousand equal modules, spatial and planar, with drawn states."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

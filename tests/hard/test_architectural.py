@@ -6,8 +6,6 @@ nothing else that we ship or draw is. No number is claimed but the motors' share
 lose: rounding for the one (1e-12), more than 1e-5 (`findings.SINGULAR`) for the others.
 """
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

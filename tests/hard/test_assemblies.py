@@ -1,7 +1,5 @@
 """All postures: Dietmaier's forty, each proved; what counts as one; robots whose postures are known."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

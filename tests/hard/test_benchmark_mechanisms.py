@@ -7,13 +7,12 @@ the motion. The references are good to 1e-12 (`benchmark_references.py`, `one_fr
 time or at a looser tolerance.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.scenes.stage import Stage, stage
+from hybridyn.simulation.result import Result
 from tests import ROOT
 from tests.hard.benchmark_references import (
     ANDREWS,
@@ -49,7 +48,7 @@ ALIKE = 1e-11  # loops of a row: no error of a step tells them apart, only closi
 long_run = pytest.mark.slow
 
 
-def run(ready: Stage, duration: float, **options: object) -> hybridyn.Result:
+def run(ready: Stage, duration: float, **options: object) -> Result:
     """Simulate a scene from its start on; options replace those of its solver."""
     solver = ready.source.scene.solver
     chosen = {"method": solver.method, "rtol": solver.rtol, "atol": solver.atol, **options}
@@ -69,7 +68,7 @@ def added_up(duration: float) -> float:
     return ADDED_UP[duration > 2]
 
 
-def claim_run(claim: Claim, case: str, result: hybridyn.Result, rtol: float | None) -> None:
+def claim_run(claim: Claim, case: str, result: Result, rtol: float | None) -> None:
     """Claim what every run must hold: it ends, loops are closed, energy stays where nothing takes it."""
     assert result.status == "finished", result.message
     claim(case, "closure residual", result.residual.max(), CLOSED)

@@ -4,8 +4,6 @@ Judge: every posture that comes out is tracked back to where the motion began in
 theorem proves (`dietmaier.Tracked`), on other equations than the robot's.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

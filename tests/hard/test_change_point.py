@@ -13,8 +13,6 @@ is on. Claims, for smooth motions through the singularity in closed form:
 - rates that are on no branch are refused.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Long runs without friction: energy, closures and quaternions stay, as far as each method promises."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

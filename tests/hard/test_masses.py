@@ -6,8 +6,6 @@ On a floating base the condition number is taken as 1, the least there is; but w
 the legs and the module has fewer than six freedoms, what the base feels has the masses' ratio as condition.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

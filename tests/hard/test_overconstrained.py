@@ -8,8 +8,6 @@ below 20, so 1e-13 relative for efforts, and 1e-12 for accelerations and wrenche
 inertia and the rows. A simulation adds up the errors of some fifty steps of rtol each.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

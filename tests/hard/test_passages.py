@@ -9,8 +9,6 @@ square of the distance, within `branch.NEAR`. Rates between steps are projected,
 distance down to `branch.LOST`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

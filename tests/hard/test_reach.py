@@ -1,7 +1,5 @@
 """Targets at and beyond the edge of reach, ways that brush it: the right posture, or a message that helps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Rounding is not held against itself: in free fall, at rest and in a locked module all terms cancel."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -6,8 +6,6 @@ same residual. Powers of two are exact in binary floating point, so a robot that
 same bits; any rounding that differs betrays a sum of metres and radians, of newtons and newton metres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import nullcontext
 from types import SimpleNamespace

@@ -3,8 +3,6 @@
 The claims stand in each test; postures and errors are those of `test_singular_postures.py`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -15,8 +15,6 @@ A least-norm answer is judged at a motion whose exact efforts have no part in th
 direction with the share s in the motors, 0 <= s < 1e-10, may change it by s times its condition.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache

@@ -10,8 +10,6 @@ in the reference; it grows with the cube of n.
 Peers get the same state and efforts, and the best that any setting gives them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import mpmath

@@ -7,8 +7,6 @@ the terms that they are summed from, and three digits of them are right. Where n
 rounding of those terms, and a message says so.
 """
 
-from __future__ import annotations
-
 import logging
 from functools import lru_cache
 

@@ -6,8 +6,6 @@ eps times the twin's condition number, and idm gives back the efforts to as much
 themselves grow as 1 / distance; in the lock they are the least-norm ones, and cannot tell the platform's.
 """
 
-from __future__ import annotations
-
 import logging
 from dataclasses import replace
 from typing import Any

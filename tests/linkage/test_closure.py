@@ -1,7 +1,5 @@
 """Every type of closure: rows and drift by finite differences, residuals up to half a turn, couplings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Rank-revealing elimination: factors, null spaces, and what happens when pivots vanish."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

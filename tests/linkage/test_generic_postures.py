@@ -1,7 +1,5 @@
 """How much work it is to find postures that close, and that the work saved changes no posture."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

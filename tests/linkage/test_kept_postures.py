@@ -1,7 +1,5 @@
 """Generic postures that are kept are those of the search, bit by bit, and only for the same module."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

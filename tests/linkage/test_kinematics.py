@@ -1,7 +1,5 @@
 """The batched sweep over a tree of every kind of joint, against Pinocchio."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

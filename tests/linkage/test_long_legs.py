@@ -1,7 +1,5 @@
 """Legs of hundreds of freedoms: Pinocchio's numbers, and memory that does not grow with their cube."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

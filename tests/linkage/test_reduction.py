@@ -1,7 +1,5 @@
 """From closure rows to motions: leg by leg as in one piece, near singular legs, rounded geometry."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """The manifold of assembled postures: rows against `Closures`, charts, projection, and moves on joints."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -4,8 +4,6 @@ Each provides elementary functions, the solution of square systems, and a rank-r
 are NumPy arrays of floats or of mpmath numbers.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Newton-Euler equations of every link, in world axes about the body's origin."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

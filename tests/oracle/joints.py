@@ -1,7 +1,5 @@
 """One joint: its numbers of coordinates, the placement of its child, and a step on its manifold."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The oracle: kinematics of the closed loops, inverse and direct dynamics."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Literal

@@ -11,8 +11,6 @@ origin (r its lever from the body's origin), there are two kinds:
 All vectors are in world axes. The drift is the second derivative at zero acceleration of all bodies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The oracle, judged by what is not hybridyn, and what its models promise, tell and refuse."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mpmath

@@ -1,7 +1,5 @@
 """Rows, drifts and whole turns of joints, closures and couplings, by definition, differences and energy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The spanning tree: its coordinates, and placements of links and constraint rows at a posture."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

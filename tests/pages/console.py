@@ -1,7 +1,5 @@
 """The commands that a page shows, run in the order of the page; what they print is what it shows."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

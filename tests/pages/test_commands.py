@@ -1,7 +1,5 @@
 """The commands of the pages: they run, print what is shown, and write the files that they name."""
 
-from __future__ import annotations
-
 import csv
 import re
 import tomllib

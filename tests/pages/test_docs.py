@@ -1,7 +1,5 @@
 """The documentation: its Python runs, its robots load, and the functions that it names exist."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from importlib import import_module

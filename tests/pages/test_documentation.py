@@ -1,7 +1,5 @@
 """The documentation builds without a warning, and holds every command and every public name."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

@@ -1,7 +1,5 @@
 """The examples run, check what they claim, and make their pictures; the committed ones are small."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

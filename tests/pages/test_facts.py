@@ -1,7 +1,5 @@
 """What pages list is what the code has: codes, columns, keys, measures, tolerances; pictures are small."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The README: its Python runs, its commands print what it shows; `.ci/run` runs the set-up commands whole."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import tomllib

@@ -1,7 +1,5 @@
 """A parallel ankle: two motors on the shank move a foot about pitch and roll through cranks and rods."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Closed postures along a motion of the motors, and differences of what is computed there."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import hybridyn

@@ -1,7 +1,5 @@
 """The model in independent coordinates from the oracle's maximal ones: tau = M u_dot + c + g, v = E u."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle import Oracle

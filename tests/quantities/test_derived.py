@@ -1,7 +1,5 @@
 """coriolis_matrix, link_jacobian, delassus, operational_inertia: identities, other engines, refusals."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """joint_map: a parallel ankle against closed form, the leg that holds it, and power."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

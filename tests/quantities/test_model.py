@@ -1,7 +1,5 @@
 """mass_matrix, bias and motion_map: against the oracle, against Pinocchio and the inverse model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

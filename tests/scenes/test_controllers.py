@@ -1,7 +1,5 @@
 """Controllers and the motions that they follow: against formulas, on the five-bar."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Seeded: one to three numbers of a small scene are replaced. A scene is refused i
 file, or its first steps are taken, and no number of them is infinite.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Scenes as they run: every shipped one, power balance under all effects, resuming, prescribed motions."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes with absurd numbers, state files that were changed, files that must not be replaced, full disks."""
 
-from __future__ import annotations
-
 import errno
 import io
 import shutil

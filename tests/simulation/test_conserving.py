@@ -1,7 +1,5 @@
 """The conserving method: energy over long runs, time reversal, discrete work, and what it refuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs of generated mechanisms: accelerations, energy, and runs that stop and go on. A case is one run."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Steps: order measured against step size, stiff stability, closures at every stage."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

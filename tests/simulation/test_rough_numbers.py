@@ -1,7 +1,5 @@
 """Numbers that are rounding, or that no robot has, and runs that stop after one row."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

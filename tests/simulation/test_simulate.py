@@ -1,7 +1,5 @@
 """simulate: motions derived by hand, events, dense output, resuming, determinism, and what it refuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

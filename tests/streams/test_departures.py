@@ -1,7 +1,5 @@
 """Limits that a motion leaves are told: first row, worst value, count; by `idm`, `size` and `simulate`."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`robot.model` is the caller's own copy: edits of it change nothing, in no function."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The drawn mechanisms are what their recipes say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Chosen numbers of a description as parameters: names, slots, and the numbers of modules that follow."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

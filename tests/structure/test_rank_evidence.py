@@ -1,7 +1,5 @@
 """Rows of small singular value: a constraint where home closes to the last digit, else a file's rounding."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

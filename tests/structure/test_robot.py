@@ -1,7 +1,5 @@
 """HybridRobot: the coordinates and the model of `pin.buildModelFromXML`, its bases, and what it refuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

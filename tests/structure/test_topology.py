@@ -1,7 +1,5 @@
 """From a description to modules: bodies, loops, platforms, wrists that are cut and wrists that are not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

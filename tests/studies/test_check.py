@@ -1,7 +1,5 @@
 """`hybridyn check`: one wrong robot per finding, and sound robots without findings."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`hybridyn check` on the shipped robots, on robots of other projects, and as a command."""
 
-from __future__ import annotations
-
 import json
 import random
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`compare`: it finds every closure that an engine ignores, and agrees with engines that hold them."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

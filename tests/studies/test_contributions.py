@@ -1,7 +1,5 @@
 """`hybridyn effects`: parts of the efforts against the inverse model, a smaller set, the command line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`hybridyn cost`: Pareto fronts, advice, and the two studies on a small robot."""
 
-from __future__ import annotations
-
 import csv
 import tomllib
 from itertools import pairwise

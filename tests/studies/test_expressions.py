@@ -1,7 +1,5 @@
 """Expressions over columns, compared with Python's own numbers, row by row."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

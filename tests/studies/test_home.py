@@ -1,7 +1,5 @@
 """Closed home postures: all that exist are found, and the chosen one is what the next load starts from."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Motor loads over a motion, against closed forms: a mass on a slide, a pendulum, a closed cycle."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Sweeps: designs, their rows, shards and questions, compared with robots that are loaded one by one."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Sweeps by compiled models: the rows of the general path, however the work is divided."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sweeps in real processes: the same bits on every engine, and a killed worker that loses nothing."""
 
-from __future__ import annotations
-
 import os
 import re
 import socket

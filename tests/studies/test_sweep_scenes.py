@@ -1,7 +1,5 @@
 """Scenes as tasks of sweeps, compared with the energy of a pendulum."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

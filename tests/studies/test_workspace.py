@@ -1,7 +1,5 @@
 """Workspaces: a five-bar against its annuli, a slide against its limits, efforts against virtual work."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of small robots, whose numbers do not matter: a slider with an endless tool, and a ball."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybridyn.description.records import Description, Joint, JointKind, Link

@@ -1,7 +1,5 @@
 """Tables with named columns stand for arrays, whatever the order of their columns."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

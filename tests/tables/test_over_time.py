@@ -1,7 +1,5 @@
 """Peaks and RMS values of every command, on rows that are spaced unevenly, against a closed form."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

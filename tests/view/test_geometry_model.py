@@ -1,7 +1,5 @@
 """The shapes of the links as Pinocchio's GeometryModel: where the links' own poses put them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

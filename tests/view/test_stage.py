@@ -1,8 +1,6 @@
 """What the page's scene is told while a robot moves: shapes stay in the frames of their bodies."""
 
 # ruff: noqa: D102 (the names are those of viser)
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`hybridyn view`: shapes and their poses, postures moved by hand, images and films."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys

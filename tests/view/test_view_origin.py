@@ -1,7 +1,5 @@
 """The server of `hybridyn view` accepts connections of its own page only."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import socket

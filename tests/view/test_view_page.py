@@ -1,7 +1,5 @@
 """The page of `hybridyn view` in a real browser: its content, a drag, a drag out of reach, playback."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import re
