@@ -55,11 +55,23 @@ def _couplings(d: Description) -> Iterator[tuple[str, dict[str, float]]]:
 
 
 def _of_closure(c: Closure) -> list[Any]:
-    """Return the rows of a closure in its author's axes, which may turn about a free axis."""
+    """Return the rows of a closure in its author's axes, and what they see of the frame on the other link."""
     locked = c.turn[:, c.translations] @ c.turn[:, c.translations].T
     axis = c.turn[:, 2] if c.rotation in ("parallel", "perpendicular") else ()
-    other = turned(c.frame_b, c.turn.T) if c.rotation != "perpendicular" else c.frame_b[:, 2:]
-    return [c.link_a, c.link_b, c.rotation, locked, axis, turned(c.frame_a, c.turn.T), other]
+    other, place = turned(c.frame_b, c.turn.T)[:3, :3], c.frame_b[:3, 3]
+    if c.rotation == "fixed":  # a shift along a free axis changes no row
+        place = other @ locked @ other.T @ place
+    seen = {"fixed": other, "free": (), "parallel": c.frame_b[:3, 2], "perpendicular": c.frame_b[:3, 2]}
+    return [
+        c.link_a,
+        c.link_b,
+        c.rotation,
+        locked,
+        axis,
+        turned(c.frame_a, c.turn.T),
+        seen[c.rotation],
+        place,
+    ]
 
 
 def same(a: Any, b: Any) -> bool:

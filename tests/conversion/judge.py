@@ -189,7 +189,9 @@ def same_frames(a: HybridRobot, b: HybridRobot, q: np.ndarray, *, links: bool) -
             np.testing.assert_allclose(there[name], here[name], rtol=0, atol=SAME)
         for name, closure in ours.items():
             for end, other in zip(ends(here, closure), ends(there, theirs[name]), strict=True):
-                np.testing.assert_allclose(other[:3, 3], end[:3, 3], rtol=0, atol=SAME)
+                shift = end[:3, :3].T @ (other[:3, 3] - end[:3, 3])
+                seen = list(closure.translations) if closure.rotation == "fixed" else [0, 1, 2]
+                np.testing.assert_allclose(shift[seen], 0.0, rtol=0, atol=SAME)
                 axes = {"free": 0, "perpendicular": 1, "parallel": 1, "fixed": 3}[closure.rotation]
                 axes = 3 if closure.translations not in ((), (0, 1, 2)) else axes
                 np.testing.assert_allclose(other[:3, 3 - axes : 3], end[:3, 3 - axes : 3], rtol=0, atol=SAME)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
+import hybridyn
 from hybridyn.conversion.home import poses_at
 from hybridyn.conversion.request import Request
 from hybridyn.conversion.writers import write
@@ -14,7 +15,9 @@ from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.closure_forms import FORMS
 from hybridyn.description.placement import inverse, placement_from
 from hybridyn.description.urdf.shapes import Shape
-from tests.conversion.judge import read_back
+from hybridyn.structure.building import build_robot
+from tests.comparing import close_to
+from tests.conversion.judge import SAME, read_back, states
 from tests.mechanisms import random_mechanism
 
 TURN = placement_from(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0.3]))
@@ -60,21 +63,36 @@ def test_a_floating_base_stands_at_home(tmp_path: Path) -> None:
     np.testing.assert_allclose(after.base_home, pose, atol=1e-15)
 
 
-def test_positions_count_from_home_for_others(tmp_path: Path) -> None:
-    """Limits and springs of a robot that stands at home move with the zero of its joints."""
+def test_positions_count_from_home(tmp_path: Path) -> None:
+    """Limits, springs, stops and couplings move with the zero of their joints: efforts are the same."""
     before = random_mechanism(3, kind="four_bar_two_motors")
     name, (x,) = next((name, x) for name, x in before.home.items() if x[0] and len(x) == 1)
-    (joint,) = (joint for joint in before.joints if joint.name == name)
-    limited = tuple(replace(one, lower=-1.0, upper=2.0) if one.name == name else one for one in before.joints)
-    after, _ = read_back(replace(before, joints=limited), tmp_path / "robot.sdf")
-    root = etree.parse(tmp_path / "robot.sdf").getroot()
-    (stated,) = (node for node in root.iter("joint") if node.get("name") == name)
-    lower = float(stated.find("axis").find("limit").find("lower").text)
-    assert lower == -1.0 - x
-    assert root.get("version") == "1.11"
+    joints = tuple(replace(one, lower=-1.0, upper=2.0) if one.name == name else one for one in before.joints)
+    effects = (
+        ("spring", {"stiffness": {name: 7.0}}),
+        ("stop", {"stiffness": {name: 90.0}, "lower": {name: x - 0.1}, "upper": {name: x - 0.01}}),
+    )
+    before = replace(before, joints=joints, effects=effects)
+    after, out = read_back(before, tmp_path / "robot.sdf")
+    assert [line.split(":")[0] for line in out.losses] == [
+        "positions of joints count from home, where the loops are closed"
+    ]
+    assert etree.parse(tmp_path / "robot.sdf").getroot().get("version") == "1.11"
     (found,) = (one for one in after.joints if one.name == name)
-    np.testing.assert_allclose((found.lower, found.upper), (-1.0, 2.0), rtol=0, atol=1e-15)
-    np.testing.assert_allclose(found.placement, joint.placement, rtol=0, atol=1e-15)
+    np.testing.assert_allclose((found.lower, found.upper), (-1.0 - x, 2.0 - x), rtol=0, atol=1e-15)
+    one, two = build_robot(before), build_robot(after)
+    q, v, a = states(before)
+    moved = q.copy()
+    for joint, at in zip(one.joints, one.q_slices, strict=True):
+        home = one.home[at]
+        moved[:, at] -= home if len(home) == 1 else 0
+        if len(home) == 2:
+            turn = np.array([[home[0], home[1]], [-home[1], home[0]]])
+            moved[:, at] = q[:, at] @ turn.T
+        assert two.kinds[two.joints.index(joint)] == one.kinds[one.joints.index(joint)]
+    tau = hybridyn.idm(one, q, v, a, effects=["spring", "stop"])
+    assert np.abs(tau - hybridyn.idm(one, q, v, a)).max() > 0.1
+    close_to(hybridyn.idm(two, moved, v, a, effects=["spring", "stop"]), tau, SAME)
 
 
 def test_names_that_sdf_does_not_allow_are_changed(tmp_path: Path) -> None:
@@ -114,7 +132,7 @@ def test_shapes_are_visuals(tmp_path: Path) -> None:
 
 
 def test_the_home_of_a_planar_joint_comes_back(tmp_path: Path) -> None:
-    """It stands where it stood, in a tree (from the model file) and in a robot with a loop (from the SDF)."""
+    """It stands where it stood, in a tree; in a robot with a loop its position counts from there."""
     links = tuple(Link(name, 1.5, np.array([0.1, 0, 0.2]), INERTIA) for name in ("base", "cart", "rod"))
     cart = Joint("roll", "planar", "base", "cart", TURN, np.array([0.0, 0.0, 1.0]))
     hinge = Joint("hinge", "revolute", "cart", "rod", TURN, np.array([0.0, 1.0, 0.0]))
@@ -129,10 +147,9 @@ def test_the_home_of_a_planar_joint_comes_back(tmp_path: Path) -> None:
     )  # fmt: skip
     for before in (tree, replace(tree, closures=(pin,))):
         after, _ = read_back(before, tmp_path / "cart.sdf")
-        found = {name: after.home[name][0] for name in ("roll_x", "roll_y", "roll", "hinge")}
-        assert found == pytest.approx({"roll_x": 0.5, "roll_y": -0.4, "roll": angle, "hinge": 0.2}, abs=1e-15)
-        theirs, zero = poses_at(after, after.home), poses_at(after, {})
-        ours = poses_at(before, {})
+        found = {name: after.home.get(name, (0.0,))[0] for name in ("roll_x", "roll_y", "roll", "hinge")}
+        expected = {"roll_x": 0.5, "roll_y": -0.4, "roll": angle, "hinge": 0.2}
+        assert found == pytest.approx(dict.fromkeys(found, 0.0) if before.closures else expected, abs=1e-15)
+        theirs = poses_at(after, after.home)
         for name in ("cart", "rod"):
             np.testing.assert_allclose(theirs[name], at[name], rtol=0, atol=1e-15)
-            np.testing.assert_allclose(zero[name], ours[name], rtol=0, atol=1e-15)

@@ -60,9 +60,6 @@ MOTIONS = {
         "<axis2><xyz>1 1 0</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4},
         turn((1, 2, 3), 0.7) * turn((1, 1, 0), -0.4),
     ),
-    "screw": (
-        "<screw_thread_pitch>0.5</screw_thread_pitch>", {"j": 0.7, "j_slide": 0.2}, turn((1, 2, 3), 0.7, 0.2),
-    ),
 }  # fmt: skip
 
 
@@ -98,23 +95,6 @@ def test_a_ball_turns_about_its_centre(tmp_path: Path) -> None:
     np.testing.assert_allclose(data.oMf[robot.model.getFrameId("arm", pin.BODY)], expected, atol=EXACT)
 
 
-@pytest.mark.parametrize(
-    ("stated", "pitch"),
-    [
-        ("<screw_thread_pitch>0.5</screw_thread_pitch>", 0.5 / (2 * np.pi)),
-        ("<thread_pitch>4</thread_pitch>", -0.25),
-        ("<thread_pitch>4</thread_pitch><screw_thread_pitch>0.5</screw_thread_pitch>", 0.5 / (2 * np.pi)),
-    ],
-)
-def test_a_screw_couples_its_slide(stated: str, pitch: float, tmp_path: Path) -> None:
-    found = read(
-        written(tmp_path, link("base"), link("nut"), WORLD, joint("j", "screw", "base", "nut", stated))
-    )
-    (coupling,) = found.couplings
-    assert coupling.terms == (("j_slide", 1.0), ("j", -pitch))
-    assert found.motors == ("j",)
-
-
 MIMIC = "<axis><xyz>0 0 1</xyz><mimic joint='{}' axis='{}'><multiplier>3</multiplier><offset>.5</offset>"
 MIMIC += "<reference>.2</reference></mimic></axis>"
 
@@ -129,22 +109,6 @@ def test_an_axis_follows_another(which: str, leader: str, tmp_path: Path) -> Non
     (coupling,) = read(file).couplings
     assert (coupling.name, coupling.terms) == ("follow", (("follow", 1.0), (leader, -3.0)))
     assert coupling.offset == pytest.approx(0.5 - 3 * 0.2, abs=EXACT)
-
-
-@pytest.mark.parametrize(("sense", "sign"), [("0 1 0", 1.0), ("0 -2 0", -1.0)])
-def test_a_gearbox_couples_angles_against_its_reference_body(sense: str, sign: float, tmp_path: Path) -> None:
-    """theta_2 = -ratio theta_1, both from the reference body, across two joints on one side."""
-    file = written(
-        tmp_path, link("base"), link("a"), link("b"), link("c"), WORLD,
-        joint("ja", "revolute", "base", "a", axis="0 1 0"), joint("jb", "revolute", "a", "b", axis=sense),
-        joint("jc", "revolute", "base", "c", axis="0 1 0"),
-        joint(
-            "gear", "gearbox", "b", "c", "<axis2><xyz>0 1 0</xyz></axis2><gearbox_ratio>4</gearbox_ratio>",
-            "<gearbox_reference_body>base</gearbox_reference_body>", axis="0 1 0",
-        ),
-    )  # fmt: skip
-    (coupling,) = read(file).couplings
-    assert (coupling.name, dict(coupling.terms)) == ("gear", {"jc": 1.0, "ja": 4.0, "jb": 4 * sign})
 
 
 def test_numbers_of_an_axis(tmp_path: Path) -> None:
@@ -203,20 +167,15 @@ PART = sdf(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("merge", [False, True])
-def test_an_included_model_stands_by_its_placement_frame(merge: bool, tmp_path: Path) -> None:
+def test_an_included_model_stands_by_its_pose(tmp_path: Path) -> None:
     (tmp_path / "part.sdf").write_text(PART)
-    attribute = ' merge="true"' if merge else ""
     include = (
-        f"<include{attribute}><uri>part.sdf</uri><name>left</name><placement_frame>tip</placement_frame>"
-        '<pose relative_to="base">0 0 2 0 0 0.1</pose></include>'
+        '<include><uri>part.sdf</uri><name>left</name><pose relative_to="base">0 0 2 0 0 0.1</pose></include>'
     )
-    prefix = "" if merge else "left::"
-    weld = joint("weld", "fixed", "base", f"{prefix}tip", axis="")
+    weld = joint("weld", "fixed", "base", "left::tip", axis="")
     file = written(tmp_path, link("base", "<pose>0 3 0 0 0 0.5</pose>"), include, weld, WORLD)
-    tip = se3("0 3 0 0 0 0.5") * se3("0 0 2 0 0 0.1")
-    expected = tip * se3("0 0.5 0 0 0 0.3").inverse()
-    np.testing.assert_allclose(places(file)[f"{prefix}arm"], expected, atol=EXACT)
+    expected = se3("0 3 0 0 0 0.5") * se3("0 0 2 0 0 0.1") * se3("1 0 0 0 0 0")
+    np.testing.assert_allclose(places(file)["left::arm"], expected, atol=EXACT)
 
 
 def test_a_folder_stands_for_the_file_that_its_config_names(tmp_path: Path) -> None:

@@ -8,28 +8,22 @@ from xml.etree import ElementTree as ET
 from ...description.records import Coupling, Description
 from ..losses import Losses, add_name
 from .joints import add_number
-from .posture import Posture
 
 
-def add_couplings(
-    d: Description, joints: Mapping[str, ET.Element], posture: Posture, losses: Losses
-) -> list[Coupling]:
+def add_couplings(d: Description, joints: Mapping[str, ET.Element], losses: Losses) -> list[Coupling]:
     """Add the couplings of two joints to a model.
 
     Args:
         joints: Element of each joint.
-        posture: The posture of the file, from which positions count.
         losses: Receives names of couplings.
 
     Returns:
         The couplings that SDF cannot say.
     """
-    return [coupling for coupling in d.couplings if not _add_mimic(coupling, joints, posture, losses)]
+    return [coupling for coupling in d.couplings if not _add_mimic(coupling, joints, losses)]
 
 
-def _add_mimic(
-    coupling: Coupling, joints: Mapping[str, ET.Element], posture: Posture, losses: Losses
-) -> bool:
+def _add_mimic(coupling: Coupling, joints: Mapping[str, ET.Element], losses: Losses) -> bool:
     """Add `<mimic>` to one of the two joints of a coupling that follows no other yet; False if none can."""
     if len(coupling.terms) != 2:
         return False
@@ -37,11 +31,9 @@ def _add_mimic(
         axis = joints[follower].find("axis")
         if axis is not None and axis.find("mimic") is None:
             add_name(coupling, follower, losses)
-            ratio = -other / own
             mimic = ET.SubElement(axis, "mimic", joint=leader)
-            add_number(mimic, "multiplier", ratio)
-            shift = posture.single(follower) - ratio * posture.single(leader)
-            add_number(mimic, "offset", coupling.offset / own - shift)
+            add_number(mimic, "multiplier", -other / own)
+            add_number(mimic, "offset", coupling.offset / own)
             add_number(mimic, "reference", 0.0)
             return True
     return False

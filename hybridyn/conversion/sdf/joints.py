@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.placement import placement_from
 from ...description.records import Array, Joint
-from ...description.robot_file import ZERO
 from ..losses import Losses, add_limits
 from ..numerals import angles_of, numeral, numerals
-from .posture import Posture
 
 #: Types of joints in SDF.
 TYPES = {
@@ -24,18 +20,17 @@ TYPES = {
 SLIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
 
 
-def add_pose(element: ET.Element, placement: Array, tag: str = "pose", **attributes: str) -> None:
+def add_pose(element: ET.Element, placement: Array, **attributes: str) -> None:
     """Add a pose as position, roll, pitch and yaw, unless it is the identity and relative to nothing named.
 
     Args:
         element: The element that receives it.
         placement: The pose, shape (4, 4).
-        tag: Name of the pose's element.
         attributes: Attributes of the pose's element.
     """
     if np.array_equal(placement, np.eye(4)) and not attributes:
         return
-    pose = ET.SubElement(element, tag, attributes)
+    pose = ET.SubElement(element, "pose", attributes)
     pose.text = f"{numerals(placement[:3, 3])} {numerals(angles_of(placement[:3, :3]))}"
 
 
@@ -66,13 +61,12 @@ def add_axis(element: ET.Element, axis: Array, tag: str = "axis") -> ET.Element:
 
 
 def add_joint(
-    root: ET.Element, joint: Joint, spring: tuple[float, float], posture: Posture, losses: Losses
+    root: ET.Element, joint: Joint, spring: tuple[float, float], losses: Losses
 ) -> ET.Element | None:
     """Add a joint of the tree and return it; None for a floating joint, which SDF states by having none.
 
     Args:
         spring: Stiffness and rest position of its spring; stiffness 0 for none.
-        posture: The posture of the file, from which positions count.
         losses: Receives what SDF cannot say.
     """
     if joint.kind == "floating":
@@ -82,10 +76,8 @@ def add_joint(
         _add_lost_numbers(joint, losses)
         return None
     if joint.kind == "planar":
-        return _add_planar(root, joint, posture, losses)
+        return _add_planar(root, joint, losses)
     element = start_joint(root, joint.name, TYPES[joint.kind], joint.parent, joint.child)
-    if joint.name in posture.positions:
-        ET.SubElement(element, "hybridyn:position").text = numerals(posture.positions[joint.name])
     if joint.kind == "spherical":
         _add_lost_numbers(joint, losses)
     if joint.kind in ("fixed", "spherical"):
@@ -95,14 +87,13 @@ def add_joint(
     if joint.gear_ratio != 1:
         add_number(element, "drake:gear_ratio", joint.gear_ratio)
     axis = add_axis(element, joint.axis)
-    zero = posture.single(joint.name)
-    _add_limit(axis, joint, zero)
+    _add_limit(axis, joint)
     stiffness, rest = spring
     if joint.damping or joint.friction or stiffness:
         dynamics = ET.SubElement(axis, "dynamics")
         add_number(dynamics, "damping", joint.damping)
         add_number(dynamics, "friction", joint.friction)
-        add_number(dynamics, "spring_reference", rest - zero if stiffness else 0.0)
+        add_number(dynamics, "spring_reference", rest)
         add_number(dynamics, "spring_stiffness", stiffness)
     return element
 
@@ -114,11 +105,11 @@ def _add_lost_numbers(joint: Joint, losses: Losses) -> None:
     add_limits(joint, losses)
 
 
-def _add_limit(axis: ET.Element, joint: Joint, zero: float) -> None:
-    """Add the finite limits; positions count from the posture of the file."""
+def _add_limit(axis: ET.Element, joint: Joint) -> None:
+    """Add the finite limits."""
     bounds = {"effort": joint.effort, "velocity": joint.velocity}
     if joint.kind != "continuous":
-        bounds = {"lower": joint.lower - zero, "upper": joint.upper - zero, **bounds}
+        bounds = {"lower": joint.lower, "upper": joint.upper, **bounds}
     bounds = {tag: value for tag, value in bounds.items() if np.isfinite(value)}
     if bounds:
         limit = ET.SubElement(axis, "limit")
@@ -126,28 +117,19 @@ def _add_limit(axis: ET.Element, joint: Joint, zero: float) -> None:
             add_number(limit, tag, value)
 
 
-def _add_planar(root: ET.Element, joint: Joint, posture: Posture, losses: Losses) -> ET.Element:
+def _add_planar(root: ET.Element, joint: Joint, losses: Losses) -> ET.Element:
     """Add two slides and a hinge with massless links between them."""
     losses.add("planar joints are two slides and a hinge", joint.name)
     _add_lost_numbers(joint, losses)
     parent, at = joint.parent, joint.placement
-    *ways, c, s = posture.positions.get(joint.name, ZERO["planar"])
-    for (word, axis), way in zip(SLIDES.items(), ways, strict=True):
+    for word, axis in SLIDES.items():
         link = f"{joint.child}_{word}"
-        add_massless(root, link, parent, at @ placement_from(np.eye(3), way * np.array(axis)))
-        slide = start_joint(root, f"{joint.name}_{word}", "prismatic", parent, link)
-        _add_position(slide, way)
-        add_axis(slide, np.array(axis))
+        add_massless(root, link, parent, at)
+        add_axis(start_joint(root, f"{joint.name}_{word}", "prismatic", parent, link), np.array(axis))
         parent, at = link, np.eye(4)
     element = start_joint(root, joint.name, "continuous", parent, joint.child)
-    _add_position(element, math.atan2(s, c))
     add_axis(element, joint.axis)
     return element
-
-
-def _add_position(element: ET.Element, position: float) -> None:
-    if position:
-        add_number(element, "hybridyn:position", position)
 
 
 def add_massless(root: ET.Element, name: str, parent: str, at: Array) -> None:

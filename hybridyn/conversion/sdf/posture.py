@@ -1,39 +1,68 @@
-"""Where the links of a robot stand in the posture that its SDF file states.
+"""Count the positions of joints from the posture in which an SDF file states its links.
 
-Loops have to be closed in that posture. A robot with closures therefore stands at home, and a tree at zero,
-but for its free bodies: SDF states their home by where they stand.
+SDF has no home posture: joints are at zero where the links stand. Loops have to be closed there. A robot with
+closures therefore stands at home, and a tree at zero, but for its free bodies.
 """
 
 from __future__ import annotations
 
-from ...description.records import Description, Joint
-from ..home import angle_of, motion_of, poses_at
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...description.records import Coupling, Description
+from ..home import angle_of, motion_of
+from ..losses import Losses
 
 
-class Posture:
-    """A posture of a robot.
+def counted_from_home(d: Description, losses: Losses) -> Description:
+    """Return the same robot, whose joints are at zero where its links stand in the file.
 
-    Attributes:
-        positions: Joint positions by name, those that are not zero: one number [m or rad], or Pinocchio's
-            coordinates of a joint with several freedoms.
-        world: Pose of each link relative to the root link, shape (4, 4).
-        step: Pose of each link relative to its parent link, shape (4, 4).
+    Args:
+        losses: Receives the joints whose zero moves.
     """
+    home = {
+        joint.name: d.home[joint.name]
+        for joint in d.joints
+        if joint.name in d.home and (d.closures or joint.kind == "floating")
+    }
+    joints = []
+    for joint in d.joints:
+        motion = motion_of(joint, home)
+        if not np.array_equal(motion, np.eye(4)):
+            if joint.kind != "floating":
+                losses.add("positions of joints count from home, where the loops are closed", joint.name)
+            joint = replace(joint, placement=joint.placement @ motion)
+        shift = _shift(joint.name, home)
+        joints.append(replace(joint, lower=joint.lower - shift, upper=joint.upper - shift))
+    moved = replace(
+        d,
+        joints=tuple(joints),
+        couplings=tuple(_shifted(coupling, home) for coupling in d.couplings),
+        effects=tuple((name, _effect(numbers, home)) for name, numbers in d.effects),
+        home={name: x for name, x in d.home.items() if name not in home},
+    )
+    springs = [replace(spring, rest=spring.rest - _shift(spring.name, home)) for spring in d.springs]
+    return moved.with_springs(springs) if springs else moved
 
-    def __init__(self, d: Description) -> None:
-        moved = [joint for joint in d.joints if d.closures or joint.kind == "floating"]
-        self.positions = {joint.name: x for joint in moved if (x := _position(joint, d))}
-        self.step = {joint.child: joint.placement @ motion_of(joint, self.positions) for joint in d.joints}
-        self.world = poses_at(d, self.positions)
 
-    def single(self, joint: str) -> float:
-        """Return the position of a joint with one freedom [m or rad]."""
-        return self.positions.get(joint, (0.0,))[0]
+def _shift(name: str, home: Mapping[str, tuple[float, ...]]) -> float:
+    """Return the home position of a joint with one freedom [m or rad], 0 of any other."""
+    x = home.get(name, ())
+    return angle_of(x) if len(x) in (1, 2) else 0.0
 
 
-def _position(joint: Joint, d: Description) -> tuple[float, ...]:
-    """Return the home position of a joint, () for zero."""
-    x = tuple(float(part) for part in d.home.get(joint.name, ()))
-    if joint.kind == "continuous" and len(x) == 2:
-        x = (angle_of(x),)
-    return x if any(x) else ()
+def _shifted(coupling: Coupling, home: Mapping[str, tuple[float, ...]]) -> Coupling:
+    moved = sum(factor * _shift(name, home) for name, factor in coupling.terms)
+    return replace(coupling, offset=coupling.offset - moved)
+
+
+def _effect(numbers: dict[str, Any], home: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
+    """Return the numbers of an effect, whose limits by joint count from home."""
+    limits = {
+        key: {name: x - _shift(name, home) for name, x in numbers[key].items()}
+        for key in ("lower", "upper") if key in numbers
+    }  # fmt: skip
+    return numbers | limits

@@ -6,9 +6,9 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 from ...description.names import listed
-from ...description.records import Coupling, Description, Link
+from ...description.records import Coupling, Description, Joint, Link
 from ...description.urdf.shapes import Shape
-from ..home import free_pose, home_of
+from ..home import free_pose, home_of, poses_at
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import numeral, numerals
@@ -17,19 +17,19 @@ from .closures import add_closure
 from .couplings import add_couplings
 from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint
 from .naming import allowed
-from .posture import Posture
+from .posture import counted_from_home
 
 #: Version that is written: the first whose `<mimic>` names an axis.
 VERSION = "1.11"
 
-#: Namespaces of elements that are not SDF's own.
-NAMESPACES = {"hybridyn": "urn:hybridyn", "drake": "http://drake.mit.edu"}
+#: Namespace of rotors, which are not SDF's own.
+DRAKE = "http://drake.mit.edu"
 
 
 def write_sdf(request: Request, losses: Losses) -> Written:
     """Write a robot as SDF."""
-    d = allowed(request.description, losses)
-    posture = Posture(d)
+    d = counted_from_home(allowed(request.description, losses), losses)
+    poses = poses_at(d, {})
     root = ET.Element("sdf", version=VERSION)
     holder = root
     if d.gravity is not None:
@@ -38,9 +38,9 @@ def write_sdf(request: Request, losses: Losses) -> Written:
     model = ET.SubElement(holder, "model", name=d.name)
     if d.base == "floating" and d.base_home is not None:
         add_pose(model, free_pose(d.base_home))
-    above = {joint.child: joint.parent for joint in d.joints}
+    above = {joint.child: joint for joint in d.joints}
     for link in d.links:
-        _add_link(model, link, above.get(link.name), posture, request.shapes, losses)
+        _add_link(model, link, above.get(link.name), request.shapes, losses)
     if d.base == "fixed" and d.root != "world":
         names = {joint.name for joint in d.joints} | {link.name for link in d.links}
         anchor = next(name for n in range(len(names) + 1) if (name := f"anchor{n or ''}") not in names)
@@ -48,29 +48,27 @@ def write_sdf(request: Request, losses: Losses) -> Written:
     springs = {spring.name: (spring.stiffness, spring.rest) for spring in d.springs}
     elements = {}
     for joint in d.joints:
-        element = add_joint(model, joint, springs.get(joint.name, (0.0, 0.0)), posture, losses)
+        element = add_joint(model, joint, springs.get(joint.name, (0.0, 0.0)), losses)
         if element is not None:
             elements[joint.name] = element
     for closure in d.closures:
-        add_closure(model, closure, posture, losses)
-    couplings = add_couplings(d, elements, posture, losses)
-    for prefix, address in NAMESPACES.items():
-        if any(element.tag.startswith(f"{prefix}:") for element in root.iter()):
-            root.set(f"xmlns:{prefix}", address)
+        add_closure(model, closure, poses, losses)
+    couplings = add_couplings(d, elements, losses)
+    if any(element.tag.startswith("drake:") for element in root.iter()):
+        root.set("xmlns:drake", DRAKE)
     ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
     beside = model_file(
-        replace(d, home=_home(d)), motors=True, home=not d.closures, couplings=couplings,
+        replace(d, home=_home(d)), motors=True, home=True, couplings=couplings,
         effects=[name for name, _ in d.effects if name != "spring"],
     )  # fmt: skip
-    return Written(text, tuple(_notes(d, posture, couplings)), {".model.toml": beside})
+    return Written(text, tuple(_notes(d, couplings)), {".model.toml": beside})
 
 
 def _add_link(
     model: ET.Element,
     link: Link,
-    parent: str | None,
-    posture: Posture,
+    above: Joint | None,
     shapes: tuple[Shape, ...],
     losses: Losses,
 ) -> None:
@@ -80,10 +78,10 @@ def _add_link(
             losses.add("mass and inertia of the world's link, which do not move", link.name)
         return
     element = ET.SubElement(model, "link", name=link.name)
-    if parent is not None and parent != "world":
-        add_pose(element, posture.step[link.name], relative_to=parent)
-    elif parent == "world":
-        add_pose(element, posture.step[link.name])
+    if above is not None:
+        add_pose(
+            element, above.placement, **({} if above.parent == "world" else {"relative_to": above.parent})
+        )
     add_inertial(element, link.mass, link.com, link.inertia)
     for number, shape in enumerate(shape for shape in shapes if shape.link == link.name):
         _add_visual(element, f"{link.name}_{number}", shape)
@@ -117,13 +115,8 @@ def _home(d: Description) -> dict[str, tuple[float, ...]]:
     return out
 
 
-def _notes(d: Description, posture: Posture, couplings: list[Coupling]) -> list[str]:
+def _notes(d: Description, couplings: list[Coupling]) -> list[str]:
     out = []
-    if d.closures and posture.positions:
-        out.append(
-            "the links stand at home, where the loops are closed; other programs count positions from there "
-            f"(hybridyn reads <hybridyn:position>): {listed(posture.positions)}"
-        )
     if light := [link.name for link in d.links if not link.mass and link.name != "world"]:
         out.append(f"links without mass, which Gazebo refuses: {listed(light)}")
     if couplings:

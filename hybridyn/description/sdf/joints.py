@@ -1,96 +1,193 @@
-"""Joints as an SDF file states them: type, links, pose and axes in the world."""
+"""Joints as an SDF file states them: type, links, pose and axes in the world, numbers, leaders."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..closure_forms import LARGEST_COSINE
+from ..joint_graph import WORLD, StatedJoint
 from ..names import did_you_mean, listed
 from ..records import Array
 from ..urdf.xml_node import Node
 from . import fields
-from .axes import Axis, Remarks, read_axis, refuse_idle
-from .poses import Poses
-from .scopes import Item
+from .models import Item, Models
 
 #: How many axes each type of joint has.
 AXES = {
-    "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "screw": 1, "universal": 2,
-    "revolute2": 2, "gearbox": 2,
+    "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2,
 }  # fmt: skip
+
+#: Types of joints that are not read, and what to write in their place.
+UNREAD = {
+    "screw": "a revolute and a prismatic joint, and <mimic> in one of them",
+    "gearbox": "<mimic> in the axis of one of its joints",
+    "piston": "a revolute and a prismatic joint; programs never agreed on its meaning",
+}
+
+#: Importance from which a joint keeps its position: a loop is cut beside it, not at it.
+KEPT = 4
+
+#: What is noted of joints, each once for all of them.
+STOPS = "stiffness and dissipation of joint stops are not read (the effect stop has them)"
+ENGINES = "settings of a physics engine are not read"
+IDLE = "an axis that the joint does not have, and its dynamics, are ignored, as Gazebo does"
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """The leader that an axis follows: follower = multiplier leader + offset.
+
+    Attributes:
+        node: The element.
+        joint: The leading joint.
+        number: Which of its axes leads, from 0.
+        multiplier: Ratio.
+        offset: Position of the follower where the leader is at zero [m or rad].
+    """
+
+    node: Node
+    joint: Item
+    number: int
+    multiplier: float
+    offset: float
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
+class Axis:
+    """An axis of a joint.
+
+    Attributes:
+        direction: Unit vector in the world, shape (3,).
+        numbers: Limits and friction, as in `records.Joint`; the lower limit may be above the upper one.
+        stiffness: Stiffness of its spring [N/m or N m/rad].
+        rest: Position of the spring without force [m or rad].
+        initial: Position at the start [m or rad], None if not stated.
+        mimic: The leader that it follows, or None.
+    """
+
+    direction: Array
+    numbers: dict[str, float]
+    stiffness: float
+    rest: float
+    initial: float | None
+    mimic: Mimic | None
+
+    @property
+    def limited(self) -> bool:
+        """Whether it has any limit."""
+        return bool(
+            np.isfinite([self.numbers[word] for word in ("lower", "upper", "velocity", "effort")]).any()
+        )
+
+    @property
+    def needed(self) -> bool:
+        """Whether its position matters: damping, friction, a spring, a leader or a start depends on it."""
+        forces = self.numbers["damping"], self.numbers["friction"], self.stiffness
+        return any(forces) or self.mimic is not None or self.initial is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Stated(StatedJoint):
     """A joint as its file states it.
 
     Attributes:
         item: The element.
         kind: Its type.
-        parent: Parent link, None for the world.
-        child: Child link, None for the world.
+        links: Parent and child link, None for the world.
         at: Pose of the joint in the world, shape (4, 4).
-        cut: Whether the file asks that it closes a loop.
-        pitch: Way of a screw along its axis [m/rad].
-        position: Position of the joint in the posture of the file, () for zero.
-        frame_a: Pose of the joint in the parent's frame where the file states it, shape (4, 4), or None.
-        rotor_inertia: Inertia of the motor's rotor [kg m^2].
-        gear_ratio: Rotor turns per joint turn.
+        axes: Its axes.
+        must_close: Whether the file asks that it closes a loop.
+        rotor: Rotor inertia [kg m^2] and gear ratio, as in `records.Joint`.
+        importance: How much would be lost if it were only a closure.
     """
 
     item: Item
     kind: str
-    parent: Item | None
-    child: Item | None
+    links: tuple[Item | None, Item | None]
     at: Array
-    axes: tuple[Axis, ...] = ()
-    cut: bool = False
-    pitch: float = 0.0
-    position: tuple[float, ...] = ()
-    frame_a: Array | None = None
-    rotor_inertia: float = 0.0
-    gear_ratio: float = 1.0
-
-    @property
-    def name(self) -> str:
-        """Name of the joint, with those of nested models."""
-        return self.item.full_name
+    axes: tuple[Axis, ...]
+    must_close: bool
+    rotor: dict[str, float]
+    importance: int = 0
 
 
-def read_joint(item: Item, poses: Poses, remarks: Remarks) -> Stated:
-    """Return a joint as its file states it.
+@dataclass
+class Remarks:
+    """What the reader of joints notes: the joints by what is said of them."""
+
+    joints: dict[str, list[str]] = field(default_factory=dict)
+
+    def add(self, remark: str, item: Item) -> None:
+        """Add a joint."""
+        self.joints.setdefault(remark, []).append(item.full_name)
+
+    def notes(self) -> list[str]:
+        """Return the remarks in words."""
+        return [f"joints {listed(names)}: {remark}" for remark, names in self.joints.items()]
+
+
+def read_joints(models: Models, file: str, remarks: Remarks) -> list[Stated]:
+    """Return the joints in the order of the file.
+
+    Args:
+        models: Where everything stands.
+        file: The robot's own file.
+        remarks: Takes what is noted.
 
     Raises:
         ModelError: The type is not read, a link or axis is missing, or a number is invalid.
     """
-    node = item.node
-    kind = _kind(node)
-    parent, child = (_end(node, tag, item, poses) for tag in ("parent", "child"))
+    joints = [_read_joint(item, models, file, remarks) for item in models.every("joint")]
+    leaders = {axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None}
+    joints = [replace(joint, importance=_importance(joint, leaders)) for joint in joints]
+    children: set[str] = set()
+    out = {}
+    for joint in sorted(joints, key=lambda joint: (joint.must_close, -joint.importance)):
+        again = joint.ends[1] in children or joint.ends[1] == WORLD
+        out[joint.item] = replace(joint, rank=(joint.must_close, -joint.importance, again))
+        children.add(joint.ends[1])
+    return [out[joint.item] for joint in joints]
+
+
+def _importance(joint: Stated, leaders: Collection[Item]) -> int:
+    if joint.kind == "fixed":
+        return KEPT + 1
+    if joint.rotor["rotor_inertia"] or joint.item in leaders or any(axis.needed for axis in joint.axes):
+        return KEPT
+    if any(axis.limited for axis in joint.axes):
+        return 3
+    return 1 if joint.kind == "ball" else 2
+
+
+def _read_joint(item: Item, models: Models, file: str, remarks: Remarks) -> Stated:
+    node, kind = item.node, _kind(item.node)
+    ends = [node.required_child(tag) for tag in ("parent", "child")]
+    parent, child = (models.link(item.scope, end.content(), end) for end in ends)
     if parent is child:
         what = "the world" if parent is None else f"link '{parent.full_name}'"
         raise node.error(f"joins {what} to itself")
-    written = [node.child(tag) for tag in ("axis", "axis2")]
-    axes: list[Axis] = []
-    for number in range(AXES[kind]):
-        axis = written[number]
-        if axis is None:
-            raise node.error(f"<{('axis', 'axis2')[number]}> is missing; a {kind} joint has {AXES[kind]}")
-        axes.append(read_axis(axis, item, poses, remarks))
-    if any(axis is not None for axis in written[AXES[kind] :]):
-        refuse_idle(kind, [axis for axis in written[AXES[kind] :] if axis is not None], item, remarks)
+    axes, count = [], AXES[kind]
+    for number, tag in enumerate(("axis", "axis2")):
+        axis = node.child(tag)
+        if number < count and axis is None:
+            raise node.error(f"<{tag}> is missing; a {kind} joint has {count}")
+        if number < count and axis is not None:
+            axes.append(_read_axis(axis, item, models, remarks))
+        elif axis is not None and axis.child("mimic") is not None:
+            raise axis.error(f"<mimic> in an axis that a {kind} joint does not have; remove it")
+        elif axis is not None and item.full_name not in remarks.joints.get(IDLE, ()):
+            remarks.add(IDLE, item)
     if kind == "universal" and abs(axes[0].direction @ axes[1].direction) > LARGEST_COSINE:
         raise node.error("the axes of a universal joint are perpendicular; mend them, or write revolute2")
+    first, second = (WORLD if end is None else end.full_name for end in (parent, child))
+    line = node.line if node.file == file else None
     return Stated(
-        item, kind, parent, child, poses.world(item), tuple(axes),
-        cut=_must_close(node, item, remarks),
-        pitch=_pitch(node) if kind == "screw" else 0.0,
-        position=_position(node, kind),
-        frame_a=_frame_a(node),
-        rotor_inertia=_rotor_inertia(node, kind),
-        gear_ratio=fields.number(node, "drake:gear_ratio", 1.0),
+        item.full_name, (first, second), (), line, item, kind, (parent, child), models.pose(item),
+        tuple(axes), _must_close(node, item, remarks), _rotor(node, kind),
     )  # fmt: skip
 
 
@@ -98,18 +195,9 @@ def _kind(node: Node) -> str:
     kind = node.text("type")
     if kind in AXES:
         return kind
-    if kind == "piston":
-        raise node.error(
-            "type 'piston' never had a meaning that programs agree on; write a revolute and a prismatic joint"
-        )
+    if kind in UNREAD:
+        raise node.error(f"type '{kind}' is not read; write {UNREAD[kind]}")
     raise node.error(f"unknown joint type '{kind}'{did_you_mean(kind, AXES)}; known: {listed(AXES)}")
-
-
-def _end(node: Node, tag: str, item: Item, poses: Poses) -> Item | None:
-    """Return the parent or child link of a joint, None for the world."""
-    end = node.required_child(tag)
-    name = end.content()
-    return poses.link(item.scope, name, end)
 
 
 def _must_close(node: Node, item: Item, remarks: Remarks) -> bool:
@@ -119,46 +207,13 @@ def _must_close(node: Node, item: Item, remarks: Remarks) -> bool:
         return False
     simbody = physics.child("simbody")
     if any(child.tag not in ("simbody", "provide_feedback") for child in physics.children()):
-        remarks.engines.append(item.full_name)
+        remarks.add(ENGINES, item)
     return simbody is not None and fields.flag(simbody, "must_be_loop_joint")
 
 
-def _pitch(node: Node) -> float:
-    """Return the way of a screw along its axis [m/rad], positive for a right-handed thread."""
-    newer, older = node.child("screw_thread_pitch"), node.child("thread_pitch")
-    if newer is not None:
-        pitch = newer.content_number() / (2 * math.pi)
-    elif older is not None and (rate := older.content_number()):
-        pitch = -1 / rate
-    else:
-        raise node.error("a screw needs <screw_thread_pitch> [m per turn], positive if right-handed")
-    if pitch == 0 or abs(pitch) > 1e50:
-        raise node.error("the pitch of a screw is neither zero nor infinite; write a revolute joint instead")
-    return pitch
-
-
-def _position(node: Node, kind: str) -> tuple[float, ...]:
-    """Return the position that hybridyn's own element states, () if it is absent."""
-    stated = node.child("hybridyn:position")
-    if stated is None:
-        return ()
-    count = {"ball": 4, "fixed": 0}.get(kind, AXES[kind])
-    numbers = stated.content_numbers(count)
-    if kind == "ball":
-        norm = float(np.linalg.norm(numbers))
-        if abs(norm - 1) > fields.QUATERNION_SLACK:
-            raise stated.error(f"its quaternion has length {norm:g}; a unit quaternion is needed")
-        numbers = numbers / norm
-    return tuple(float(x) for x in numbers)
-
-
-def _frame_a(node: Node) -> Array | None:
-    stated = node.child("hybridyn:parent_pose")
-    return None if stated is None else fields.pose(stated)
-
-
-def _rotor_inertia(node: Node, kind: str) -> float:
+def _rotor(node: Node, kind: str) -> dict[str, float]:
     inertia = fields.number(node, "drake:rotor_inertia")
+    ratio = fields.number(node, "drake:gear_ratio", 1.0)
     if inertia < 0:
         raise node.error(f"negative rotor inertia {inertia:g}")
     if inertia and kind in ("ball", "universal", "revolute2"):
@@ -166,6 +221,69 @@ def _rotor_inertia(node: Node, kind: str) -> float:
             f"<drake:rotor_inertia> of {inertia:g} kg m^2 does not say which axis of a {kind} joint the "
             "rotor turns with; write revolute joints, with the rotor in one of them"
         )
-    if fields.number(node, "drake:gear_ratio", 1.0) == 0:
+    if ratio == 0:
         raise node.error("a gear ratio of 0 moves nothing")
-    return inertia
+    return {"rotor_inertia": inertia, "gear_ratio": ratio}
+
+
+def _read_axis(node: Node, item: Item, models: Models, remarks: Remarks) -> Axis:
+    xyz = node.child("xyz")
+    if xyz is None:
+        raise node.error("<xyz> is missing; give a direction such as <xyz>0 0 1</xyz>")
+    local = fields.direction(xyz)
+    frame = str(xyz.xml.get("expressed_in", "")).strip()
+    if item.minor >= 7 and node.child("use_parent_model_frame") is not None:
+        raise node.error(
+            'use_parent_model_frame ended with SDFormat 1.6; write <xyz expressed_in="__model__">'
+        )
+    place: Item | None = item
+    if frame:
+        place = models.resolve(item.scope, frame, xyz)
+    elif fields.flag(node, "use_parent_model_frame", default=item.minor < 5):
+        place = item.scope
+    dynamics = node.child("dynamics")
+    forces = {tag: fields.number(dynamics, tag) for tag in ("damping", "friction", "spring_stiffness")}
+    for tag, value in forces.items():
+        if dynamics is not None and value < 0:
+            raise dynamics.error(f"negative {tag} {value:g}")
+    stiffness = forces.pop("spring_stiffness")
+    start = node.child("initial_position")
+    return Axis(
+        models.pose(place)[:3, :3] @ local, _limits(node.child("limit"), item, remarks) | forces, stiffness,
+        fields.number(dynamics, "spring_reference"),
+        None if start is None else fields.number(node, "initial_position"), _mimic(node, item, models),
+    )  # fmt: skip
+
+
+def _limits(node: Node | None, item: Item, remarks: Remarks) -> dict[str, float]:
+    """Return position, speed and effort limits; negative speed and effort limits mean none in SDFormat."""
+    out = {}
+    for tag, none in (("lower", -math.inf), ("upper", math.inf)):
+        value = fields.number(node, tag, none, infinite=True)
+        out[tag] = math.copysign(math.inf, value) if abs(value) >= fields.UNLIMITED else value
+    for tag in ("velocity", "effort"):
+        value = fields.number(node, tag, math.inf, infinite=True)
+        out[tag] = value if 0 <= value < fields.UNLIMITED else math.inf
+    stops = [tag for tag in ("stiffness", "dissipation") if node is not None and node.child(tag) is not None]
+    for tag in stops:
+        fields.number(node, tag)
+    if stops:
+        remarks.add(STOPS, item)
+    return out
+
+
+def _mimic(node: Node, item: Item, models: Models) -> Mimic | None:
+    mimic = node.child("mimic")
+    if mimic is None:
+        return None
+    name = mimic.text("joint")
+    leader = models.find(item.scope, name).get("joint")
+    if leader is None:
+        known = [joint.name for joint in models.every("joint") if joint.scope is item.scope]
+        raise mimic.error(f"unknown joint '{name}'{did_you_mean(name, known)}; known: {listed(known)}")
+    which = str(mimic.xml.get("axis", "")).strip() or "axis"
+    if which not in ("axis", "axis2"):
+        raise mimic.error(f"axis '{which}' instead of 'axis' or 'axis2'")
+    ratio = fields.number(mimic, "multiplier", 1.0)
+    offset = fields.number(mimic, "offset") - ratio * fields.number(mimic, "reference")
+    return Mimic(mimic, leader, int(which == "axis2"), ratio, offset)

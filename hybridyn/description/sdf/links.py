@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ..names import listed
@@ -9,20 +11,20 @@ from ..records import Array, Link
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
 from . import fields
-from .scopes import Item, Scope
+from .models import Item
 
 #: Moments of inertia by name, with SDFormat's defaults [kg m^2].
 MOMENTS = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 
 
-def add_links(robot: RobotFile, world: Scope) -> None:
+def add_links(robot: RobotFile, links: Iterable[Item]) -> None:
     """Add every link to the robot, in the order of the file; note those with SDFormat's default inertia.
 
     Raises:
         ModelError: A number is invalid, or a link states forces that hybridyn does not have.
     """
     assumed: list[str] = []
-    for item in world.everything("link"):
+    for item in links:
         robot.links.append(_link(item, robot, assumed))
     if assumed:
         robot.notes.append(

@@ -12,15 +12,13 @@ from ..urdf.xml_node import Node
 ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "sdf": ("version",),
     "world": ("name", "namespace"),
-    "model": ("name", "canonical_link", "placement_frame", "namespace"),
-    "include": ("merge",),
+    "model": ("name", "canonical_link", "namespace"),
     "frame": ("name", "attached_to"),
     "link": ("name",),
     "inertial": ("auto",),
     "joint": ("name", "type"),
     "mimic": ("joint", "axis"),
     "pose": ("relative_to", "frame", "rotation_format", "degrees"),
-    "hybridyn:parent_pose": ("rotation_format", "degrees"),
     "xyz": ("expressed_in",),
 }
 
@@ -29,30 +27,31 @@ READ: dict[str, tuple[str, ...]] = {
     "sdf": ("model", "world"),
     "world": ("model", "include", "joint", "frame", "gravity", "physics"),
     "model": ("static", "pose", "frame", "link", "joint", "include", "model"),
-    "include": ("uri", "name", "pose", "static", "placement_frame"),
+    "include": ("uri", "name", "pose", "static"),
     "frame": ("pose",),
     "link": ("pose", "inertial", "gravity", "kinematic", "velocity_decay"),
     "velocity_decay": ("linear", "angular"),
     "inertial": ("mass", "pose", "inertia", "fluid_added_mass"),
     "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
     "joint": (
-        "parent", "child", "pose", "axis", "axis2", "physics", "thread_pitch", "screw_thread_pitch",
-        "gearbox_ratio", "gearbox_reference_body", "drake:rotor_inertia", "drake:gear_ratio",
-        "hybridyn:position", "hybridyn:parent_pose",
+        "parent", "child", "pose", "axis", "axis2", "physics", "drake:rotor_inertia", "drake:gear_ratio",
     ),
     "axis": ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame", "initial_position"),
     "dynamics": ("damping", "friction", "spring_reference", "spring_stiffness"),
     "limit": ("lower", "upper", "effort", "velocity", "stiffness", "dissipation"),
     "mimic": ("multiplier", "offset", "reference"),
-    "static": (), "gravity": (), "kinematic": (), "uri": (), "name": (), "placement_frame": (), "pose": (),
-    "mass": (), "ixx": (), "ixy": (), "ixz": (), "iyy": (), "iyz": (), "izz": (), "linear": (),
-    "angular": (), "parent": (), "child": (), "thread_pitch": (), "screw_thread_pitch": (),
-    "gearbox_ratio": (), "gearbox_reference_body": (), "xyz": (), "use_parent_model_frame": (),
-    "initial_position": (), "damping": (), "friction": (), "spring_reference": (), "spring_stiffness": (),
-    "lower": (), "upper": (), "effort": (), "velocity": (), "stiffness": (), "dissipation": (),
-    "multiplier": (), "offset": (), "reference": (), "drake:rotor_inertia": (), "drake:gear_ratio": (),
-    "hybridyn:position": (), "hybridyn:parent_pose": (),
 }  # fmt: skip
+READ |= {tag: () for tags in [*READ.values()] for tag in tags if tag not in READ}
+
+#: What SDFormat has and hybridyn does not read, and what to write in its place.
+REFUSED = {
+    "placement_frame": "a pose of the model itself",
+    "merge": "an include without it, whose links are named model::link",
+    "screw_thread_pitch": "a revolute and a prismatic joint, and <mimic>",
+    "thread_pitch": "a revolute and a prismatic joint, and <mimic>",
+    "gearbox_ratio": "<mimic>",
+    "gearbox_reference_body": "<mimic>",
+}
 
 #: Children of each element that do not change the dynamics, or that others read or note.
 LEFT_OUT: dict[str, tuple[str, ...]] = {
@@ -115,6 +114,8 @@ def check(node: Node, unread: Unread) -> None:
     kind = "axis" if node.tag == "axis2" else node.tag
     attributes = ATTRIBUTES.get(kind, ())
     for name in node.attributes():
+        if name in REFUSED:
+            raise node.error(f"{name} is not read; write {REFUSED[name]}")
         if name not in attributes:
             known = listed(attributes) or "none"
             raise node.error(f"unknown attribute '{name}'{did_you_mean(name, attributes)}; known: {known}")
@@ -131,6 +132,8 @@ def check(node: Node, unread: Unread) -> None:
 
 
 def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], unread: Unread) -> None:
+    if child.tag in REFUSED:
+        raise child.error(f"is not read; write {REFUSED[child.tag]}")
     if child.tag in LEGACY_FORMS:
         raise child.error(f"{LEGACY_FORMS[child.tag].split(';')[0]}, which is not read in SDF; remove it")
     if ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:"):

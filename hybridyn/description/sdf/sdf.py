@@ -10,21 +10,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mjcf.naming import unique
-from ..records import Joint, Link
+from ..closure_forms import FORMS
+from ..joint_graph import WORLD, JointGraph, Step, span
+from ..names import listed
+from ..placement import inverse, placement_from, rotation_to_axis
+from ..records import Array, Coupling, JointKind
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
-from .axes import Remarks
-from .chains import Names, add_branch, home_pose
-from .couplings import add_couplings, reference_body
-from .graph import Branch, Tree, importance, span
-from .joints import Stated, read_joint
+from .joints import AXES, KEPT, Axis, Mimic, Remarks, Stated, read_joints
 from .library import Library
 from .links import add_links
-from .loops import add_loops
-from .poses import Poses
-from .scopes import MODEL, Item, Scope, add_model
+from .models import Item, Models
 from .world import choose_model, gravity_of
+
+#: Kinds of joints by type; those of several axes are chains.
+KINDS: dict[str, JointKind] = {
+    "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic", "ball": "spherical",
+    "universal": "revolute", "revolute2": "revolute",
+}  # fmt: skip
+
+#: Closures by the type of the joint.
+CLOSURES = {
+    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
+    "ball": "spherical", "universal": "universal",
+}  # fmt: skip
+
+#: Largest distance at which an axis still passes through an origin, and largest part of a unit axis that is
+#: rounding, relative to the coordinates: poses are products of a few matrices.
+POSE_ROUNDING = 16 * np.finfo(float).eps
 
 
 def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:
@@ -41,94 +54,177 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) ->
     library = Library(root, [os.fspath(folder) for folder in package_dirs])
     robot = RobotFile("robot", root.file, format="SDF")
     chosen = choose_model(root, library, robot)
-    world = Scope(chosen.world or root, library.source)
-    for node in world.node.children("joint", "frame"):
-        world.add_node(node)
-    add_model(world, chosen.model, chosen.source, chosen.own, library)
-    (model,) = world.items["model"].values()
-    if next(world.everything("link"), None) is None:
+    models = Models(chosen.world or root, chosen.model, chosen.source, chosen.own, library)
+    links = list(models.every("link"))
+    if not links:
         raise chosen.model.error("the model has no <link>; a robot has at least one")
-    robot.name = model.name
+    robot.name = models.robot.name
     robot.gravity = gravity_of(chosen.world)
-    poses = Poses(world)
     remarks = Remarks()
-    joints = [read_joint(item, poses, remarks) for item in world.everything("joint")]
-    add_links(robot, world)
-    _add_joints(robot, world, joints, poses)
+    joints = read_joints(models, robot.file, remarks)
+    add_links(robot, links)
+    _Builder(robot, models, links, joints).build(joints)
     robot.notes += [*remarks.notes(), *library.unread.notes()]
     return robot
 
 
-def _add_joints(robot: RobotFile, world: Scope, joints: list[Stated], poses: Poses) -> None:
-    named = {axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None}
-    named |= _geared(joints, poses)
-    connecting = [joint for joint in joints if joint.kind != "gearbox"]
-    tree = span(world.everything("link"), connecting, named, _canonical(world, poses))
-    names = Names({link.name for link in robot.links}, {joint.name for joint in joints})
-    branches = _root(robot, tree, poses, names)
-    for branch in branches:
-        add_branch(robot, branch, poses, names)
-    add_loops(robot, [(joint, importance(joint, named)) for joint in tree.cut], poses, names)
-    add_couplings(robot, joints, branches, poses, names)
-    _add_springs(robot, names)
+class _Builder:
+    """Makes the record of a robot of its links and joints."""
+
+    def __init__(self, robot: RobotFile, models: Models, links: list[Item], joints: list[Stated]) -> None:
+        self.robot, self.models, self.links = robot, models, links
+        names = {link.full_name: link.full_name for link in links}
+        self.graph = JointGraph(robot, names, {joint.name for joint in joints}, "{child}_fixed")
+        self.steps: dict[Item, list[str]] = {}
+
+    def build(self, joints: list[Stated]) -> None:
+        """Add joints, closures, couplings and springs to the robot."""
+        tree = span(self._starts(joints), joints)
+        poses = {link.full_name: self.models.pose(link) for link in self.links}
+        welds = [
+            joint for joint in joints if joint.kind == "fixed" and WORLD in joint.ends
+            and np.array_equal(self.models.pose(joint.links[joint.ends[0] == WORLD]), np.eye(4))
+        ]  # fmt: skip
+        branches = self.graph.stand(tree, poses, welds)
+        if self.robot.base == "floating":
+            self.robot.notes.append(
+                "nothing joins the model to the world, so its base floats; to hold it, load it with "
+                "base='fixed', or write a fixed joint with <parent>world</parent>"
+            )
+        for joint, forward in branches:
+            ends = joint.ends if forward else joint.ends[::-1]
+            steps, frames = self._chain(joint, forward)
+            self.graph.carry(
+                steps, (self.graph.links[ends[0]], self.graph.links[ends[1]]), frames, joint, forward
+            )
+        self._close(tree.cut)
+        for joint in joints:
+            for number, axis in enumerate(joint.axes):
+                if axis.mimic is not None:
+                    name = self.steps[joint.item][number]
+                    self.robot.couplings.append(self._coupling(name, axis.mimic, joint.line))
+        self._add_springs(joints)
+
+    def _starts(self, joints: list[Stated]) -> list[str]:
+        """Return the links in the order in which groups without the world start at them."""
+        first = [] if not self.models.robot.model.xml.get("canonical_link") else [
+            self.models.link(self.models.robot, "__model__", self.models.robot.model)
+        ]  # fmt: skip
+        children = {joint.ends[1] for joint in joints if not joint.must_close}
+        names = [link.full_name for link in self.links]
+        return [
+            *(link.full_name for link in first if link is not None),
+            *(name for name in names if name not in children),
+            *names,
+        ]
+
+    def _chain(self, joint: Stated, forward: bool) -> tuple[list[Step], tuple[Array, Array]]:
+        """Return a joint as a chain from the link above to that below, and its frame in both.
+
+        The frame has the axes of the link below.
+        """
+        above, below = joint.links if forward else joint.links[::-1]
+        start, end = self.models.pose(above), self.models.pose(below)
+        origin = placement_from(np.eye(3), _origin(joint, start, end))
+        names = [joint.name]
+        if AXES[joint.kind] == 2:
+            names = [self.graph.joint_name(f"{joint.name}_{number}") for number in (1, 2)]
+        kind = KINDS.get(joint.kind)
+        steps: list[Step] = []
+        for name, axis in zip(names, joint.axes, strict=bool(joint.axes)):
+            along = tidy(end[:3, :3].T @ axis.direction)
+            steps.append(Step(name, KINDS[joint.kind], along, _numbers(joint, axis)))
+            if axis.initial:
+                self.robot.home[name] = (axis.initial,)
+        if kind == "spherical":
+            steps.append(Step(joint.name, kind))
+        self.steps[joint.item] = names
+        return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
+
+    def _close(self, cut: list[Stated]) -> None:
+        """Add the joints that close loops, and note which they are.
+
+        A joint with a position that something needs (a motor, a spring, a coupling) stays a joint: it carries
+        a massless link, and a fixed closure welds that to its child.
+        """
+        whole = [joint for joint in cut if joint.kind in CLOSURES and joint.importance != KEPT]
+        welded = [joint for joint in cut if joint not in whole]
+        for joint in cut:
+            if joint in whole:
+                kind = CLOSURES[joint.kind]
+                form, turns = FORMS[kind], [np.eye(3)] * 2
+                if form.has_axis:
+                    along = [tidy(joint.at[:3, :3].T @ axis.direction) for axis in joint.axes]
+                    turns = [rotation_to_axis(along[0]), rotation_to_axis(along[-1])]
+                frames = [inverse(self.models.pose(link)) @ joint.at for link in joint.links]
+                self.graph.close(joint, kind, frames, (form.translations, form.rotation), turns)
+            else:
+                forward = joint.links[1] is not None
+                steps, frames_of_ends = self._chain(joint, forward)
+                self.graph.carry_and_weld(steps, frames_of_ends, joint, forward)
+        notes = self.robot.notes
+        if whole:
+            names = listed(joint.name for joint in whole)
+            notes.append(f"loops are cut at joints {names}, which are closures")
+        if welded:
+            names = listed(joint.name for joint in welded)
+            notes.append(
+                f"loops are cut behind joints {names}: each carries a massless link, which a closure welds "
+                "to its child"
+            )
+        if limited := [joint.name for joint in whole if any(axis.limited for axis in joint.axes)]:
+            notes.append(
+                f"limits of closures are not read: {listed(limited)}; to keep them, cut another joint of the "
+                "loop (<physics><simbody><must_be_loop_joint>true)"
+            )
+
+    def _coupling(self, follower: str, mimic: Mimic, line: int | None) -> Coupling:
+        kind = mimic.joint.node.text("type")
+        if mimic.number >= AXES[kind]:
+            which = "second axis" if mimic.number else "axis"
+            raise mimic.node.error(f"joint '{mimic.joint.full_name}' has no {which} that could lead")
+        leader = self.steps[mimic.joint][mimic.number]
+        if leader == follower:
+            raise mimic.node.error("a joint cannot follow itself")
+        return Coupling(follower, ((follower, 1.0), (leader, -mimic.multiplier)), mimic.offset, line)
+
+    def _add_springs(self, joints: list[Stated]) -> None:
+        """Add the springs of joints as an effect."""
+        springs = {
+            name: axis
+            for joint in joints if joint.item in self.steps
+            for name, axis in zip(self.steps[joint.item], joint.axes, strict=False) if axis.stiffness
+        }  # fmt: skip
+        if springs:
+            stiffness = {name: axis.stiffness for name, axis in springs.items()}
+            rest = {name: axis.rest for name, axis in springs.items()}
+            self.robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
 
 
-def _add_springs(robot: RobotFile, names: Names) -> None:
-    """Add the springs of joints as an effect."""
-    stiffness: dict[str, float] = {}
-    rest: dict[str, float] = {}
-    for part in (part for parts in names.parts.values() for part in parts):
-        if part.axis is not None and part.axis.stiffness:
-            stiffness[part.name] = part.axis.stiffness
-            rest[part.name] = part.axis.rest + part.position
-    if stiffness:
-        robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
+def tidy(axis: Array) -> Array:
+    """Return a unit vector without parts that are rounding, shape (3,).
+
+    Args:
+        axis: A vector of length 1 within rounding.
+    """
+    kept = np.where(np.abs(axis) <= POSE_ROUNDING, 0.0, axis)
+    return np.sign(kept) if np.count_nonzero(kept) == 1 else kept / np.linalg.norm(kept)
 
 
-def _root(robot: RobotFile, tree: Tree, poses: Poses, names: Names) -> list[Branch]:
-    """Choose the root link, and return the joints of the tree that are left."""
-    floating = [root for root in tree.roots if root is not None]
-    if len(tree.roots) == 1 and floating:
-        robot.base, robot.base_home = "floating", home_pose(poses.world(floating[0]))
-        robot.notes.append(
-            "nothing joins the model to the world, so its base floats; to hold it, load it with "
-            "base='fixed', or write a fixed joint with <parent>world</parent>"
-        )
-        names.root = floating[0].full_name
-        return tree.branches
-    held = [branch for branch in tree.branches if branch.above is None]
-    if not floating and len(held) == 1 and _is_the_world(held[0], poses):
-        names.root = names.link(held[0].below)
-        return [branch for branch in tree.branches if branch is not held[0]]
-    names.root = unique("world", names.links)
-    names.links.add(names.root)
-    robot.links.insert(0, Link(names.root, 0.0, np.zeros(3), np.zeros((3, 3))))
-    for root in floating:
-        name = unique(f"{root.full_name}_free", names.joints)
-        names.joints.add(name)
-        axis = np.array([1.0, 0.0, 0.0])
-        robot.joints.append(Joint(name, "floating", names.root, root.full_name, np.eye(4), axis))
-        robot.home[name] = home_pose(poses.world(root))
-    return tree.branches
+def _numbers(joint: Stated, axis: Axis) -> dict[str, float]:
+    endless = {"lower": -np.inf, "upper": np.inf} if joint.kind == "continuous" else {}
+    return axis.numbers | joint.rotor | endless
 
 
-def _is_the_world(branch: Branch, poses: Poses) -> bool:
-    """Check whether a joint to the world welds a link whose frame is that of the world."""
-    return branch.joint.kind == "fixed" and np.array_equal(poses.world(branch.below), np.eye(4))
-
-
-def _geared(joints: list[Stated], poses: Poses) -> set[Item]:
-    """Return the joints between the links of gearboxes."""
-    out: set[Item] = set()
-    for gearbox in (joint for joint in joints if joint.kind == "gearbox"):
-        ends = {reference_body(gearbox, poses), gearbox.parent, gearbox.child}
-        out |= {joint.item for joint in joints if {joint.parent, joint.child} <= ends}
-    return out
-
-
-def _canonical(world: Scope, poses: Poses) -> Item | None:
-    """Return the link that the model names as its canonical one, or None."""
-    (model,) = world.items["model"].values()
-    if model.inner is None or not str(model.inner.node.xml.get("canonical_link", "")).strip():
-        return None
-    return poses.link(model.inner, MODEL, model.node)
+def _origin(joint: Stated, start: Array, end: Array) -> Array:
+    """Return the joint's place in the frame of the link below, shape (3,); zeros where none matters."""
+    if joint.kind in ("fixed", "prismatic"):
+        return np.zeros(3)
+    places = (start[:3, 3], end[:3, 3], joint.at[:3, 3])
+    size = max(float(np.abs(place).max()) for place in places)
+    origin: Array = end[:3, :3].T @ (joint.at[:3, 3] - end[:3, 3])
+    across = origin
+    if joint.kind in ("revolute", "continuous"):
+        axis = end[:3, :3].T @ joint.axes[0].direction
+        across = origin - axis * (axis @ origin)
+    return np.zeros(3) if np.abs(across).max() <= POSE_ROUNDING * size else origin

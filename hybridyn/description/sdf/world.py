@@ -11,7 +11,7 @@ from ..urdf.xml_node import Node
 from . import fields
 from .library import Library, Source
 
-#: Models of Gazebo that are only scenery; a file may include them without having them.
+#: Models of Gazebo that are only scenery; they are not opened.
 SCENERY = ("sun", "ground_plane")
 
 #: Gravity of a world that states none [m/s^2].
@@ -60,12 +60,10 @@ def choose_model(root: Node, library: Library, robot: RobotFile) -> Chosen:
     found: list[Chosen] = []
     still: list[str] = []
     for own in models if world is None else world.children("model", "include"):
-        model, source = own, library.source
-        if own.tag == "include":
-            opened = _included(own, library, still)
-            if opened is None:
-                continue
-            model, source = opened
+        if own.tag == "include" and _names(own)[0] in SCENERY:
+            still += _names(own)
+            continue
+        model, source = library.open(own, library.source) if own.tag == "include" else (own, library.source)
         name = (fields.word(own, "name") if own.tag == "include" else "") or model.text("name")
         if fields.flag(own, "static", fields.flag(model, "static")):
             still.append(name)
@@ -133,20 +131,6 @@ def gravity_of(world: Node | None) -> tuple[float, float, float] | None:
         return GRAVITY
     x, y, z = (float(number) for number in node.content_numbers(3))
     return x, y, z
-
-
-def _included(own: Node, library: Library, still: list[str]) -> tuple[Node, Source] | None:
-    """Open an included model of a world, or None for scenery that the robot's folders do not have."""
-    if own.flag("merge", False):
-        raise own.error('merge="true" in a world is not read; remove it')
-    try:
-        return library.open(own, library.source)
-    except ModelError:
-        name = own.required_child("uri").content().rstrip("/").rpartition("/")[2]
-        if name.lower().replace(" ", "_") not in SCENERY:
-            raise
-        still.append(name)
-        return None
 
 
 def _refusal(root: Node, found: list[Chosen], still: list[str]) -> ModelError:

@@ -1,0 +1,231 @@
+"""The elements of an SDF file that have a frame: what their names mean and where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from typing import Literal
+
+import numpy as np
+
+from ..names import did_you_mean, listed
+from ..records import Array
+from ..urdf.xml_node import Node
+from . import fields
+from .library import DEEPEST, Library, Source
+
+Kind = Literal["link", "joint", "frame", "model"]
+
+#: Kinds of elements with a name, in the order in which a name before SDFormat 1.7 is looked up.
+KINDS: tuple[Kind, ...] = ("link", "frame", "joint", "model")
+
+#: Name of a model's own frame.
+MODEL = "__model__"
+
+
+@dataclass(eq=False)
+class Item:
+    """An element with a frame.
+
+    Attributes:
+        kind: What it is; the frame of a model has kind "model".
+        name: Its name.
+        scope: The model in which it stands, None for the world.
+        node: The element.
+        minor: The version of its file is 1.minor.
+        model: The element `<model>` of an included model, else the element itself.
+    """
+
+    kind: Kind
+    name: str
+    scope: Item | None
+    node: Node
+    minor: int
+    model: Node
+
+    def __post_init__(self) -> None:
+        pose = self.node.child("pose") or (self.model.child("pose") if self.kind == "model" else None)
+        self.pose = fields.pose(pose)
+        self.relative_to = fields.relative_to(pose)
+
+    @property
+    def path(self) -> str:
+        """Its name with those of all models around it."""
+        return self.name if self.scope is None else f"{self.scope.path}::{self.name}"
+
+    @property
+    def full_name(self) -> str:
+        """Its name with the names of the nested models around it, as Gazebo joins them."""
+        return self.name if self.scope is None else self.path.partition("::")[2]
+
+
+class Models:
+    """The elements of the robot's model and of the world around it, in the order of the file.
+
+    Attributes:
+        robot: The robot's model.
+    """
+
+    def __init__(self, world: Node, model: Node, source: Source, own: Node, library: Library) -> None:
+        """Read every element that has a name.
+
+        Args:
+            world: The element `<world>`, or the root element.
+            model: The element `<model>` of the robot.
+            source: The file in which the model stands.
+            own: The element that places it: `<include>`, or the model itself.
+            library: Opens included files.
+
+        Raises:
+            ModelError: A name is missing or doubled, a frame is unknown, frames stand relative to each other
+                in a circle, or a nested model is static.
+        """
+        self._library = library
+        self._items: dict[str, dict[Kind, Item]] = {}
+        self._carriers: dict[Item, Item | None] = {}
+        for node in world.children("joint", "frame"):
+            self._add(node, None, library.source)
+        self.robot = self._add_model(own, model, None, source)
+        self._poses = self._placed()
+
+    def every(self, kind: Kind) -> Iterator[Item]:
+        """Yield the elements of a kind."""
+        for items in self._items.values():
+            if kind in items:
+                yield items[kind]
+
+    def pose(self, item: Item | None) -> Array:
+        """Return the pose of an element in the world, shape (4, 4); None is the world itself."""
+        return self._poses[item]
+
+    def find(self, scope: Item | None, name: str) -> dict[Kind, Item]:
+        """Return the elements that a name can mean in a model or the world, one a kind."""
+        path = name if scope is None else f"{scope.path}::{name}"
+        return self._items.get(path.removesuffix(f"::{MODEL}"), {})
+
+    def resolve(self, scope: Item | None, name: str, node: Node) -> Item | None:
+        """Return the element that a name means, None for the world.
+
+        Args:
+            scope: The model in which the name stands, None for the world.
+            name: Name of a link, frame, joint or model; names of nested models stand before it, with `::`.
+            node: The element that states it.
+
+        Raises:
+            ModelError: There is no such element, or several.
+        """
+        if not name:
+            raise node.error("is empty; name a link or frame")
+        if name == MODEL or (name == "world" and scope is None):
+            return scope
+        found = self.find(scope, name)
+        if not found:
+            known = [item.name for item in self._every() if item.scope is scope]
+            hint = did_you_mean(name, known) or f"; known: {listed(known) or 'none'}"
+            raise node.error(f"unknown frame '{name[:80]}'{hint}")
+        kinds = [kind for kind in KINDS if kind in found]
+        if len(kinds) > 1 and (self._library.source if scope is None else scope).minor >= 7:
+            raise node.error(
+                f"'{name[:80]}' is the name of a {' and a '.join(kinds)}; since SDFormat 1.7 names differ: "
+                "rename one"
+            )
+        return found[kinds[0]]
+
+    def link(self, scope: Item | None, name: str, node: Node) -> Item | None:
+        """Return the link that carries a frame, None for the world.
+
+        Raises:
+            ModelError: As for `resolve`, or frames are attached to each other in a circle.
+        """
+        found = None if name == "world" else self.resolve(scope, name, node)
+        passed: dict[Item, None] = {}
+        while found is not None and found.kind != "link":
+            if found in self._carriers:
+                found = self._carriers[found]
+                break
+            if found in passed:
+                raise found.node.error("frames are attached to each other in a circle")
+            passed[found] = None
+            found = self._carrier(found)
+        self._carriers |= dict.fromkeys(passed, found)
+        return found
+
+    def _add(self, node: Node, scope: Item | None, source: Source, model: Node | None = None) -> Item:
+        kind: Kind = {"include": "model"}.get(node.tag, node.tag)  # type: ignore[assignment]
+        name = fields.word(node, "name") if node.tag == "include" else ""
+        item = Item(kind, name or (model or node).text("name"), scope, node, source.minor, model or node)
+        if item.name == "world" or (item.name.startswith("__") and item.name.endswith("__")):
+            raise node.error(f"the name '{item.name}' is SDFormat's own; rename it")
+        items = self._items.setdefault(item.path, {})
+        if kind in items:
+            raise node.error(f"is stated twice (first in line {items[kind].node.line}); rename one")
+        items[kind] = item
+        return item
+
+    def _add_model(self, own: Node, model: Node, scope: Item | None, source: Source, depth: int = 0) -> Item:
+        """Add a model with all that it nests and includes."""
+        if depth > DEEPEST:
+            raise model.error(f"models are nested more than {DEEPEST} deep")
+        item = self._add(own, scope, source, model)
+        if own is not model and own.child("pose") is None and item.relative_to:
+            raise own.error(
+                f"the model of the included file has a pose relative to '{item.relative_to}', which the file "
+                "does not have; write <pose> in <include>"
+            )
+        for node in model.children("link", "joint", "frame"):
+            self._add(node, item, source)
+        for node in model.children("model", "include"):
+            inner, file = self._library.open(node, source) if node.tag == "include" else (node, source)
+            if fields.flag(node, "static", fields.flag(inner, "static")):
+                raise node.error(
+                    "a static model inside another stands still in the world; remove <static>, and join it "
+                    "to the world by a fixed joint"
+                )
+            if inner.xml.get("canonical_link"):
+                raise inner.error("canonical_link of a model inside another is not read; remove it")
+            self._add_model(node, inner, item, file, depth + 1)
+        return item
+
+    def _placed(self) -> dict[Item | None, Array]:
+        """Return the pose of every element in the world."""
+        bases = {item: self._base(item) for item in self._every()}
+        needs = {item: [] if base is None else [base] for item, base in bases.items()}
+        try:
+            order = list(TopologicalSorter(needs).static_order())
+        except CycleError as error:
+            circle = list(error.args[1][1:])
+            names = listed(item.name for item in circle)
+            raise circle[0].node.error(f"poses are relative to each other in a circle: {names}") from None
+        poses: dict[Item | None, Array] = {None: np.eye(4)}
+        for item in order:
+            poses[item] = poses[bases[item]] @ item.pose
+        return poses
+
+    def _base(self, item: Item) -> Item | None:
+        """Return the element relative to which a pose is stated, None for the world."""
+        if item.relative_to:
+            return self.resolve(item.scope, item.relative_to, item.node)
+        return item.scope if item.kind in ("link", "model") else self._holder(item)
+
+    def _holder(self, item: Item) -> Item | None:
+        """Return what holds the frame of a joint (its child) or of a `<frame>`; None for the world."""
+        if item.kind == "frame":
+            name = str(item.node.xml.get("attached_to", "")).strip()
+            return self.resolve(item.scope, name, item.node) if name else item.scope
+        child = item.node.required_child("child")
+        return None if child.content() == "world" else self.resolve(item.scope, child.content(), child)
+
+    def _carrier(self, item: Item) -> Item | None:
+        """Return what carries a frame: of a model its canonical or first link."""
+        if item.kind != "model":
+            return self._holder(item)
+        if name := str(item.model.xml.get("canonical_link", "")).strip():
+            return self.resolve(item, name, item.model)
+        first = next((one for one in self.every("link") if one.path.startswith(f"{item.path}::")), None)
+        if first is None:
+            raise item.model.error("the model has no link")
+        return first
+
+    def _every(self) -> list[Item]:
+        return [item for items in self._items.values() for item in items.values()]
