@@ -5,8 +5,12 @@ as many loops as usd-core's own parser finds in the same stage.
 """
 
 import contextlib
+import os
 import random
 import re
+import signal
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -17,12 +21,13 @@ import pytest
 from hybridyn.description import Description, read
 from hybridyn.description.usd import opening
 from hybridyn.errors import ModelError
+from tests.description import ending
 from tests.description.reading import mutated, outcome, refused
 from tests.extras import needs
 from tests.files import save
 from tests.mutations import NUMBERS, WORDS, cut, flip_bytes
 from tests.samples import slow
-from tests.usd_texts import DRIVE, KINDS, at, body, joint, prim
+from tests.usd_texts import DRIVE, FIVE_BAR, KINDS, at, body, joint, prim
 from tests.waiting import must_end
 
 needs("usd")
@@ -159,15 +164,51 @@ def test_mutations_of_binary_files(folder: Path, seed: int) -> None:
             read(folder / "r.usdc")
 
 
-def test_a_file_that_ends_the_child_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_ends_the_process_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = save(folder, TEXT, "r.usda")
-    monkeypatch.setattr(opening, "MEMORY", 2**20)
-    refused(file, "OpenUSD")
+    assert read(file).motors == ("j8",)
+    monkeypatch.setattr(opening, "read_stage", ending.abort)
+    refused(file, "OpenUSD ended while it read the file")
     monkeypatch.undo()
     assert read(file).motors == ("j8",)
-    (server,) = opening._RUNNING
-    server.close()
+    _, process = opening._started(os.getpid())
+    os.kill(process, signal.SIGKILL)  # while it waits
     assert read(file).motors == ("j8",)
+
+
+@pytest.mark.slow
+def test_a_file_that_hangs_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = save(folder, TEXT, "r.usda")
+    monkeypatch.setattr(opening, "read_stage", ending.hang)
+    with must_end("a hang"):
+        refused(file, "OpenUSD ended while it read the file")
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    with pytest.raises(KeyboardInterrupt):
+        read(file)
+    signal.signal(signal.SIGALRM, before)
+    monkeypatch.undo()
+    assert read(file).motors == ("j8",)
+
+
+@pytest.mark.slow
+def test_a_file_that_needs_much_memory_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = save(folder, TEXT, "r.usda")
+    opening._started.cache_clear()
+    monkeypatch.setattr(opening, "MEMORY", 2**28)
+    refused(file, "OpenUSD")
+    opening._started.cache_clear()
+    monkeypatch.undo()
+    assert read(file).motors == ("j8",)
+
+
+@pytest.mark.slow
+def test_a_script_without_a_main_guard_reads_usd(folder: Path) -> None:
+    """Its process does not run the script once more."""
+    save(folder, FIVE_BAR, "r.usda")
+    (folder / "script.py").write_text("import hybridyn\nprint(hybridyn.load('r.usda').motors)\n")
+    done = subprocess.run([sys.executable, "script.py"], cwd=folder, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("('motor_left', 'motor_right')\n", "")
 
 
 @pytest.mark.slow
@@ -182,4 +223,4 @@ def test_references_that_double_at_each_level_are_refused(
     )
     monkeypatch.setattr(opening, "SECONDS", 1)
     file = save(folder, "#usda 1.0\n" + levels + 'def Xform "l40" {}\n', "r.usda")
-    refused(file, "took more than 1 s of processor time")
+    refused(file, "more than 1 s of processor time")

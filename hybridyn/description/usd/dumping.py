@@ -21,21 +21,6 @@ SINGLE = ("float", "GfVec2f", "GfVec3f", "GfVec4f", "GfQuatf", "GfHalf", "GfVec3
 PICTURES = ("primvars:", "inputs:", "outputs:", "extent", "ui:", "info:")
 
 
-def warm_up() -> None:
-    """Read a small stage before the first fork, so that OpenUSD's tables are filled once."""
-    stage = Usd.Stage.CreateInMemory()
-    joint = UsdPhysics.RevoluteJoint.Define(stage, "/j")
-    joint.CreateLocalPos0Attr(Gf.Vec3f(1, 2, 3))
-    joint.CreateLocalRot0Attr(Gf.Quatf(1))
-    joint.CreateBody1Rel().AddTarget("/c")
-    cube = UsdGeom.Cube.Define(stage, "/c")
-    cube.AddTranslateOp().Set(Gf.Vec3d(1, 2, 3))
-    UsdPhysics.CollisionAPI.Apply(cube.GetPrim())
-    UsdPhysics.RigidBodyAPI.Apply(cube.GetPrim())
-    dump(stage, 10)
-    stage.GetCompositionErrors()
-
-
 def dump(stage: Any, most: int) -> dict[str, Any]:
     """Return the content of a stage.
 
