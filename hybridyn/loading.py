@@ -30,6 +30,7 @@ def load(
     rank_tolerance: float | None = None,
     closure_tolerance: float = 1e-4,
     held: Sequence[str] = (),
+    strict: bool = False,
 ) -> HybridRobot:
     """Load a robot from URDF, xacro, MJCF, SDF or USD, with its loop closures in any of the supported forms.
 
@@ -52,18 +53,23 @@ def load(
         closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the
             module's length.
         held: Passive joints that are never removed with a wrist, so that effects can act on them.
+        strict: Whether notes are errors: what the reader read past (`robot.notes`), and signs of loops that
+            the files do not state.
 
     Warnings in the log "hybridyn" name signs of loops that the files do not state, moving links without mass,
     and modules whose motors lose a direction in every posture.
 
     Raises:
-        ModelError: The files are wrong or not supported, or do not determine the rank of a module.
+        ModelError: The files are wrong or not supported, or do not determine the rank of a module; or there
+            are notes, and this is `strict`.
         AssemblyError: No posture closes a module's loops.
     """
     from .description import read
     from .description.shipped import find_robot
 
-    description = read(find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
+    description = read(
+        find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs, strict=strict
+    )
     return _built(
         description,
         base=base,

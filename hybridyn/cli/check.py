@@ -76,6 +76,7 @@ def command(
         closure_tolerance=load.closure_tolerance,
         meshes=not no_meshes,
     )
+    fail_on = "note" if load.strict else fail_on
     readable = is_readable(found)
     found = [finding for finding in found if finding.code not in ignore]
     if as_json:

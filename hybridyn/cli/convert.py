@@ -32,7 +32,11 @@ LOST = 1
     type=click.Choice(["fixed", "floating"]),
     help="Motion of the root link: at rest, or free.  [default: as the file states, else fixed]",
 )
-@click.option("--strict", is_flag=True, help="Exit with status 1 if something is lost.")
+@click.option(
+    "--strict",
+    is_flag=True,
+    help="Refuse a robot of which something was read past; exit with status 1 if something is lost.",
+)
 @click.option(
     "--tightness",
     type=click.FloatRange(0, min_open=True),
@@ -67,6 +71,7 @@ def command(
         tightness=tightness,
         xacro_args=xacro_args or None,
         package_dirs=package_dirs,
+        strict=strict,
     )
     for line in done.losses:
         click.echo(f"lost: {line}", err=True)

@@ -62,6 +62,7 @@ def convert(
     tightness: float = TIGHTNESS,
     xacro_args: Mapping[str, str] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
+    strict: bool = False,
 ) -> Conversion:
     """Write a robot in the format that the ending of a file names: URDF, MJCF (`.xml`), SDF, USD (`.usda`).
 
@@ -78,6 +79,7 @@ def convert(
         tightness: Distance by which closures may open in a simulator that holds them with springs [m].
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages, as for `load`.
+        strict: Whether notes of the reader are errors, as for `load`.
 
     Returns:
         The written files, the losses and the notes.
@@ -97,7 +99,7 @@ def convert(
     if isinstance(robot, str | os.PathLike):
         file = find_robot(robot)
         _refuse_replacing(target, split_model(file)[0])
-        description = read(file, xacro_args=xacro_args, package_dirs=package_dirs)
+        description = read(file, xacro_args=xacro_args, package_dirs=package_dirs, strict=strict)
     else:
         description, built = _as_loaded(robot), robot
         if robot.base == "moving" and base is None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from .motors import EVERY_JOINT
 from .names import listed
-from .records import Array, Description, Joint
+from .records import Array, Description, Format, Joint
 from .robot_file import FREEDOMS
 from .weightless import Bodies
 from .zero_posture import poses_at_zero
@@ -35,7 +35,14 @@ BESIDE = re.compile(r".*(submechanism|loop_?closure|closed_?loop).*\.ya?ml", re.
 FOLDERS = ("submechanism", "smurf")
 #: Most entries of a folder that are examined.
 MOST_FILES = 1000
-STATE_THEM = "state its loops as <loop>, or the pairs of frames in a side-car robot.yaml (closed_loop)"
+#: How each format states loops.
+STATE_THEM: dict[Format, str] = {
+    "URDF": "state its loops as <loop>, or the pairs of frames in a side-car robot.yaml (closed_loop)",
+    "MJCF": "state its loops as <connect> or <weld> in <equality>",
+    "SDF": "state its loops as joints: a link may be the child of several",
+    "USD": "state its loops as joints with excludeFromArticulation",
+    "Pinocchio": "give its loops as constraint models",
+}
 
 
 class Sign(NamedTuple):
@@ -58,15 +65,14 @@ def lost_loops(description: Description) -> list[Sign]:
     """Return the signs that a robot had loops which its file does not state."""
     out = [*_paired_frames(description)]
     if not description.closures:
-        if description.format == "URDF":  # the others state passive joints and loops themselves
-            out += _passive_joints(description)
+        out += _passive_joints(description)
         out += _files_beside(description)
     return out
 
 
 def _paired_frames(description: Description) -> Iterator[Sign]:
     """Yield signs for pairs of massless frames on two bodies that coincide or are named for a loop."""
-    bodies = Bodies(description)
+    bodies, mend = Bodies(description), STATE_THEM[description.format]
     carriers = {joint.parent for joint in description.joints}
     used = {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
     weighing = {link.name for link in description.links if link.mass or link.inertia.any()}
@@ -98,12 +104,12 @@ def _paired_frames(description: Description) -> Iterator[Sign]:
             reported |= {one, other}
             at = ", and coincide in the zero posture" if coincident else ""
             message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop{at}"
-            yield Sign(f"{message}, but no closure uses them", STATE_THEM, link=one)
+            yield Sign(f"{message}, but no closure uses them", mend, link=one)
     named_closing = [joint.child for joint in frames if "closing" in _words(joint.child)]
     lone = [name for name in named_closing if name not in reported]
     if lone:
         message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
-        yield Sign(message, STATE_THEM, link=lone[0])
+        yield Sign(message, mend, link=lone[0])
 
 
 def _words(name: str) -> set[str]:
@@ -115,7 +121,9 @@ def _passive_joints(description: Description) -> Iterator[Sign]:
     """Yield signs for joints of a tree that its file treats as passive: only a loop would move them."""
     followers = {coupling.name for coupling in description.couplings}
     free = [j for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in followers]
-    mend = f"name the motors (motors = [...] in model.toml); if it has loops, {STATE_THEM}"
+    mend = (
+        f"name the motors (motors = [...] in model.toml); if it has loops, {STATE_THEM[description.format]}"
+    )
     if description.motors_from == EVERY_JOINT:
         weak = [j for j in free if j.effort == 0.0]
         strong = [j for j in free if 0.0 < j.effort < np.inf]
@@ -171,7 +179,7 @@ def _files_beside(description: Description) -> Iterator[Sign]:
         names = listed(dict.fromkeys(file.name for file in found))
         yield Sign(
             f"{names} beside it may state its loops, but is not read; the file itself states none",
-            f"{STATE_THEM}; move the file away if it belongs to another robot",
+            f"{STATE_THEM[description.format]}; move the file away if it belongs to another robot",
         )
 
 

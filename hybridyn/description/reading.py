@@ -10,9 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ..errors import ModelError
 from .closing_frames import apply_closing_frames
 from .frame_names import apply_frame_names
 from .motors import choose_motors
+from .names import counted
 from .opening import open_file, read_bytes, split_model
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
@@ -38,6 +40,7 @@ def read(
     motors: Sequence[str] | None = None,
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
+    strict: bool = False,
 ) -> Description:
     """Read a robot file and the files beside it.
 
@@ -49,15 +52,33 @@ def read(
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages, for `$(find package)` in xacro, and for files that MJCF
             or SDF includes.
+        strict: Whether notes are errors: what was read past, and signs of loops that the files do not state.
 
     Returns:
         The description of the robot.
 
     Raises:
-        ModelError: A file is invalid; the message names the file, the line and the correction.
+        ModelError: A file is invalid; the message names the file, the line and the correction. Or there are
+            notes, and this is `strict`; the message lists them.
     """
     opened = open_file(path, xacro_args or {}, package_dirs)
-    return _description(split_model(path)[0], opened, motors, xacro_args or {}, package_dirs)
+    out = _description(split_model(path)[0], opened, motors, xacro_args or {}, package_dirs)
+    if strict:
+        _refuse_notes(out)
+    return out
+
+
+def _refuse_notes(description: Description) -> None:
+    """Raise if the reader of the files has notes."""
+    from .lost_loops import lost_loops
+
+    found = [*description.notes, *(f"{sign.message}; {sign.mend}" for sign in lost_loops(description))]
+    if found:
+        listed = " ".join(f"({number}) {note}." for number, note in enumerate(found, 1))
+        raise ModelError(
+            f"{counted(len(found), 'note')}, where strict reading allows none: {listed}",
+            file=description.source,
+        )
 
 
 def _description(
@@ -75,7 +96,8 @@ def _description(
         _read_side_cars(robot, file)
     home = _read_model_file(robot, file)
     validate(robot)
-    refuse_unclosed_frames(robot)
+    if root.tag == "robot":
+        refuse_unclosed_frames(robot)
     return replace(
         complete(robot, motors=motors, home=home, source=file),
         read_from=ReadFrom(

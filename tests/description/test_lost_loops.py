@@ -7,10 +7,12 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.findings import findings, of_files
+from hybridyn.cli import main
 from hybridyn.description import read
 from hybridyn.description.lost_loops import lost_loops
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.description.weightless import weightless
+from hybridyn.errors import ModelError
 from hybridyn.loading import load
 from tests.robot_texts import INERTIAL, LOOP, robot, save
 
@@ -127,3 +129,63 @@ def test_a_robot_without_any_mass_is_an_error(tmp_path: Path) -> None:
     (said,) = of_files(load(path).description)
     assert "no link has mass" in said
     assert [f.severity for f in hybridyn.check(path) if f.code == "massless-robot"] == ["error"]
+
+
+SDF_LINK = '<link name="{}"><inertial><mass>1</mass></inertial></link>'
+SDF_JOINT = (
+    '<joint name="{0}_joint" type="revolute"><parent>{1}</parent><child>{0}</child>'
+    "<axis><xyz>0 1 0</xyz><limit><lower>-1</lower><upper>1</upper><effort>{2}</effort></limit></axis>"
+    "</joint>"
+)
+
+
+def sdf_tree(*joints: tuple[str, str, float]) -> str:
+    """Return an SDF tree of links under joints with effort limits, from (child, parent, effort)."""
+    world = '<joint name="w" type="fixed"><parent>world</parent><child>base</child></joint>'
+    parts = "".join(SDF_LINK.format(joint[0]) + SDF_JOINT.format(*joint) for joint in joints)
+    return f'<sdf version="1.9"><model name="m">{SDF_LINK.format("base")}{world}{parts}</model></sdf>'
+
+
+def test_a_passive_chain_is_a_sign_in_every_format(tmp_path: Path) -> None:
+    """The mend is written in the words of the format."""
+    legs = [("thigh", "base", 50.0), ("shin", "thigh", 50.0), ("rod", "base", 0.0), ("end", "rod", 0.0)]
+    (said,) = of_files(load(save(tmp_path, sdf_tree(*legs), "m.sdf")).description)
+    assert "2 of its 4 joints state effort 0" in said
+    assert "as joints: a link may be the child of several" in said
+
+
+def test_a_name_is_no_sign_in_a_format_that_states_its_loops(tmp_path: Path) -> None:
+    """In URDF the name of a closing frame without a closure is an error; SDF states loops as joints."""
+    name = "closed_loop_controller_box"
+    loaded = load(save(tmp_path, sdf_tree((name, "base", 50.0)), "m.sdf"))
+    assert loaded.motors == (f"{name}_joint",)
+    assert of_files(loaded.description) == []
+
+
+@pytest.mark.parametrize("words", [[], ["--strict"]])
+def test_strict_makes_notes_errors(
+    tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was read past, and signs of lost loops; each is named."""
+    unknown = "<custom_tag/>"
+    path = save(tmp_path, robot(unknown, frame("closing_knee", "coupler"), ALL))
+    assert load(path).motors
+    status = main(["info", str(path), *words])
+    if not words:
+        assert status == 0
+        return
+    said = capsys.readouterr().err
+    assert status == 1
+    with pytest.raises(ModelError) as error:
+        load(path, strict=True)
+    for part in ("2 notes", "<custom_tag>", "'closing_knee'", path.name):
+        assert part in str(error.value)
+        assert part in said
+    assert load(save(tmp_path, robot(LOOP, driven("drive"))), strict=True).mobility == 1
+
+
+def test_convert_and_check_are_strict(tmp_path: Path) -> None:
+    path, out = save(tmp_path, robot("<custom_tag/>", ALL)), str(tmp_path / "out.xml")
+    assert main(["convert", str(path), "-o", out, "--strict"]) == 1
+    assert not Path(out).exists()
+    assert [main(["check", str(path), *words]) for words in ([], ["--strict"])] == [0, 1]

@@ -231,6 +231,24 @@ def test_submechanisms_of_hyrodyn(tmp_path: Path, rows: str) -> None:
     compare(theirs, save(tmp_path / "b", closed(MOTOR, TIP, kind + turn)))
 
 
+@pytest.mark.parametrize("cut", ["pin_frame", "tip_frame"])
+def test_the_cut_joint_says_which_body_has_the_closing_frame(tmp_path: Path, cut: str) -> None:
+    """A body whose frame is not at the pin is the other one, predecessor or successor."""
+    pin = frame("pin", "rocker", "1 0 0")
+    bodies = ("coupler", "pin") if cut == "pin_frame" else ("tip", "rocker")
+    text = SUBMECHANISM.replace("cut_joint: elbow", f"cut_joint: {cut}")
+    for body, name in zip(("tip", "rocker"), bodies, strict=True):
+        text = text.replace(f"body: {body}", f"body: {name}")
+    theirs = save(tmp_path / "a", closed(TIP, pin))
+    save(
+        tmp_path / "a",
+        text + "".join(f"    - axis: {ROWS[row]}\n" for row in ("tx", "ty")),
+        "submechanisms.yml",
+    )
+    ours = '<loop name="pin" type="rows" rows="tx ty"><predecessor link="tip"/><successor link="pin"/></loop>'
+    compare(theirs, save(tmp_path / "b", closed(MOTOR, TIP, pin, ours)))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

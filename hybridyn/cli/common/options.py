@@ -154,6 +154,11 @@ _OPTIONS = (
         show_default=True,
         help="Largest closure residual that counts as closed, relative to a module's size.",
     ),
+    click.option(
+        "--strict",
+        is_flag=True,
+        help="Refuse a robot of which something was read past, or whose files seem to lack loops.",
+    ),
 )
 
 
@@ -170,6 +175,7 @@ class RobotChoice:
         package_dirs: Folders of packages.
         rank_tolerance: Relative singular value, or None.
         closure_tolerance: Largest residual that counts as closed.
+        strict: Whether notes are errors.
     """
 
     robot: str
@@ -180,6 +186,7 @@ class RobotChoice:
     package_dirs: tuple[str, ...]
     rank_tolerance: float | None
     closure_tolerance: float
+    strict: bool
 
     def __call__(self) -> HybridRobot:
         """Load the robot."""

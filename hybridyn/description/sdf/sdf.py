@@ -142,13 +142,12 @@ class _Builder:
         return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
 
     def _close(self, cut: list[Stated]) -> None:
-        """Add the joints that close loops, and note which they are.
+        """Add the joints that close loops.
 
         A joint with a position that something needs (a motor, a spring, a coupling) stays a joint: it carries
         a massless link, and a fixed closure welds that to its child.
         """
         whole = [joint for joint in cut if joint.kind in CLOSURES and joint.importance != KEPT]
-        welded = [joint for joint in cut if joint not in whole]
         for joint in cut:
             if joint in whole:
                 kind = CLOSURES[joint.kind]
@@ -162,18 +161,8 @@ class _Builder:
                 forward = joint.links[1] is not None
                 steps, frames_of_ends = self._chain(joint, forward)
                 self.graph.carry_and_weld(steps, frames_of_ends, joint, forward)
-        notes = self.robot.notes
-        if whole:
-            names = listed(joint.name for joint in whole)
-            notes.append(f"loops are cut at joints {names}, which are closures")
-        if welded:
-            names = listed(joint.name for joint in welded)
-            notes.append(
-                f"loops are cut behind joints {names}: each carries a massless link, which a closure welds "
-                "to its child"
-            )
         if limited := [joint.name for joint in whole if any(axis.limited for axis in joint.axes)]:
-            notes.append(
+            self.robot.notes.append(
                 f"limits of closures are not read: {listed(limited)}; to keep them, cut another joint of the "
                 "loop (<physics><simbody><must_be_loop_joint>true)"
             )

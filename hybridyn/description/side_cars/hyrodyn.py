@@ -10,8 +10,9 @@
         successor_body: wrist_link
         constraint_axes: [{axis: [0, 0, 0, 1, 0, 0]}, ...]    # rotation, then translation
 
-A constraint lives in the frame of its predecessor body; on the successor it is where this frame stands when
-all joints are at zero, as in HyRoDyn's NumericalLoopConstraints. Types that name a mechanism (2SPU+1U, rrPr)
+A constraint lives in the frame of the child link of its cut joint, which is one of its two bodies, or else in
+that of its predecessor. On the other body it is where this frame stands when all joints are at zero, as in
+HyRoDyn's NumericalLoopConstraints. Types that name a mechanism (2SPU+1U, rrPr)
 hold no geometry: HyRoDyn has it in its own code.
 """
 
@@ -136,13 +137,18 @@ def _closure(
     except ValueError as error:
         raise document.error((*place, "constraint_axes"), str(error)) from None
     turn = form.rotation_of_frames
-    other = relative(poses[links[1]], poses[links[0]])
+    cut = next((joint.child for joint in robot.joints if joint.name == entry.get("cut_joint")), None)
+    closing = links[1] if cut == links[1] else links[0]
+    frame_a, frame_b = (
+        turned(np.eye(4) if link == closing else relative(poses[link], poses[closing]), turn)
+        for link in links
+    )
     taken = {closure.name for closure in robot.closures}
     name = str(entry.get("cut_joint") or "-".join(links))
     name = next(one for one in (name, "-".join(links), f"{name}_{len(taken)}") if one not in taken)
     return Closure(
-        name, "rows", links[0], turned(np.eye(4), turn), links[1], turned(other, turn), form.translations,
-        form.rotation, document.lines[place][0], turn,
+        name, "rows", links[0], frame_a, links[1], frame_b, form.translations, form.rotation,
+        document.lines[place][0], turn,
     )  # fmt: skip
 
 
