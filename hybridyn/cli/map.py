@@ -15,8 +15,8 @@ from .common.text import counted
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..dynamics.quantities.map_table import MapTable
     from ..structure.robot import HybridRobot
+    from ..studies.map_table import MapTable
 
 #: Points of a grid in all.
 MOST_POINTS = 1_000_000
@@ -152,9 +152,9 @@ def _over_grid(
     """Compute the map over a grid; also what was left out."""
     import numpy as np
 
-    from ..dynamics.quantities.map_table import map_table, regular_map
-    from ..dynamics.quantities.posture import postures_on_grid
+    from ..dynamics.quantities.joint_map import regular_map
     from ..errors import SingularityError
+    from ..studies.map_table import map_table, postures_on_grid
 
     every = [q for _, q in postures_on_grid(robot, values)]
     reached = [q for q in every if q is not None]
@@ -175,10 +175,10 @@ def _along(
     import numpy as np
 
     from ..dynamics.quantities.joint_map import joint_map, motors_beside
-    from ..dynamics.quantities.map_table import MapTable, map_table
     from ..dynamics.quantities.posture import holding
     from ..effects import choose
     from ..streams.postures import all_postures, rows_named
+    from ..studies.map_table import MapTable, map_table
     from .idm import efforts as as_idm
 
     layout, blocks = all_postures(holding(robot, joints), source, (joints, motors_beside(robot, joints)))

@@ -1,8 +1,8 @@
 """Studies of a robot: model checks, motor sizing, workspaces, physical effects, and accuracy against time.
 
 `check/` checks a model. `sizing` computes the load of each motor. `workspace/` sweeps the poses that a module
-reaches. `effect_worth` evaluates each physical effect. `cost/` measures error against computing time.
-`sweep/` evaluates many designs of a robot.
+reaches. `effect_worth` evaluates each physical effect. `map_table` writes the map between motors and output
+joints in columns. `cost/` measures error against computing time. `sweep/` evaluates many designs of a robot.
 
 May import: `scenes`, `compiled` and below.
 """

@@ -8,10 +8,10 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot
-from hybridyn.dynamics.quantities import map_table
+from hybridyn.dynamics.quantities import joint_map
 from hybridyn.dynamics.quantities.joint_map import JointMap
-from hybridyn.dynamics.quantities.posture import holding, postures_on_grid
-from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
+from hybridyn.dynamics.quantities.posture import holding
+from hybridyn.errors import SingularityError, TrajectoryError
 from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.dynamics.test_idm import flat_five_bar
 from tests.mechanisms import random_mechanism, random_states
@@ -153,34 +153,6 @@ def test_bad_questions_are_refused(tmp_path: Path) -> None:
         hybridyn.joint_map(redundant, q, [redundant.joints[-1]])
 
 
-def test_a_grid_keeps_to_the_branch_of_home(tmp_path: Path) -> None:
-    robot = leg(tmp_path)
-    values = {"pitch": np.array([-0.3, 0.1, 0.4]), "roll": np.array([-0.1])}
-    found = list(postures_on_grid(robot, values))
-    assert [tuple(at) for at, _ in found] == [(p, r) for p in values["pitch"] for r in values["roll"]]
-    for at, q in found:
-        assert q is not None
-        there = hybridyn.joint_map(robot, q, JOINTS)
-        close_to(there.joint_positions, at, SOLVED)
-        assert np.abs(closed_form(*at, there.motor_positions)[0]).max() < ROUNDING
-
-
-def test_points_behind_a_gap_are_reached_around_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The points inside a hook are reached by a way that leads back towards home."""
-    robot = ankle(tmp_path)
-    wall = {(1, -2), (1, -1), (1, 0), (1, 1), (1, 2), (2, 2), (3, 2), (3, 1)}
-
-    def posture(_: HybridRobot, at: dict[str, float], near: np.ndarray | None = None) -> np.ndarray:
-        if (round(at["pitch"]), round(at["roll"])) in wall:
-            raise AssemblyError("out of reach")
-        return robot.home
-
-    monkeypatch.setattr("hybridyn.dynamics.quantities.posture.posture_at", posture)
-    values = {"pitch": np.arange(-4.0, 5.0), "roll": np.arange(-4.0, 5.0)}
-    missed = {tuple(map(round, at)) for at, q in postures_on_grid(robot, values) if q is None}
-    assert missed == wall
-
-
 def test_singular_samples_are_left_out_without_quadratic_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every second posture is singular: the rows computed in all are T log T, not T^2 / 4."""
     robot, flat = flat_five_bar()
@@ -193,10 +165,10 @@ def test_singular_samples_are_left_out_without_quadratic_work(monkeypatch: pytes
         rows.append(len(some))
         return hybridyn.joint_map(of, some, names)
 
-    monkeypatch.setattr(map_table, "joint_map", counted)
-    found, kept = map_table.regular_map(robot, q, robot.motors)
+    monkeypatch.setattr(joint_map, "joint_map", counted)
+    found, kept = joint_map.regular_map(robot, q, robot.motors)
     assert found is not None
     assert kept == list(range(1, 64, 2))
     close_to(found.motors_per_joints, np.tile(np.eye(2), (32, 1, 1)), ROUNDING)
     assert sum(rows) <= 64 * 7  # 64 log2(64), and once more for the result
-    assert map_table.regular_map(robot, q[::2], robot.motors) == (None, [])
+    assert joint_map.regular_map(robot, q[::2], robot.motors) == (None, [])

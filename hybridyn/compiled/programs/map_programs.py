@@ -17,8 +17,7 @@ import casadi as ca
 import numpy as np
 
 from ...dynamics.quantities.independent import check_joints
-from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside
-from ...dynamics.quantities.map_table import regular_map
+from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside, regular_map
 from ...dynamics.quantities.posture import modules_of
 from ...errors import SingularityError
 from ...linkage.tree import Tree

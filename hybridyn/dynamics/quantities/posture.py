@@ -1,17 +1,15 @@
-"""Postures from positions of a few joints, driven or not, and over a grid of them."""
+"""Postures from positions of a few joints, driven or not."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.assemble import assemble
-from ...errors import AssemblyError, HybridynError, TrajectoryError
+from ...errors import TrajectoryError
 from ...linkage.joints import NV
 from ...spatial import Array
 from ...structure.building import build_robot
@@ -96,45 +94,3 @@ def _held_joints(module: Module) -> Iterator[str]:
     for name, joint in zip(module.joints, module.mechanism.spanning.joints, strict=True):
         if NV[joint.kind] == 1:
             yield name
-
-
-def postures_on_grid(robot: HybridRobot, values: Mapping[str, Array]) -> Iterator[tuple[Array, Array | None]]:
-    """Assemble a posture at every point of a grid of joint positions, from the point nearest to home on.
-
-    Each joint's positions increase. A point's guess is the posture of a neighbour that was found: all belong
-    to home's assembly branch. Points behind a gap are found around it.
-
-    Yields:
-        For each point, the last joint's position changing first: the positions, shape (joints,), and the
-        posture, shape (nq,), or None where the loops do not close.
-
-    Raises:
-        HybridynError: Not a single point can be assembled: what the point nearest to home meets.
-    """
-    robot, names, sizes = holding(robot, values), list(values), [len(x) for x in values.values()]
-    check_joints(robot, names)
-    at_home = positions_of(robot, robot.home[None], names)[0]
-    start = [int(np.argmin(np.abs(values[name] - x))) for name, x in zip(names, at_home, strict=True)]
-    found: dict[tuple[int, ...], Array | None] = {}
-    first: HybridynError | None = None
-    waiting = deque([(tuple(start), robot.home)])  # points to try, from a neighbour's posture
-    while waiting:
-        point, near = waiting.popleft()
-        if point in found or not all(0 <= i < size for i, size in zip(point, sizes, strict=True)):
-            continue
-        at = {name: float(values[name][i]) for name, i in zip(names, point, strict=True)}
-        try:
-            found[point] = q = posture_at(robot, at, near)
-            waiting.extend((neighbour, q) for neighbour in _neighbours(point))
-        except AssemblyError as error:
-            found[point], first = None, first or error
-    if first and not any(q is not None for q in found.values()):
-        raise first
-    for point in product(*map(range, sizes)):
-        yield np.array([values[name][i] for name, i in zip(names, point, strict=True)]), found.get(point)
-
-
-def _neighbours(point: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-    """Yield the neighbours of a point of the grid."""
-    for i, step in product(range(len(point)), (-1, 1)):
-        yield (*point[:i], point[i] + step, *point[i + 1 :])

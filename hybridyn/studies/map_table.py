@@ -1,4 +1,4 @@
-"""The map between motors and output joints as a table: columns of positions, of H, and of a motion's rates.
+"""The map between motors and output joints as a table, along a motion or over a grid.
 
 <joint>/position, <motor>/position       [m or rad]
 <motor>/per/<joint>                      d(motor)/d(joint)
@@ -9,16 +9,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from ...effects.joint_laws import RotorInertia
-from ...errors import SingularityError
-from ...spatial import Array
-from ...structure.robot import HybridRobot
-from .joint_map import JointMap, joint_map
+from ..dynamics.quantities.independent import check_joints
+from ..dynamics.quantities.joint_map import JointMap
+from ..dynamics.quantities.posture import holding, positions_of, posture_at
+from ..effects.joint_laws import RotorInertia
+from ..errors import AssemblyError, HybridynError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,42 +75,46 @@ def map_table(
     return MapTable(tuple(out), np.stack(list(out.values()), axis=1), condition)
 
 
-def regular_map(robot: HybridRobot, q: Array, joints: Sequence[str]) -> tuple[JointMap | None, list[int]]:
-    """Compute the map at the postures that are not singular.
+def postures_on_grid(robot: HybridRobot, values: Mapping[str, Array]) -> Iterator[tuple[Array, Array | None]]:
+    """Assemble a posture at every point of a grid of joint positions, from the point nearest to home on.
 
-    Args:
-        q: Positions, shape (T, nq).
+    Each joint's positions increase. A point's guess is the posture of a neighbour that was found: all belong
+    to home's assembly branch. Points behind a gap are found around it.
 
-    Returns:
-        The map, or None if no posture is left, and the samples that are.
+    Yields:
+        For each point, the last joint's position changing first: the positions, shape (joints,), and the
+        posture, shape (nq,), or None where the loops do not close.
 
     Raises:
-        SingularityError: The joints do not fit the modules, whatever the posture.
+        HybridynError: Not a single point can be assembled: what the point nearest to home meets.
     """
-    found, kept = _regular(robot, q, joints, list(range(len(q))))
-    if found is None and kept:
-        found = joint_map(robot, q[kept], joints)
-    return found, kept
+    robot, names, sizes = holding(robot, values), list(values), [len(x) for x in values.values()]
+    check_joints(robot, names)
+    at_home = positions_of(robot, robot.home[None], names)[0]
+    start = [int(np.argmin(np.abs(values[name] - x))) for name, x in zip(names, at_home, strict=True)]
+    found: dict[tuple[int, ...], Array | None] = {}
+    first: HybridynError | None = None
+    waiting = deque([(tuple(start), robot.home)])  # points to try, from a neighbour's posture
+    while waiting:
+        point, near = waiting.popleft()
+        if point in found or not all(0 <= i < size for i, size in zip(point, sizes, strict=True)):
+            continue
+        at = {name: float(values[name][i]) for name, i in zip(names, point, strict=True)}
+        try:
+            found[point] = q = posture_at(robot, at, near)
+            waiting.extend((neighbour, q) for neighbour in _neighbours(point))
+        except AssemblyError as error:
+            found[point], first = None, first or error
+    if first and not any(q is not None for q in found.values()):
+        raise first
+    for point in product(*map(range, sizes)):
+        yield np.array([values[name][i] for name, i in zip(names, point, strict=True)]), found.get(point)
 
 
-def _regular(
-    robot: HybridRobot, q: Array, joints: Sequence[str], samples: list[int]
-) -> tuple[JointMap | None, list[int]]:
-    """Return those of some samples that are not singular, and their map if it is all of them.
-
-    An error names one singular sample: it is dropped, and the halves of the others are computed apart. The
-    work grows with T log T at most, whatever the number of singular samples.
-    """
-    if not samples:
-        return None, []
-    try:
-        return joint_map(robot, q[samples], joints), samples
-    except SingularityError as error:
-        if error.sample is None or error.what == "independent coordinates":
-            raise
-        rest = samples[: error.sample] + samples[error.sample + 1 :]
-    half = len(rest) // 2
-    return None, [i for part in (rest[:half], rest[half:]) for i in _regular(robot, q, joints, part)[1]]
+def _neighbours(point: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    """Yield the neighbours of a point of the grid."""
+    for i, step in product(range(len(point)), (-1, 1)):
+        yield (*point[:i], point[i] + step, *point[i + 1 :])
 
 
 def _named(names: Sequence[str], quantity: str, values: Array) -> dict[str, Array]:
