@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics.inverse import samples_counted_from
 from hybridyn.errors import (
     AT_SAMPLE,
     HybridynError,
@@ -21,6 +20,7 @@ from hybridyn.errors import (
     TrajectoryError,
     install_advice,
 )
+from hybridyn.streams.efforts import samples_counted_from
 from tests.command_line import call
 from tests.comparing import refused
 from tests.extras import needs

@@ -22,8 +22,8 @@ def efforts_along(
     """
     import numpy as np
 
-    from ..dynamics.inverse import efforts_in_blocks
     from ..effects import choose
+    from ..streams.efforts import efforts_in_blocks
     from ..tables.opening import open_table
 
     wanted = [f"{motor}/effort" for motor in robot.motors]

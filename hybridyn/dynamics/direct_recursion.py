@@ -56,7 +56,7 @@ class ArticulatedModule:
         b: For each output, the wrench that it needs at u_dot = 0 and V_dot = 0, shape (T, 6).
         f: Generalised force along x at x_ddot = drift, shape (T, n).
         A_t, E, Q_0: Shapes (T, N, N), (T, N, 6), (T, N).
-        inertia: Cholesky factor of A_t.
+        inertia: Principal motions of A_t.
         size: Largest term in the sum Q_0, shape (T,), [N m].
         G, y: A_t^-1 E and A_t^-1 Q_0, shapes (T, N, 6), (T, N).
     """
@@ -212,7 +212,7 @@ def _check_massless(x: ArticulatedModule, left: Array) -> None:
 
     Args:
         x: The module's equation of motion.
-        left: Forces on massless motions (`InertiaFactor.solve`), shape (T, N), [N m].
+        left: Forces on massless principal motions (`InertiaFactor.solve`), shape (T, N), [N m].
 
     Raises:
         SingularityError: The message names the motion, the force and the sample.
@@ -221,7 +221,8 @@ def _check_massless(x: ArticulatedModule, left: Array) -> None:
 
     def words(t: int) -> dict[str, Any]:
         """Name the motion and the force on it."""
-        motion = x.basis.Psi[t, :, int(np.argmax(np.abs(left[t])))] / module.mechanism.reduction.col_scale
+        motion = x.basis.Psi[t] @ x.inertia.motions[t, :, np.argmax(np.abs(left[t]))]
+        motion /= module.mechanism.reduction.col_scale
         freedom = module.freedom_names()[int(np.argmax(np.abs(motion)))]
         return {"what": "inertia", "condition": np.inf, "freedom": freedom, "force": force[t]}
 

@@ -1,8 +1,8 @@
-"""Compute energy, momentum and centre of mass by Pinocchio on the spanning tree; power by the effects."""
+"""Compute energy, power, momentum and centre of mass in one pass over the bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, Effects, choose, times
 from ..effects.links import Wrench
 from ..errors import TrajectoryError
-from ..spatial import Array, rotate_back
+from ..linkage.tree import Motion
+from ..spatial import Array, cross, rotate, rotate_back
+from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions
-from .link_motion import link_motions, observed_motions
+from .link_motion import body_motions, link_motions, observed_motions
 from .loads import gather_loads
 from .state_checks import checked_state
 
@@ -177,15 +179,17 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
         Shape (6,) or (T, 6), [kg m/s, kg m^2/s]. The root link of a fixed base is excluded, as in Pinocchio.
 
     Raises:
-        TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
+        TrajectoryError: An array has the wrong shape or is not finite.
     """
-    import pinocchio as pin
-
     q, v, single = checked_state(robot, q, v)
-    model = _with_mass(robot)
-    data = model.createData()
-    found = [pin.computeCentroidalMomentum(model, data, x, w).vector for x, w in zip(q, v, strict=True)]
-    return found[0] if single else np.array(found).reshape(-1, 6)
+    centre = _centre(robot, q)
+    out = np.zeros((len(q), 6))
+    for body, m in _moving_bodies(robot, q, v):
+        arm = rotate(m.R, np.tile(body.com, (len(q), 1)))
+        linear = body.mass * (m.p_dot + cross(m.w, arm))
+        out[:, :3] += linear
+        out[:, 3:] += rotate(m.R, rotate_back(m.R, m.w) @ body.inertia) + cross(m.p + arm - centre, linear)
+    return out[0] if single else out
 
 
 def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
@@ -198,26 +202,27 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
     """
-    import pinocchio as pin
-
     q, single = as_positions(robot, q)
-    model = _with_mass(robot)
-    data = model.createData()
-    found = [pin.centerOfMass(model, data, x).copy() for x in q]
-    return found[0] if single else np.array(found).reshape(-1, 3)
+    out = _centre(robot, q)
+    return out[0] if single else out
 
 
-def _with_mass(robot: HybridRobot) -> pin.Model:
-    """Return the Pinocchio model of a robot that has a centre of mass.
-
-    Raises:
-        TrajectoryError: The robot has no moving mass.
-    """
-    import pinocchio as pin
-
-    if not pin.computeTotalMass(robot.unchanged_model):
+def _centre(robot: HybridRobot, q: Array) -> Array:
+    total, moment = 0.0, np.zeros((len(q), 3))
+    for body, m in _moving_bodies(robot, q, np.zeros((len(q), robot.nv))):
+        total += body.mass
+        moment += body.mass * (m.p + rotate(m.R, np.tile(body.com, (len(q), 1))))
+    if not total:
         raise TrajectoryError(f"robot '{robot.name}' has no moving mass, and so no centre of mass")
-    return robot.unchanged_model
+    return moment / total
+
+
+def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, Motion]]:
+    """Yield each body that has mass and can move, with its motion."""
+    for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
+        body = robot.bodies.bodies[number]
+        if (number or robot.base != "fixed") and not body.massless:
+            yield body, motion
 
 
 def leg_bodies(robot: HybridRobot) -> set[int]:

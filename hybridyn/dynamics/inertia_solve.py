@@ -1,8 +1,8 @@
 """Solve A_t x = b with the articulated inertia A_t of a module, symmetric and positive semidefinite.
 
-The Cholesky factorization with diagonal pivoting is accurate for graded matrices (light legs under a heavy
-platform). A pivot that does not exceed the rounding of its terms belongs to a motion without inertia. The
-bounds on this rounding are computed from what `direct_recursion` keeps of a module.
+Its eigenvalues are computed in units of the rounding of its diagonal. Scaled like that, graded matrices
+(light legs under a heavy platform) lose no digits, and an eigenvalue of at most one belongs to a motion
+without inertia. The bounds on the rounding are computed from what `direct_recursion` keeps of a module.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linkage.elimination import back_substitute
-from ..spatial import Array, Index
+from ..spatial import Array, Mask
 from .guards import EPS
 
 if TYPE_CHECKING:
@@ -28,76 +27,45 @@ def congruence(B: Array, M: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class InertiaFactor:
-    """A pivoted Cholesky factor P^T A P = R^T R of many matrices.
+    """The principal motions of many inertia matrices, in units of their rounding: N^T A N = diag(values).
 
     Attributes:
-        R: Upper triangular factors, shape (T, N, N); rows of dropped pivots are zero.
-        order: Pivot order, shape (T, N).
-        massless: Number of dropped pivots (the last ones), shape (T,).
+        motions: N, shape (T, n, n): columns that are orthonormal in the unit of each coordinate, in which its
+            rounding is one.
+        values: Inertia of each principal motion over its rounding, shape (T, n). Motions with values of at
+            most one have no inertia.
     """
 
-    R: Array
-    order: Index
-    massless: Index
+    motions: Array
+    values: Array
+
+    @property
+    def massless(self) -> Mask:
+        """Principal motions without inertia, shape (T, n)."""
+        return self.values <= 1.0
 
     def solve(self, b: Array) -> tuple[Array, Array]:
-        """Solve A x = b for b of shape (T, N, c), with x = 0 for the dropped pivots.
+        """Solve A x = b for b of shape (T, n, c), with x = 0 along motions without inertia.
 
         Returns:
-            x, and the part of b that acts on massless motions, both of shape (T, N, c).
+            x, shape (T, n, c), and the force of b on every massless motion, per unit of the coordinate that
+            moves most; zero for the others, shape (T, n, c).
         """
-        y = np.take_along_axis(b, self.order[:, :, None], axis=1)
-        for i in range(b.shape[1]):
-            pivot = self.R[:, i, i]
-            kept = pivot > 0
-            row = np.where(kept[:, None], y[:, i] / np.where(kept, pivot, 1.0)[:, None], 0.0)
-            y[:, i + 1 :] -= self.R[:, i, i + 1 :, None] * row[:, None]
-            y[:, i] = np.where(kept[:, None], row, y[:, i])
-        dropped = (np.diagonal(self.R, axis1=1, axis2=2) == 0)[:, :, None]
-        left, x = np.zeros_like(b), np.empty_like(b)
-        np.put_along_axis(left, self.order[:, :, None], np.where(dropped, y, 0.0), axis=1)
-        solved = back_substitute(self.R, np.where(dropped, 0.0, y))
-        np.put_along_axis(x, self.order[:, :, None], solved, axis=1)
-        return x, left
-
-    def null_space(self, sample: int) -> Array:
-        """Compute a basis of the massless motions of one sample, shape (N, massless)."""
-        N, k = self.R.shape[1], int(self.massless[sample])
-        r = N - k
-        null = np.zeros((N, k))
-        upper = -back_substitute(self.R[sample : sample + 1, :r, :r], self.R[sample : sample + 1, :r, r:])[0]
-        null[self.order[sample]] = np.vstack([upper, np.eye(k)])
-        return null
+        force, massless = np.matmul(np.swapaxes(self.motions, 1, 2), b), self.massless[..., None]
+        x = np.matmul(self.motions, force / np.where(massless, np.inf, self.values[..., None]))
+        return x, np.where(massless, force / np.abs(self.motions).max(axis=1, initial=0.0)[..., None], 0.0)
 
 
 def factor_inertia(A: Array, noise: Array) -> InertiaFactor:
-    """Factor inertia matrices with diagonal pivoting.
+    """Compute the principal motions of inertia matrices.
 
     Args:
-        A: Symmetric positive semidefinite matrices, shape (T, N, N), all entries in [kg m^2].
-        noise: Rounding of each diagonal entry, shape (T, N); pivots at or below it are dropped.
+        A: Symmetric positive semidefinite matrices, shape (T, n, n), all entries in [kg m^2].
+        noise: Rounding of each diagonal entry, shape (T, n), positive where the entry is.
     """
-    T, N, _ = A.shape
-    A, noise = A.copy(), noise.copy()
-    R = np.zeros_like(A)
-    order = np.tile(np.arange(N), (T, 1))
-    batch = np.arange(T)
-    massless = np.zeros(T, dtype=int)
-    for k in range(N):
-        diagonal = np.diagonal(A, axis1=1, axis2=2)[:, k:]
-        excess = np.where(diagonal > noise[:, k:], diagonal, -1.0)
-        best = k + np.argmax(excess, axis=1)
-        for x in (order, noise):
-            x[batch, k], x[batch, best] = x[batch, best], x[batch, k].copy()
-        for x in (A, R):
-            x[batch, :, k], x[batch, :, best] = x[batch, :, best], x[batch, :, k].copy()
-        A[batch, k], A[batch, best] = A[batch, best], A[batch, k].copy()
-        kept = A[:, k, k] > noise[:, k]
-        massless += ~kept
-        root = np.sqrt(np.where(kept, A[:, k, k], 1.0))
-        R[:, k, k:] = np.where(kept[:, None], A[:, k, k:] / root[:, None], 0.0)
-        A[:, k + 1 :, k + 1 :] -= R[:, k, k + 1 :, None] * R[:, k, None, k + 1 :]
-    return InertiaFactor(R, order, massless)
+    unit = 1.0 / np.sqrt(np.where(noise > 0, noise, 1.0))
+    values, vectors = np.linalg.eigh(A * unit[:, :, None] * unit[:, None])
+    return InertiaFactor(vectors * unit[:, :, None], values)
 
 
 def seeming(x: ArticulatedModule, noise: Array) -> Array:
@@ -174,8 +142,9 @@ def largest_term(x: ArticulatedModule, carried: Array) -> Array:
         x: The module's equation of motion.
         carried: G V_dot, shape (T, N).
     """
-    resisted = np.square(x.inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
-    out: Array = x.size / np.where(resisted > 0, resisted, np.inf) + np.abs(carried).max(axis=1, initial=0.0)
+    largest = np.diagonal(x.A_t, axis1=1, axis2=2).max(axis=1, initial=0.0)
+    resisted = np.where(x.inertia.massless.all(axis=1), np.inf, largest)
+    out: Array = x.size / resisted + np.abs(carried).max(axis=1, initial=0.0)
     return out
 
 

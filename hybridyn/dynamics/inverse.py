@@ -1,19 +1,15 @@
-"""Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form.
-
-Long motions are computed in blocks, with bounded memory.
-"""
+"""Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, Effects, choose, times
-from ..errors import ActuationError, HybridynError
+from ..effects.choice import Choice, choose, times
+from ..errors import ActuationError
 from ..spatial import Array
 from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
@@ -27,8 +23,6 @@ from .reactions import Reactions
 from .results import Result
 from .state_checks import check_closed
 
-#: Number of position coordinates in a block: a hundred megabytes for a robot of 84 joints.
-NUMBERS_AT_ONCE = 84_000
 #: Advice in the error message if a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
 
@@ -155,45 +149,3 @@ def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) ->
     if out.shape != (len(robot.motors),) or not (np.isfinite(out).all() and (out > 0).all()):
         raise ActuationError(f"weights must be {len(robot.motors)} positive numbers")
     return out
-
-
-def efforts_in_blocks(
-    robot: HybridRobot, q: Array, v: Array, a: Array, on: Effects, *,
-    wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
-) -> Array:  # fmt: skip
-    """Compute motor efforts as `hybridyn.idm` does, block by block.
-
-    Args:
-        q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv), [m/s, rad/s].
-        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
-        on: Effects to compute.
-        wrenches: External wrenches, as for `hybridyn.idm`.
-        time: Times, shape (T,), [s], or None.
-
-    Returns:
-        Efforts, shape (T, motors), [N or N m].
-
-    Raises:
-        HybridynError: As in `hybridyn.idm`, for the first block with an error.
-    """
-    rows = max(1, NUMBERS_AT_ONCE // max(robot.nq, 1))
-    found = []
-    for start in range(0, max(len(q), 1), rows):
-        at = slice(start, start + rows)
-        outer = {link: W[at] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
-        now = None if time is None else time[at]
-        with samples_counted_from(start):
-            found.append(idm(robot, q[at], v[at], a[at], wrenches=outer, time=now, effects=on))
-    return np.concatenate(found)
-
-
-@contextlib.contextmanager
-def samples_counted_from(start: int) -> Iterator[None]:
-    """Shift the sample of an error, so that it counts from the start of the motion."""
-    try:
-        yield
-    except HybridynError as error:
-        if error.sample is not None:
-            error.sample += start
-        raise

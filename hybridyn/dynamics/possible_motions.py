@@ -93,12 +93,12 @@ def least_norm(module: Module, basis: Basis, inertia: InertiaFactor, u_dot: Arra
     """Choose, in place, the least-norm accelerations along motions without inertia.
 
     Args:
-        inertia: Factor of its inertia.
+        inertia: Principal motions of its inertia.
         u_dot: Independent accelerations, shape (T, N); changed at samples with massless motions.
     """
     unit = module.mechanism.reduction.col_scale
-    for t in np.flatnonzero(inertia.massless):
+    for t in np.flatnonzero(inertia.massless.any(axis=1)):
         Psi = basis.Psi[t] / unit[:, None]
-        null = inertia.null_space(int(t))
+        null = inertia.motions[t][:, inertia.massless[t]]
         x = Psi @ u_dot[t] + basis.drift[t] / unit
         u_dot[t] -= null @ least_squares((Psi @ null)[None], x[None])[0]

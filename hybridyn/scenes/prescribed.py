@@ -10,12 +10,13 @@ import numpy as np
 from ..assembly.assemble import assemble
 from ..assembly.task import closure_residual
 from ..dynamics.energy import energy
-from ..dynamics.inverse import idm, samples_counted_from
+from ..dynamics.inverse import idm
 from ..effects import Effects
 from ..simulation.result import Counters, Origin, Result
 from ..simulation.system import State
 from ..spatial import Array
 from ..streams.blocks import rows_at_once
+from ..streams.efforts import samples_counted_from
 from ..structure.robot import HybridRobot
 from .references import Reference
 

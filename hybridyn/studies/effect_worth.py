@@ -216,7 +216,7 @@ class Worth:
 
     def _general(self, on: Effects, count: int | None = None) -> Array:
         """Compute the efforts of all samples, or of the first `count`, with the general path."""
-        from ..dynamics.inverse import efforts_in_blocks
+        from ..streams.efforts import efforts_in_blocks
 
         q, v, a = (x[:count] for x in self._motion)
         outer = {link: W[:count] if np.ndim(W) == 2 else W for link, W in self._wrenches.items()}

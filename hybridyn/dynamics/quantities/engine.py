@@ -4,13 +4,11 @@
     tau = M u_dot + c + g                        forces along u, by the recursion of the inverse model
 
 Forces at u_dot = 0 are one pass of Eqs. (30)-(32) at the accelerations `drift`; Q along u is the result.
-M is composed of composite inertias: that of an output is its own and that of all modules on it, their motions
-held. With a_o, Psi and X of the direct model (`direct_recursion`) and D, A of the legs (Eqs. (63)-(75)):
+M is the sum of the inertias of all outputs and legs over u. With a_o, Psi and X of the direct model
+(`direct_recursion`) and M_leg of the legs (Eqs. (63)-(75)), in columns of the module's u and of all below it:
 
-    M_kk = Psi^T A Psi + sum_o a_o^T Ic_o a_o                      Eq. (43) with composite inertias
-    F_k  = Psi^T D + sum_o a_o^T Ic_o X_o                          Eq. (42): the base wrench, transposed
-    M_kj = F a_o of every module j below, and F <- F X_o           Featherstone's CRBA, module by module
-    Ic   of the base += S1 + sum_o X_o^T Ic_o X_o
+    V_o  = X_o V + a_o                                               Eqs. (2), (25): twists over u
+    M   += [V; Psi]^T M_leg [V; Psi] + sum_o V_o^T I_o V_o           the kinetic energy of the module
 
 What is quadratic in the rates has the polar form f(v, w) = (f(v + w) - f(v - w)) / 4, exactly.
 """
@@ -110,33 +108,26 @@ class Engine:
         return out
 
     def mass(self, q: Array) -> Array:
-        """Compute the mass matrix by composite inertias, the outermost modules first, shape (T, N, N)."""
+        """Compute the mass matrix, shape (T, N, N): the inertias of all outputs and legs, over u."""
         states, motions = self.motions(q)
         loads = Loads([], np.zeros((len(q), 6)), self.on, None, self.on.rotor_diagonal(self.robot))
-        Ic = [np.tile(s.mechanism.inertias, (len(q), 1, 1, 1)) for s in states]
-        outputs = [_output_maps(s, basis.Psi) for s, basis in zip(states, motions.bases, strict=True)]
         M = np.zeros((len(q), self.u.size, self.u.size))
-        for k in reversed(range(len(states))):
-            Psi, own, legs = motions.bases[k].Psi, self.u.own[k], loads.leg_matrix(states[k])
-            H = congruence(Psi, legs[:, 6:, 6:])
-            F = np.matmul(np.swapaxes(Psi, 1, 2), legs[:, 6:, :6])
-            handed = legs[:, :6, :6]
-            for (a_map, X), inertia in zip(outputs[k], np.swapaxes(Ic[k], 0, 1), strict=True):
-                carried = np.matmul(np.swapaxes(a_map, 1, 2), inertia)
-                H, F = H + np.matmul(carried, a_map), F + np.matmul(carried, X)
-                handed = handed + congruence(X, inertia)
-            M[:, own[:, None], own] = (H + np.swapaxes(H, 1, 2)) / 2
-            j, o = states[k].module.parent, states[k].module.parent_output
-            if j >= 0:
-                Ic[j][:, o] += handed
-            while j >= 0:
-                a_map, X = outputs[j][o]
-                block, below = np.matmul(F, a_map), self.u.own[j]
-                M[:, own[:, None], below] = block
-                M[:, below[:, None], own] = np.swapaxes(block, 1, 2)
-                F = np.matmul(F, X)
-                j, o = states[j].module.parent, states[j].module.parent_output
-        return M
+        twists: list[list[tuple[Index, Array]]] = []
+        for s, basis, own in zip(states, motions.bases, self.u.own, strict=True):
+            none = np.zeros(0, dtype=int), np.zeros((len(q), 6, 0))
+            below, V = none if s.module.parent < 0 else twists[s.module.parent][s.module.parent_output]
+            at = np.concatenate([below, own])
+            moved = np.zeros((len(q), 6 + len(basis.Psi[0]), len(at)))
+            moved[:, :6, : len(below)], moved[:, 6:, len(below) :] = V, basis.Psi
+            inertia = congruence(moved, loads.leg_matrix(s))  # Eqs. (34), (37)
+            twists.append([])
+            for o, body in enumerate(s.mechanism.spec.outputs):
+                a_map = np.matmul(s.mechanism.jacobian(s.motion, body), basis.Psi)
+                V_o = np.concatenate([np.matmul(motion_matrix(*s.placement(o)), V), a_map], axis=2)  # Eq. (2)
+                inertia += congruence(V_o, s.mechanism.inertias[o])
+                twists[-1].append((at, V_o))
+            M[:, at[:, None], at] += inertia
+        return (M + np.swapaxes(M, 1, 2)) / 2
 
 
 def chosen_effects(robot: HybridRobot, effects: Choice) -> Effects:
@@ -275,12 +266,3 @@ def _brackets(robot: HybridRobot, v: Array, E: Array) -> Array:
         U[..., S] = np.swapaxes(E[:, at], 1, 2)
         out[:, at] = np.swapaxes(crm(np.broadcast_to(V, U.shape), U)[..., S], 1, 2)
     return out
-
-
-def _output_maps(s: ModuleState, Psi: Array) -> list[tuple[Array, Array]]:
-    """Compute a_o, shape (T, 6, m), and X_o, shape (T, 6, 6), of every output of a module, own frames."""
-    outputs = enumerate(s.mechanism.spec.outputs)
-    return [
-        (np.matmul(s.mechanism.jacobian(s.motion, body), Psi), motion_matrix(*s.placement(o)))
-        for o, body in outputs
-    ]

@@ -70,8 +70,8 @@ def mass_matrix(
 ) -> Array:
     """Compute the mass matrix M(q) of tau = M u_dot + c + g; the kinetic energy is u^T M u / 2.
 
-    The cost is linear in the number of modules times their depth. For a chain of modules this is quadratic,
-    like the number of entries.
+    Each module adds a block over its own coordinates and those of the modules below it. For a chain this
+    arithmetic grows with the cube of the number of modules; below some fifty modules, other work takes longer.
 
     Args:
         robot: The robot.
