@@ -71,7 +71,7 @@ def mass_matrix(
     """Compute the mass matrix M(q) of tau = M u_dot + c + g; the kinetic energy is u^T M u / 2.
 
     Each module adds a block over its own coordinates and those of the modules below it. For a chain this
-    arithmetic grows with the cube of the number of modules; below some fifty modules, other work takes longer.
+    arithmetic grows with the cube of the number of modules; below fifty modules, other work takes longer.
 
     Args:
         robot: The robot.
