@@ -20,7 +20,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
 from .direct_recursion import accelerate, articulate
-from .forward import base_motion, forward
+from .forward import forward
 from .loads import Loads, all_loads, in_every_sample
 from .reactions import Reactions
 from .results import Result
@@ -111,13 +111,39 @@ def direct_model(
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
     loads = all_loads(robot, on, q, v, time, wrenches)
-    whole = on.velocity is not None  # without velocity terms, forces depend on the observer
-    states = forward(robot, q, v, None, on.gravity, classical=whole)
-    residual = check_closed(robot, states, q, v)
-    modules = articulate(robot, states, loads, tau, None)
-    accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
+    residual = solve(robot, q, v, a, tau, loads)
     result = reactions_of(robot, RobotMotion(q, v, a), tau, loads) if reactions else None
     return Result(a, residual, result)
+
+
+def solve(
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    a: Array,
+    tau: Array,
+    loads: Loads,
+    prescribed: Array | None = None,
+) -> Array:
+    """Compute accelerations at states that close the loops.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv): those of a moving base are read, the others filled in place.
+        tau: Efforts of the motors, shape (T, motors).
+        loads: External wrenches and effects.
+        prescribed: Accelerations, shape (T, nv), whose entries for motors are prescribed, or None.
+
+    Returns:
+        Closure residuals of the states, shape (T,).
+    """
+    on = loads.on
+    # Without velocity terms, forces depend on the observer: the classical one is taken for all others.
+    states = forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=a)
+    residual = check_closed(robot, states, q, v)
+    accelerate(robot, articulate(robot, states, loads, tau, prescribed), q, v, a)
+    return residual
 
 
 def acceleration_of_base(robot: HybridRobot, acceleration: ArrayLike, samples: int) -> Array:
@@ -161,13 +187,6 @@ def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads
         Accelerations, shape (T, nv).
     """
     needs_inertia(loads.on)
-    whole = loads.on.velocity is not None
-    states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
-    check_closed(robot, states, q, v)
-    modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
-    out = np.zeros_like(a)
-    if robot.base == "moving":
-        out[:, :6] = a[:, :6]
-    root = base_motion(robot, q, v, a, loads.on.gravity, classical=whole)[1]
-    accelerate(robot, modules, root, q, v, out)
+    out = a.copy()
+    solve(robot, q, v, out, np.zeros((len(q), len(robot.motors))), loads, a)
     return out

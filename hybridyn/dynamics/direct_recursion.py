@@ -175,14 +175,11 @@ def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
     return inertia, bias
 
 
-def accelerate(
-    robot: HybridRobot, modules: list[ArticulatedModule], root: Array, q: Array, v: Array, a: Array
-) -> None:
+def accelerate(robot: HybridRobot, modules: list[ArticulatedModule], q: Array, v: Array, a: Array) -> None:
     """Run the forward sweep: compute the accelerations of the spanning tree.
 
     Args:
         modules: The robot's modules after `articulate`.
-        root: Acceleration of the base of the first modules minus gravity, shape (T, 6).
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv), filled in place.
@@ -190,7 +187,7 @@ def accelerate(
     outputs: list[list[Array]] = []
     for x in modules:
         s, module = x.state, x.state.module
-        V_dot = root if module.parent < 0 else outputs[module.parent][module.parent_output]
+        V_dot = s.V_dot if module.parent < 0 else outputs[module.parent][module.parent_output]
         carried = np.einsum("tij,tj->ti", x.G, V_dot)
         u_dot = x.y - carried  # Eqs. (40), (51)
         least_norm(module, x.basis, x.inertia, u_dot)

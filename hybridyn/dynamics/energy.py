@@ -18,7 +18,7 @@ from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions
 from .link_motion import body_motions, link_motions, observed_motions
-from .loads import gather_loads
+from .loads import all_loads
 from .state_checks import checked_state
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def power(
     columns = robot.motor_columns
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
-    gather_loads(robot, wrenches, len(q))  # raises the same errors as idm
+    all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm
     motions = observed_motions(robot, on, q, v)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
         supplied += _work(robot, q, v, given)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.terms import Gravity
 from ..spatial import Array, crm, cross, motion_to_body
-from ..structure.module import Module, ModuleState
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 
 GRAVITY = Gravity()
@@ -50,6 +50,7 @@ def forward(
     gravity: Gravity | None = GRAVITY,
     *,
     classical: bool = False,
+    base: Array | None = None,
 ) -> list[ModuleState]:
     """Run the forward recursion.
 
@@ -62,16 +63,19 @@ def forward(
         classical: Whether to express each twist relative to an observer who moves with the velocity of the
             frame's origin. Forces and relative accelerations are the same (Galilean invariance). This avoids
             the rounding of w x v, which grows with the square of a chain's length.
+        base: Accelerations, shape (T, nv), whose first six entries are those of a moving base, where `a` is
+            None; zero by default.
 
     Returns:
         One state per module, in the order of `robot.modules`.
     """
-    given = np.zeros_like(v) if a is None else a
-    root = base_motion(robot, q, v, given, gravity, classical=classical)
+    of_base = next(x for x in (a, base, np.zeros_like(v)) if x is not None)
+    root = base_motion(robot, q, v, of_base, gravity, classical=classical)
     states: list[ModuleState] = []
     for module in robot.modules:
         m = module.mechanism
-        V, V_dot = _base_of(states, module, root)
+        below, o = states[module.parent] if module.parent >= 0 else None, module.parent_output
+        V, V_dot = (below.outputs[:, o], below.outputs_dot[:, o]) if below else root
         qk, vk = q[:, module.q_index], v[:, module.v_index]
         ak = None if a is None else a[:, module.v_index]
         spanning = m.spanning.sweep(qk, vk, ak)
@@ -98,11 +102,3 @@ def forward(
             )
         )
     return states
-
-
-def _base_of(states: list[ModuleState], module: Module, root: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return the twist and the acceleration of a module's base."""
-    if module.parent < 0:
-        return root
-    below = states[module.parent]
-    return below.outputs[:, module.parent_output], below.outputs_dot[:, module.parent_output]

@@ -167,31 +167,16 @@ def all_loads(
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         time: Times, shape (T,), or None.
-        wrenches: External wrenches, as for `gather_loads`.
+        wrenches: Wrench on each link, by link name, shape (6,) or (T, 6), in its frame at its origin.
 
     Raises:
-        TrajectoryError: As in `gather_loads`; or an effect needs time and there is none.
+        TrajectoryError: A link is unknown, a shape is wrong, or a number is not finite; or an effect needs
+            time and there is none.
     """
-    loads = gather_loads(robot, wrenches, len(q))
-    loads.on, loads.joints, loads.rotors = on, on.joint_efforts(robot, q, v), on.rotor_diagonal(robot)
-    if on.links:
-        for given in on.wrenches(observed_motions(robot, on, q, v), time, len(q)):
-            _enter(robot, loads, given, len(q))
-    return loads
-
-
-def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, samples: int) -> Loads:
-    """Assign wrenches on links to modules and bodies.
-
-    Args:
-        wrenches: Wrench on each link, by link name, shape (6,) or (samples, 6), in its frame at its origin.
-        samples: Number of samples.
-
-    Raises:
-        TrajectoryError: A link is unknown, a shape is wrong, or a number is not finite.
-    """
-    loads = Loads([ModuleLoad() for _ in robot.modules], np.zeros((samples, 6)))
-    _enter(robot, loads, wrenches or {}, samples)
+    modules = [ModuleLoad() for _ in robot.modules]
+    loads = Loads(modules, np.zeros((len(q), 6)), on, on.joint_efforts(robot, q, v), on.rotor_diagonal(robot))
+    for given in (wrenches or {}, *on.wrenches(observed_motions(robot, on, q, v), time, len(q))):
+        _enter(robot, loads, given, len(q))
     return loads
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from ..assembly.task import closure_residual
 from ..compiled.library.laws import Law
 from ..dynamics.direct_recursion import accelerate, articulate
-from ..dynamics.forward import base_motion as base_of
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
 from ..effects.choice import Choice, choose
@@ -195,10 +194,8 @@ class MotionLaw:
         if self.robot.base == "moving":
             a[:, :6] = base
         whole = self.on.velocity is not None
-        states = forward(self.robot, q, v, None, self.on.gravity, classical=whole)
-        modules = articulate(self.robot, states, loads, tau, None, passing=True)
-        root = base_of(self.robot, q, v, a, self.on.gravity, classical=whole)[1]
-        accelerate(self.robot, modules, root, q, v, a)
+        states = forward(self.robot, q, v, None, self.on.gravity, classical=whole, base=a)
+        accelerate(self.robot, articulate(self.robot, states, loads, tau, None, passing=True), q, v, a)
         return a, tau
 
     def _efforts(self, t: Array, q: Array, v: Array) -> tuple[Array, bool]:

@@ -14,7 +14,8 @@ from hybridyn import ddm
 from hybridyn.description import Description
 from hybridyn.dynamics.direct import articulate
 from hybridyn.dynamics.forward import forward
-from hybridyn.dynamics.loads import gather_loads
+from hybridyn.dynamics.loads import all_loads
+from hybridyn.effects.choice import STANDARD
 from hybridyn.errors import SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
 from tests import ROOT
@@ -107,7 +108,7 @@ def test_the_apparent_inertia_of_light_legs_is_proportional_to_their_mass() -> N
     for ratio in (1e-9, 1e-12):
         robot = build_robot(with_legs(shipped("lx4", modules="2"), ratio), base="floating")
         q, v = robot.home[None], np.zeros((1, robot.nv))
-        loads = gather_loads(robot, None, 1)
+        loads = all_loads(robot, STANDARD, q, v, None, None)
         module = articulate(robot, forward(robot, q, v, None), loads, np.zeros((1, 12)), None)[0]
         assert not module.inertia.massless.any()
         I_star = module.A_t[0] / ratio

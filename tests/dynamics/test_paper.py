@@ -8,7 +8,8 @@ from hybridyn import Reactions, ddm, idm
 from hybridyn.description import Description
 from hybridyn.dynamics.direct import articulate
 from hybridyn.dynamics.forward import forward
-from hybridyn.dynamics.loads import gather_loads
+from hybridyn.dynamics.loads import all_loads
+from hybridyn.effects.choice import STANDARD
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -209,7 +210,7 @@ def test_articulated_quantities_of_the_outermost_module(case: Case) -> None:
     E, inverse, known, _, _, xi = case.stack.kept[-1]
     m = case.stack.modules[-1]
     q, v = case.q[None], case.v[None]
-    loads = gather_loads(case.robot, case.wrenches, 1)
+    loads = all_loads(case.robot, STANDARD, q, v, None, case.wrenches)
     last = articulate(case.robot, forward(case.robot, q, v, None), loads, tau, None)[-1]
     # Our output is the body whose frame is the topmost link's; the platform's link stands at (R, p) in it.
     _, R, p = case.robot.bodies.place[case.stack.platforms[-1]]

@@ -61,10 +61,6 @@ class Engine:
         """
         return cls(robot, independent_coordinates(robot, joints), chosen_effects(robot, effects))
 
-    def only(self, *effects: str) -> Engine:
-        """Return the engine restricted to some effects."""
-        return Engine(self.robot, self.u, self.on.only(effects))
-
     def motions(self, q: Array, v: Array | None = None) -> tuple[list[ModuleState], Motions]:
         """Compute the states of the modules, without weights and accelerations, and their motions over u.
 
@@ -117,7 +113,7 @@ class Engine:
             none = np.zeros(0, dtype=int), np.zeros((len(q), 6, 0))
             below, V = none if s.module.parent < 0 else twists[s.module.parent][s.module.parent_output]
             at = np.concatenate([below, own])
-            moved = np.zeros((len(q), 6 + len(basis.Psi[0]), len(at)))
+            moved = np.zeros((len(q), 6 + s.mechanism.tree.nv, len(at)))
             moved[:, :6, : len(below)], moved[:, 6:, len(below) :] = V, basis.Psi
             inertia = congruence(moved, loads.leg_matrix(s))  # Eqs. (34), (37)
             twists.append([])

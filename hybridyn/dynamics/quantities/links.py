@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...effects.choice import Choice
-from ...linkage.tree import Motion
-from ...spatial import Array, motion_matrix, rotate_back, rotation_from_quaternion, to_body_axes
+from ...spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
@@ -121,11 +120,13 @@ def delassus(
         wrenches = {name: np.zeros((len(x), 6)) for name in names}
         for i, name in enumerate(names):
             own = W[:, 6 * i : 6 * i + 6]
-            wrenches[name] += _in_link(placed[name], own) if axes == "world" else own
+            turned = to_body_axes(placed[name].R, own[..., None])[..., 0] if axes == "world" else own
+            wrenches[name] += turned
         still = np.zeros((len(x), len(robot.motors)))
         a = direct_model(robot, x, rest, still, wrenches=wrenches, effects=on).values
         moved = link_motions(robot, x, a, names)
-        return np.concatenate([_twist(moved[name], axes) for name in names], axis=1)
+        twists = {k: m.twist() if axes == "link" else np.c_[m.p_dot, m.w] for k, m in moved.items()}
+        return np.concatenate([twists[name] for name in names], axis=1)
 
     rows = 6 * len(names)
     out = by_columns(pushed, q, np.broadcast_to(np.eye(rows), (len(q), rows, rows)))
@@ -182,14 +183,3 @@ def inverse_of(
     out = np.matmul(axes / size[:, None], np.swapaxes(axes, 1, 2))
     inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
     return inertia
-
-
-def _in_link(motion: Motion, W: Array) -> Array:
-    """Turn wrenches from world axes to those of a link, shape (T, 6)."""
-    return np.concatenate([rotate_back(motion.R, W[:, :3]), rotate_back(motion.R, W[:, 3:])], axis=1)
-
-
-def _twist(motion: Motion, axes: str) -> Array:
-    """Return a link's twist in world axes or its own, shape (T, 6)."""
-    twist = np.concatenate([motion.p_dot, motion.w], axis=1)
-    return twist if axes == "world" else _in_link(motion, twist)

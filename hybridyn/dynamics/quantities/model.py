@@ -15,7 +15,7 @@ from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from ..direct import acceleration_of_base, needs_inertia
 from ..state_checks import checked_state
-from .engine import Engine, polar_form, rate_of_map
+from .engine import Engine, chosen_effects, polar_form, rate_of_map
 from .independent import independent_coordinates
 
 #: Effects that c is made of: what is quadratic in the rates.
@@ -99,7 +99,7 @@ def mass_matrix(
 def bias(
     robot: HybridRobot,
     q: ArrayLike,
-    v: ArrayLike,
+    v: ArrayLike | None,
     *,
     joints: Sequence[str] | None = None,
     effects: Choice = None,
@@ -111,7 +111,7 @@ def bias(
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
-        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s]; zero if None.
         joints: Independent joints u, in each module as many as its degrees of freedom; the motors by default.
             The twist of a floating base comes first in u.
         effects: As in `idm`; friction, springs and contacts contribute if they are among these effects.
@@ -158,10 +158,7 @@ def coriolis(
     Raises:
         AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
     """
-    engine = Engine.of(robot, joints, effects).only(*QUADRATIC)
-    q, v, single = checked_state(robot, q, v)
-    out = engine.forces_at_rest(q, v)
-    return out[0] if single else out
+    return bias(robot, q, v, joints=joints, effects=chosen_effects(robot, effects).only(QUADRATIC))
 
 
 def gravity(
@@ -181,10 +178,7 @@ def gravity(
     Raises:
         AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
     """
-    engine = Engine.of(robot, joints, effects).only(*WEIGHTS)
-    q, rest, single = checked_state(robot, q, None)
-    out = engine.forces_at_rest(q, rest)
-    return out[0] if single else out
+    return bias(robot, q, None, joints=joints, effects=chosen_effects(robot, effects).only(WEIGHTS))
 
 
 def coriolis_matrix(
@@ -219,7 +213,7 @@ def coriolis_matrix(
         ModelError: Effects are unknown, lack parameters, or prescribe the base.
         TrajectoryError: An array has the wrong shape or is not finite, or a prescribed base moves.
     """
-    engine = Engine.of(robot, joints, effects).only(*QUADRATIC)
+    engine = Engine.of(robot, joints, chosen_effects(robot, effects).only(QUADRATIC))
     engine.u.refuse_idle(robot, "the Coriolis matrix")
     q, v, single = checked_state(robot, q, v)
     if robot.base == "moving" and v[:, :6].any():
