@@ -30,12 +30,14 @@ class InertiaFactor:
     """The principal motions of many inertia matrices, in units of their rounding: N^T A N = diag(values).
 
     Attributes:
+        A: The matrices, shape (T, n, n).
         motions: N, shape (T, n, n): columns that are orthonormal in the unit of each coordinate, in which its
             rounding is one.
         values: Inertia of each principal motion over its rounding, shape (T, n). Motions with values of at
             most one have no inertia.
     """
 
+    A: Array
     motions: Array
     values: Array
 
@@ -47,13 +49,18 @@ class InertiaFactor:
     def solve(self, b: Array) -> tuple[Array, Array]:
         """Solve A x = b for b of shape (T, n, c), with x = 0 along motions without inertia.
 
+        One step of refinement removes the rounding of the principal motions.
+
         Returns:
             x, shape (T, n, c), and the force of b on every massless motion, per unit of the coordinate that
             moves most; zero for the others, shape (T, n, c).
         """
-        force, massless = np.matmul(np.swapaxes(self.motions, 1, 2), b), self.massless[..., None]
-        x = np.matmul(self.motions, force / np.where(massless, np.inf, self.values[..., None]))
-        return x, np.where(massless, force / np.abs(self.motions).max(axis=1, initial=0.0)[..., None], 0.0)
+        turned, massless = np.swapaxes(self.motions, 1, 2), self.massless
+        inverse = self.motions / np.where(massless, np.inf, self.values)[:, None]
+        x = np.matmul(inverse, np.matmul(turned, b))
+        x += np.matmul(inverse, np.matmul(turned, b - np.matmul(self.A, x)))
+        force = np.matmul(turned, b) / np.abs(turned).max(axis=2, keepdims=True, initial=0.0)
+        return x, np.where(massless[..., None], force, 0.0)
 
 
 def factor_inertia(A: Array, noise: Array) -> InertiaFactor:
@@ -65,7 +72,7 @@ def factor_inertia(A: Array, noise: Array) -> InertiaFactor:
     """
     unit = 1.0 / np.sqrt(np.where(noise > 0, noise, 1.0))
     values, vectors = np.linalg.eigh(A * unit[:, :, None] * unit[:, None])
-    return InertiaFactor(vectors * unit[:, :, None], values)
+    return InertiaFactor(A, vectors * unit[:, :, None], values)
 
 
 def seeming(x: ArticulatedModule, noise: Array) -> Array:
