@@ -255,6 +255,26 @@ def motion_map(chain: Chain, body: int) -> Expression:
     return J
 
 
+def point_map(chain: Chain, body: int, point: Expression) -> Expression:
+    """Compute the map from s to the acceleration of a body's point, without `c`, body's axes, (3, 6 + nv)."""
+    J, slices, root, end = zeros(3, 6 + chain.nv), chain.v_slices, chain.root[body], body
+    columns: dict[int, Expression] = {}
+    path = []
+    while body != root:
+        path.append(body - 1)
+        body = chain.links[body - 1].parent
+    for i in reversed(path):
+        columns = {k: to_child(chain.R[i], chain.p[i], column) for k, column in columns.items()}
+        columns |= {slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
+    for k, column in columns.items():
+        J[:, 6 + k] = point_velocity(column, point)
+    R = chain.R0[end].T
+    J[:, chain.columns_of(root)] = np.concatenate(
+        [R, -dot(R, hat(plus(chain.p0[end], dot(chain.R0[end], point))))], axis=1
+    )
+    return J
+
+
 def point_velocity(V: Expression, point: Expression) -> Expression:
     """Compute the velocity of a body's point in the body's axes, shape (3,)."""
     out: Expression = plus(V[:3], cross(V[3:], point))

@@ -8,20 +8,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...assembly.free_motions import IDLE
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from .arguments.structure_guard import dependence
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, plain, symbols, zeros
-from .guards import GUARD_CLOSED, TINY_RATE, Scale, size_of
+from .guards import GUARD_CLOSED, TINY_RATE, Scale, size_of, weighed
 from .legs import PlatformMotion, leg_pivots
 from .links import units_of
 from .loops import Rows, write_rows
 from .parts import Parts, width_of
 from .paths import Path, path_of, wrist_pivots
 from .rigid import motion_to_parent, quaternion_matrix, to_child
+from .spins import first_moment
 from .states import seen_postures
-from .static_elimination import Pivots, choose_pivots
+from .static_elimination import Pivots, Trust, choose_pivots, solve
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,17 @@ class Plan:
     def mechanism(self) -> Mechanism:
         """The module."""
         return self.parts.mechanism
+
+    @property
+    def free(self) -> list[int]:
+        """Freedoms of the core without a pivot."""
+        return [k for k in range(len(self.parts.tree_v)) if k not in self.loop_pivots.cols]
+
+    @property
+    def motions(self) -> list[int]:
+        """The same in the order of the core's motions: those that stand for spins come first."""
+        spins = [spin.col for spin in self.parts.spins]
+        return spins + [k for k in self.free if k not in spins]
 
 
 def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> Plan:
@@ -97,12 +110,35 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
     chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
     positions = split_positions(list(parts.links), q)
     written = write_rows(
-        chain, parts.closures, parts.couplings, positions, zeros(6 + nv), None, Scale(1.0, 1.0), [1.0], 0
-    )
+        chain, parts.closures, parts.couplings, positions, zeros(6 + nv), None, Scale(1.0, 1.0), [1.0], 0,
+        parts.rods,
+    )  # fmt: skip
+    _leave_out_spins(parts, written)
     function = ca.Function("K", [column], [pack(written.K[:, 6:])])
     shape = written.K[:, 6:].shape
     samples = np.array([np.array(function(x[parts.tree_q])).reshape(shape) for x in postures])
     return choose_pivots(samples, parts.rank, rows, cols)
+
+
+def _leave_out_spins(parts: Parts, rows: Rows) -> None:
+    """Take from the closures' rows the freedoms that stand for spins: the rows do not feel these."""
+    for spin in parts.spins:
+        rows.K[:, 6 + spin.col] = 0.0
+
+
+def _spin_guard(plan: Plan, rows: Rows) -> Any:
+    """Return the guard that spins are idle where arguments change the closures or the centres of mass."""
+    parts, m = plan.parts, plan.mechanism
+    guard: Any = ca.SX(0.0)
+    for spin in parts.spins:
+        felt = (
+            dot(rows.K[:, 6 + np.array(spin.cols)], spin.axis)
+            * m.reduction.row_scale[list(parts.closure_rows)]
+        )
+        guard = guard + weighed([(felt, 1.0)], plan.scale.weight_of_positions)
+        moved = first_moment(spin, parts.links) / m.length
+        guard = guard + weighed([(moved, sum(body.mass for body in m.spec.leg_bodies if body))], IDLE**-2)
+    return guard
 
 
 @dataclass(eq=False)
@@ -172,8 +208,12 @@ def write_core(
     rates = np.concatenate([V_base, twists])
     weights = [plan.scale.weight(size) for size in sizes]
     rows = write_rows(
-        chain, parts.closures, parts.couplings, positions, rates, tree_a, plan.scale, weights, parts.checked
-    )
+        chain, parts.closures, parts.couplings, positions, rates, tree_a, plan.scale, weights, parts.checked,
+        parts.rods,
+    )  # fmt: skip
+    if plan.column is not None:
+        rows.guard = rows.guard + _spin_guard(plan, rows)
+    _leave_out_spins(parts, rows)
     if plan.mechanism.reduction.rounded:  # the choice of dependent rows differs from posture to posture
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
@@ -190,6 +230,25 @@ def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Sca
     A = motion_to_parent(at.R, at.p, at.c)
     haste = size_of(zeros(0), [], [A_base, A], scale.length) + speed * speed
     return PlatformMotion(at.R, at.p, V, scale.weight(speed), A, scale.weight(haste))
+
+
+def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression, Trust]:
+    """Solve a core's closures K y = right by the chosen pivots.
+
+    Returns:
+        X: y over [right-hand sides, spins, other motions], shape (n, k + motions); all but the spins are
+            orthogonal to these.
+        trust: Trust in the pivots.
+    """
+    X, trust = solve(K, right, plan.loop_pivots)
+    k = right.shape[1]
+    free = plan.free
+    X = X[:, [*range(k), *(k + free.index(col) for col in plan.motions)]]
+    for i, spin in enumerate(plan.parts.spins):
+        spin.taken_out(X)
+        X[:, k + i] = 0.0
+        X[list(spin.cols), k + i] = spin.axis
+    return X, trust
 
 
 def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:

@@ -15,9 +15,9 @@ import numpy as np
 
 from ...spatial import Index
 from .chains import motion_map, sweep
-from .core import Core, Plan, core_body, own_inertia, rank_guard, whole, write_core
+from .core import Core, Plan, core_body, motions_of, own_inertia, rank_guard, whole, write_core
 from .expressions import Expression, along, congruence, dot, numbers, pack, symbols, upper, zeros
-from .guards import trusted
+from .guards import size_of, trusted, weighed
 from .module_graph import (
     BaseMotion,
     WrittenModule,
@@ -32,7 +32,7 @@ from .paths import wrist_accelerations
 from .quadratic_form import bias_of, quadratic_form
 from .rigid import classical, inertia_matrix, to_child
 from .stages import Stage, cut
-from .static_elimination import solve, solve_definite
+from .static_elimination import solve_definite
 
 #: Ratio of an inertia's pivot to its diagonal entry below which a motion has nearly no inertia.
 WITHOUT_INERTIA = 1e-9
@@ -187,8 +187,9 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     A_t = congruence(Psi, M_yy)  # Eq. (43)
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
+    unforced = _hold_thin(plan, options, (A_t, E, Q_0), f)
     solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
-    guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust), Psi)
+    guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust) + unforced, Psi)
     guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
@@ -196,10 +197,30 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     return _Solved(Psi, Psi_b, y_0, E, solved[:, :6], f, solved[:, 6], guard)
 
 
+def _hold_thin(
+    plan: Plan, options: DirectOptions, equation: tuple[Expression, Expression, Expression], f: Expression
+) -> Any:
+    """Give spins without inertia no acceleration, the least; return the guard of the forces on them.
+
+    Args:
+        equation: A_t, E and Q_0 of the module, changed in place.
+        f: The forces along y, of whose terms those on the spins may be rounding.
+    """
+    A_t, E, Q_0 = equation
+    thin = list(options.thin)
+    if not thin:
+        return 0.0
+    size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[plan.parts.tree_v], [], 1.0)
+    guard = weighed([(Q_0[thin], 1.0)], plan.scale.weight(size))
+    E[thin], Q_0[thin], A_t[thin], A_t[:, thin] = 0.0, 0.0, 0.0, 0.0
+    A_t[thin, thin] = 1.0
+    return guard
+
+
 def _closed(core: Core, plan: Plan) -> tuple[Expression, Any]:
     """Solve the core's closures for y over [V_dot_base, 1, u_dot]; return also the pivots' trust."""
     right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    return solve(core.rows.K[:, 6:], right, plan.loop_pivots)
+    return motions_of(plan, core.rows.K[:, 6:], right)
 
 
 def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:

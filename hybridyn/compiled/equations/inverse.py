@@ -15,8 +15,8 @@ import numpy as np
 from ...spatial import Index
 from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, own_inertia, rank_guard, write_core
-from .expressions import Expression, cross, dot, pack, symbols, zeros
+from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
+from .expressions import Expression, along, cross, dot, pack, symbols, zeros
 from .guards import trusted
 from .inverse_legs import LEG_SUMS
 from .module_graph import (
@@ -31,7 +31,7 @@ from .module_graph import (
 from .options import InverseOptions
 from .rigid import classical, crf, momentum, resting, to_child, to_parent
 from .stages import cut
-from .static_elimination import Pivots, solve
+from .static_elimination import Pivots
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,8 @@ def write_inverse(
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
         balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,
-            instead of the motor efforts "tau". Motor efforts are then among the laws.
+            instead of the motor efforts "tau". Motor efforts are then among the laws. Along a thin spin, what
+            is left is its acceleration, which the direct model makes zero.
         motions: Whether the first stage has the output "u_dot", the accelerations along its motions.
     """
     parts, spanning = plan.parts, plan.mechanism.spanning
@@ -112,12 +113,14 @@ def write_inverse(
     needed.received |= {"laws": laws_column} if laws else {}
     at = 6 + np.array(laws, dtype=int)
     needed.b[at] = needed.b[at] - law
-    X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
+    X, trust = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
     guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust), X[:, 1:])
     if balance:
-        efforts = {"guard": ca.SX(guard), "Q": pack(dot(X[:, 1:].T, needed.b[6:]))}
+        left = dot(X[:, 1:].T, needed.b[6:])
+        left[list(options.thin)] = _along_motions(core, plan, a)[list(options.thin)]
+        efforts = {"guard": ca.SX(guard), "Q": pack(left)}
     else:
-        tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
+        tau, measure = _efforts(core, plan, options, X[:, 1 + len(parts.spins) :], needed, pivots)
         efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
         efforts["F_base"] = pack(_base_wrench(core, needed.b))
@@ -135,7 +138,10 @@ def _along_motions(core: Core, plan: Plan, a: Expression) -> Expression:
     y = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
     for i, platform in core.platforms.items():
         y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
-    return y[[k for k in range(len(y)) if k not in plan.loop_pivots.cols]]
+    u_dot = y[plan.motions]
+    for i, spin in enumerate(plan.parts.spins):
+        u_dot[i] = along(spin.axis, y[list(spin.cols)])
+    return u_dot
 
 
 def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:
@@ -205,7 +211,7 @@ def _efforts(
     if len(moving) > B.shape[0] and not options.share:
         return zeros(len(options.motors)), ca.SX(np.inf)  # the general path raises the error
     size = needed.size() if len(moving) < B.shape[0] else ca.SX(0.0)
-    free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
+    free = plan.motions[len(parts.spins) :]
     summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale)
     tau = zeros(len(options.motors))
     tau[list(moving)], guard = motor_efforts(

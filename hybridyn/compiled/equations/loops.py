@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...linkage.closures import TreeClosure, TreeCoupling
-from .chains import Chain, motion_map, point_acceleration, point_velocity
-from .expressions import Expression, along, cross, dot, numbers, zeros
+from ...spatial import Array
+from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
+from .expressions import Expression, along, cross, dot, hat, minus, numbers, zeros
 from .guards import Scale, weighed
 from .links import units_of
 from .residuals import coupling_row
 from .rigid import to_parent
+from .spins import UNFELT, Rod
 
 
 @dataclass
@@ -69,6 +73,7 @@ def write_rows(
     scale: Scale,
     weights: list[Any],
     checked: int,
+    rods: Mapping[int, Rod] = MappingProxyType({}),
 ) -> Rows:
     """Write the rows of closures and couplings.
 
@@ -80,13 +85,18 @@ def write_rows(
         scale: Scales of closure residuals.
         weights: Weights of squared residuals of rates and, if given, of accelerations (`Scale.weight`).
         checked: How many of the closures the guard compares, the first ones.
+        rods: Rods at the ends of closures, by the closure's number.
     """
     K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
     guard = ca.SX(0.0)
     for k, c in enumerate(closures):
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
-        rows, drift, open_by, slip = _closure(c, a, b, accelerations is not None)
+        turned = None
+        if k in rods:
+            near, far = ((c.body_a, c.p_a, -1.0), b) if rods[k].on_a else ((c.body_b, c.p_b, 1.0), a)
+            turned = _rod_rows(chain, rods[k], near, far)
+        rows, drift, open_by, slip = _closure(c, a, b, accelerations is not None, turned)
         K, gamma = [*K, rows], [*gamma, drift]
         if k >= checked:
             continue
@@ -107,18 +117,41 @@ def write_rows(
     return Rows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
 
 
+def _rod_rows(
+    chain: Chain, rod: Rod, near: tuple[int, Array, float], far: _Side
+) -> tuple[list[Expression], Expression]:
+    """Return the directions of a closure's rows along the axes of a rod, and the rows, shape (3, 6 + nv).
+
+    Args:
+        near: Body of the rod, the closure's point on it, and the sign of its motion in the rows.
+        far: The closure's other side.
+    """
+    body, point, sign = near
+    R = dot(chain.R0[body], numbers(rod.axes))
+    own = dot(numbers(rod.axes.T), point_map(chain, body, numbers(point)))
+    if point.dtype != object:  # rounding of axes; where arguments move the end, they may move it off the line
+        for row, col in np.ndindex(own.shape):
+            if not isinstance(own[row, col], ca.SX) and abs(own[row, col]) < UNFELT * np.abs(point).max():
+                own[row, col] = 0.0
+        own[2, 6 + np.array(rod.turns)] = 0.0
+    moved = minus(far.J[:3], dot(hat(chain.p0[body] + dot(chain.R0[body], numbers(point))), far.J[3:]))
+    return [R[:, i] for i in range(3)], minus(own, dot(R.T, moved)) * sign
+
+
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side, given: bool
+    c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[list[Expression], Expression] | None
 ) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:
     """Compute rows and drift of one closure, the residuals of its translations and rotations, and of rates.
 
-    `given` tells that accelerations are given: the drift is then a residual, too.
+    `given` tells that accelerations are given: the drift is then a residual, too. `turned` are other axes of
+    three translations, and their rows.
     """
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
     if len(axes) == 3:  # all three rows together may use any axes, and the loop is closed
-        axes, opened, r = [numbers(np.eye(3)[i]) for i in range(3)], r, zeros(3)
+        still = [numbers(np.eye(3)[i]) for i in range(3)]  # a drift that is a residual has any axes, too
+        axes, opened, r = turned[0] if turned and not given else still, r, zeros(3)
     else:
         opened = np.array([along(n, r) for n in axes], dtype=object)
     apart = b.a - a.a
@@ -143,7 +176,7 @@ def _closure(
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
         gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
-    rows = [dot(n[None], relative)[0] for n in normals]
+    rows = [dot(n[None], relative)[0] for n in normals] if turned is None else list(turned[1])
     angles = np.array([along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),

@@ -9,11 +9,11 @@ from ...dynamics.guards import SINGULAR_MOTOR_MAP
 from ...spatial import Array
 from ..code.scalars import GUARD_LIMIT
 from .chains import motion_map
-from .core import Plan, write_core
+from .core import Plan, motions_of, write_core
 from .expressions import Expression, dot, pack, symbols, zeros
 from .guards import Scale, trusted
 from .legs import write_leg
-from .static_elimination import Pivots, choose_pivots, solve
+from .static_elimination import Pivots, choose_pivots
 
 
 def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivots | None:
@@ -27,13 +27,13 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
         The pivots; none if there are more motors than motions; None if the map is singular at most of the
         positions, and so everywhere.
     """
-    if not motors or len(motors) > plan.mechanism.mobility:
+    if not motors or len(motors) > plan.mechanism.mobility - len(plan.parts.spins):
         return Pivots((), (), ())
     m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
     column, q = symbols("q", m.spanning.nq)
     core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
-    X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
-    Psi, guard = X[:, 1:], trusted(trust)
+    X, trust = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
+    Psi, guard = X[:, 1 + len(parts.spins) :], trusted(trust)
     columns: dict[int, Expression] = {}
     for k, col in enumerate(parts.tree_v):
         columns[int(col)] = Psi[k]

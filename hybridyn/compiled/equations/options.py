@@ -43,12 +43,14 @@ class DirectOptions(ModuleOptions):
     Attributes:
         motors: Freedoms of the tree after the cuts on which an effort acts.
         massless: Whether some motion of the module has no inertia; the general path then computes it.
+        thin: Numbers of the core's spins that are excepted: without inertia, they get no acceleration.
         usual: Largest inertia that each freedom moves with all other joints locked, for a module without
             loops that carries others; else empty.
     """
 
     motors: tuple[int, ...]
     massless: bool
+    thin: tuple[int, ...]
     usual: tuple[float, ...]
 
 
@@ -61,12 +63,14 @@ class InverseOptions(ModuleOptions):
         moving: Indices of the motors that the closures let move.
         share: Share of the load of each moving motor if they are redundant, else empty.
         laws: Freedoms of the tree after the cuts with joint laws.
+        thin: As in `DirectOptions`, where the forces are balanced.
     """
 
     motors: tuple[int, ...]
     moving: tuple[int, ...]
     share: tuple[float, ...]
     laws: tuple[int, ...]
+    thin: tuple[int, ...] = ()
 
 
 def direct_options(request: Request, k: int) -> DirectOptions:
@@ -76,12 +80,15 @@ def direct_options(request: Request, k: int) -> DirectOptions:
         **_of_both(request, k),
         motors=tuple(i for i, mark in enumerate(marks) if mark),
         massless=_massless(request, k),
+        thin=_thin(request, k),
         usual=_usual(request, k),
     )
 
 
 #: Inertia along a motion over that of all joints that is rounding of the motion itself, squared.
 ROUNDED_MOTION = 1e-24
+#: Inertia of a spin over its terms that is their rounding.
+ROUNDED_INERTIA = 1e-14
 
 
 def _massless(request: Request, k: int) -> bool:
@@ -94,7 +101,11 @@ def _massless(request: Request, k: int) -> bool:
         return False
     motion, rotor = m.tree.sweep(m.postures[:1]), np.array(request.rotor(request.robot.modules[k]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
-    motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
+    motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
+    thin = _spins(request, k)[:, list(_thin(request, k))]
+    if thin.size:
+        motions = np.linalg.svd(motions - thin @ (thin.T @ motions))[0][:, : m.mobility - thin.shape[1]]
+    motions = motions * m.reduction.col_scale[:, None]
     inertia = own_inertia(m, motions) + motions.T @ (rotor[:, None] * motions)
     for o, body in enumerate(m.spec.outputs):
         if request.children(k, o):
@@ -103,6 +114,26 @@ def _massless(request: Request, k: int) -> bool:
     values = np.linalg.eigvalsh(inertia)
     free = own_inertia(m, np.diag(m.reduction.col_scale)) + np.diag(rotor * m.reduction.col_scale**2)
     return bool(values[0] <= max(MASSLESS_MOTION * values[-1], ROUNDED_MOTION * float(np.trace(free))))
+
+
+def _spins(request: Request, k: int) -> Array:
+    """Return the spins of the core of module k as motions of its tree after the cuts, shape (n, spins)."""
+    parts = request.plans[k].parts
+    out = np.zeros((parts.mechanism.tree.nv, len(parts.spins)))
+    for i, spin in enumerate(parts.spins):
+        out[parts.tree_v[list(spin.cols)], i] = spin.axis
+    return out
+
+
+def _thin(request: Request, k: int) -> tuple[int, ...]:
+    """Return the numbers of the spins of module k without inertia: what is left of it is rounding."""
+    m, spins = request.plans[k].mechanism, _spins(request, k)
+    if request.on.leg_inertia is None:
+        return tuple(range(spins.shape[1]))
+    M = m.legs.crba(m.postures[:1])[0, 6:, 6:] + np.diag(request.rotor(request.robot.modules[k]))
+    terms = np.einsum("ik,ij,jk->k", np.abs(spins), np.abs(M), np.abs(spins))
+    left = np.einsum("ik,ij,jk->k", spins, M, spins)
+    return tuple(np.flatnonzero(left <= ROUNDED_INERTIA * terms).tolist())
 
 
 def inverse_options(request: Request, k: int) -> InverseOptions:
@@ -124,7 +155,9 @@ def inverse_options(request: Request, k: int) -> InverseOptions:
 def balance_options(request: Request, k: int) -> InverseOptions:
     """Return the options of the forces left in module k: all efforts are laws, and no motor is solved for."""
     forced = tuple(i for i, mark in enumerate(request.marks(request.robot.modules[k])) if mark)
-    return InverseOptions(**_of_both(request, k), motors=(), moving=(), share=(), laws=forced)
+    return InverseOptions(
+        **_of_both(request, k), motors=(), moving=(), share=(), laws=forced, thin=_thin(request, k)
+    )
 
 
 def _of_both(request: Request, k: int) -> dict[str, Any]:

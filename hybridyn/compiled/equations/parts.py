@@ -20,6 +20,7 @@ from .arguments.module_arguments import ModuleArguments
 from .expressions import plain, settled, zeros
 from .links import Link, aligned, links_of, regrouped
 from .rigid import moved, ten_numbers
+from .spins import Rod, Spin, rods_of, spins_of
 
 #: Least reciprocal condition number (median over generic postures) of a leg's closure Jacobian: above it the
 #: closure determines the leg's joints.
@@ -75,6 +76,8 @@ class Parts:
         groups: Groups of equal legs.
         base: Ten inertial numbers that regrouping moves to the base.
         rank: Rank of the core's closures.
+        spins: Its idle spins.
+        rods: Rods at the ends of its closures, by the closure's number.
     """
 
     mechanism: Mechanism
@@ -93,6 +96,8 @@ class Parts:
     groups: tuple[tuple[Leg, ...], ...]
     base: Array
     rank: int
+    spins: tuple[Spin, ...]
+    rods: dict[int, Rod]
 
 
 def parts_of(
@@ -122,26 +127,49 @@ def parts_of(
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
     legs = [_leg(mechanism, bodies, links, closures[at], number) for bodies, at in held.items()]
     used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
+    core_links, core_closures = _core(links, closures, kept, used)
+    constants = (core_links, core_closures)
+    if arguments is not None:  # rods are found by the numbers that the robot has
+        own = _links(mechanism.spec, False, None)
+        constants = _core(own[0], [_turned(c, own[1]) for c in mechanism.spec.cut_closures], kept, used)
+    columns = _columns(mechanism, kept)
     return Parts(
         mechanism=mechanism,
-        links=_renumbered(links, kept, number),
+        links=core_links,
         turns=tuple(turns[body] for body in number),
         bodies=tuple(number),
         platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
-        closures=tuple(
-            replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
-            for i in used
-        ),
+        closures=core_closures,
         couplings=tuple(
             replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
         ),
         checked=len(used) if arguments else sum(i < len(spec.closures) for i in used),
         closure_rows=_rows(mechanism, used),
-        **_columns(mechanism, kept),
+        **columns,
         groups=_groups(legs, marks),
         base=base,
         rank=mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
+        spins=_spins(mechanism, marks, columns["tree_v"]),
+        rods=rods_of(*constants),
     )
+
+
+def _core(
+    links: list[Link], closures: list[TreeClosure], kept: list[int], used: list[int]
+) -> tuple[tuple[Link, ...], tuple[TreeClosure, ...]]:
+    """Return some links and closures with bodies numbered in the core."""
+    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
+    return _renumbered(links, kept, number), tuple(
+        replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
+        for i in used
+    )
+
+
+def _spins(mechanism: Mechanism, marks: tuple[str, ...], tree_v: Index) -> tuple[Spin, ...]:
+    """Return the idle spins of a core, with its freedoms."""
+    driven = {k for k, mark in enumerate(marks) if "motor" in mark}
+    number = {int(col): k for k, col in enumerate(tree_v)}
+    return tuple(spin.at(number) for spin in spins_of(mechanism, driven) if number.keys() >= {*spin.cols})
 
 
 def _links(

@@ -1,0 +1,165 @@
+"""Idle spins: a rod between two balls turns about its axis, which moves no output, motor or centre of mass.
+
+A spin is a motion of one joint about an axis that is fixed in the joint's body. The closure of the loop does
+not feel it, so it is an independent motion, however the others are chosen. The motions of a module are its
+spins, and motions orthogonal to them, as the general path takes them: those need the same forces whatever
+accelerations the caller gives to the spins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...assembly.free_motions import IDLE, effects
+from ...linkage.closures import TreeClosure
+from ...spatial import Array
+from ...structure.mechanism import Mechanism
+from ...structure.wrists import axis_frame
+from .expressions import Expression, cross, dot, is_zero, numbers, plus, snap, times
+from .links import TURNING, Link
+
+#: A closure does not feel a motion that opens it by less than this, without units: rounding.
+UNFELT = 1e-13
+#: Joints that may spin.
+SPINNING = ("spherical", *TURNING)
+
+
+@dataclass(frozen=True, eq=False)
+class Spin:
+    """An idle motion of one joint.
+
+    Attributes:
+        cols: Freedoms of the joint, in the tree after the cuts, a core or a leg.
+        axis: Rates of these freedoms at a spin of one.
+    """
+
+    cols: tuple[int, ...]
+    axis: Expression
+
+    @property
+    def col(self) -> int:
+        """The freedom that stands for the spin: the others can make up for it."""
+        return self.cols[self.main]
+
+    @property
+    def main(self) -> int:
+        """The number of this freedom in the joint."""
+        return int(np.argmax(np.abs(np.array(self.axis, dtype=float))))
+
+    def taken_out(self, X: Expression) -> None:
+        """Make motions orthogonal to the spin in place, shape (n, motions)."""
+        at = list(self.cols)
+        share = dot(self.axis, X[at])
+        for i, x in zip(at, self.axis, strict=True):
+            X[i] = [
+                y if is_zero(x) or is_zero(z) else y - times(x, z) for y, z in zip(X[i], share, strict=True)
+            ]
+
+    def at(self, number: dict[int, int]) -> Spin:
+        """Return the spin with its freedoms numbered anew."""
+        return Spin(tuple(number[col] for col in self.cols), self.axis)
+
+
+def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
+    """Find the idle spins of a module.
+
+    Args:
+        m: Its numbers.
+        driven: Freedoms of the tree after the cuts that motors drive.
+    """
+    out: list[Spin] = []
+    if not m.closures.rows or not m.mobility:
+        return out
+    K = m.reduction.scaled(m.generic_K)
+    motion = m.tree.sweep(m.postures)
+    moved = np.concatenate([np.zeros((len(K), 0, m.tree.nv)), *effects(m, motion)], axis=1)
+    for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.v_slices, strict=True)):
+        cols = range(at.start, at.stop)
+        if joint.kind not in SPINNING or i in m.spec.platforms or any(col in driven for col in cols):
+            continue
+        _, s, Vt = np.linalg.svd(K[:, :, at].reshape(-1, len(cols)))
+        axis = snap(Vt[-1] * np.sign(Vt[-1][np.argmax(np.abs(Vt[-1]))]))
+        alone = len(cols) == 1 or s[-2] > IDLE
+        if (
+            s[-1] <= UNFELT * np.sqrt(len(K))
+            and alone
+            and np.abs(moved[:, :, at] @ axis).max(initial=0.0) <= IDLE
+        ):
+            out.append(Spin(tuple(cols), axis))
+    return out
+
+
+def first_moment(spin: Spin, links: Sequence[Link]) -> Expression:
+    """Compute how far a spin of one moves the mass of its body and of slides on it, shape (3 bodies,)."""
+    ends = np.cumsum([0, *(link.nv for link in links)]).tolist()
+    ball = ends.index(spin.cols[0])
+    axes = {ball + 1: spin.axis if len(spin.cols) == 3 else links[ball].axis}
+    out = [cross(numbers(axes[ball + 1]), numbers(links[ball].inertia[1:4]))]
+    for i, link in enumerate(links):
+        if link.kind == "prismatic" and link.parent in axes:
+            axes[i + 1] = dot(numbers(link.R).T, axes[link.parent])
+            out.append(cross(numbers(axes[i + 1]), numbers(link.inertia[1:4])))
+            out[-1] = plus(
+                out[-1], cross(axes[i + 1], dot(numbers(link.R).T, numbers(link.p))) * link.inertia[0]
+            )
+    return np.concatenate(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """The side of a closure on a rod that turns about a point, in whose axes the closure's rows are sparse.
+
+    Rows in other axes have no pivot that is large at every posture: the rod's turns move its end sideways.
+
+    Attributes:
+        on_a: Whether the rod is the closure's predecessor.
+        axes: Axes of the rows in the rod's body, the third along the rod, shape (3, 3).
+        turns: Freedoms of the joints about the point; they do not move the rod's end along the rod.
+    """
+
+    on_a: bool
+    axes: Array
+    turns: tuple[int, ...]
+
+
+def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
+    """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
+    out: dict[int, Rod] = {}
+    for k, c in enumerate(closures):
+        if c.translations != (0, 1, 2) or c.rotation != "free" or k in out:
+            continue
+        for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b)):
+            found = _rod(links, body, point)
+            if found:
+                out[k] = Rod(on_a, *found)
+                break
+    return out
+
+
+def _rod(links: Sequence[Link], body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:
+    """Return the axes and the turning freedoms of the rod that ends at a point of a body, or None.
+
+    A rod is a body on a ball or a universal joint, or slides along its line on one.
+    """
+    line, turn = [point], np.eye(3)
+    while body and links[body - 1].kind == "prismatic":
+        link = links[body - 1]
+        turn = turn @ link.R.T
+        line += [turn @ link.R @ link.axis, turn @ link.p]
+        body = links[body - 1].parent
+    joints = [body - 1] if body else []
+    if joints and links[body - 1].kind in TURNING and np.abs(links[body - 1].p).max() <= UNFELT:
+        joints.append(links[body - 1].parent - 1)
+    kinds = [links[i].kind for i in joints if i >= 0]
+    if kinds != ["spherical"] and not (len(kinds) == 2 and {*kinds} <= {*TURNING}):
+        return None
+    lengths = np.linalg.norm(line, axis=1)
+    axis = line[int(np.argmax(lengths))] / (lengths.max() or 1.0)
+    if not lengths.max() or np.abs(np.cross(line, axis)).max() > UNFELT * max(lengths.max(), 1.0):
+        return None
+    ends = np.cumsum([0, *(link.nv for link in links)])
+    turns = [col for i in joints for col in range(ends[i], ends[i + 1])]
+    return snap(axis_frame(snap(axis))), tuple(turns)

@@ -1,0 +1,120 @@
+"""Rods between two balls spin idly: compiled models compute them, whatever spins the caller gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.code.scalars import GUARD_LIMIT
+from hybridyn.compiled.equations.request import request
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.errors import ActuationError
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.parameters.entries import Parameters
+from tests import rods
+from tests.compiled.test_compiled_derivatives import DIFFERENCES, STEP, rate, states_along
+from tests.samples import slow
+from tests.written_out import Interpreted
+
+#: Of the largest entry: some hundred roundings, of both paths.
+ROUNDING = 1e-12
+#: A rod's inertia about its line is 1e-5 of those of the other motions, from which the general path takes it.
+SPUN = 1e-7
+
+
+def machines() -> list[object]:
+    """Return a small machine by name, and the large ones, with thin rods and with universal joints, too."""
+    every: list[object] = [
+        ("crank", 0, "ball", False),
+        ("crank", 1, "ball", True),
+        ("crank", 2, "universal", False),
+    ]
+    for name in ("ball_delta", "ball_gough", "slides"):
+        every += [
+            slow(name, 0, "ball", False),
+            slow(name, 1, "ball", True),
+            slow(name, 2, "universal", False),
+        ]
+    return every
+
+
+@pytest.mark.parametrize(("name", "seed", "foot", "thin"), machines())
+def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: bool) -> None:
+    """Away from singular postures, with spins that no motor drives; motions are wide where it matters."""
+    robot = build_robot(getattr(rods, name)(seed, foot, thin=thin))
+    spins = sum(len(plan.parts.spins) for plan in request(robot, None).plans)
+    assert spins == {"universal": 0, "ball": 1 if name == "crank" else 6}[foot]
+    q, v, a = rods.moved(robot, 25, 0.04 if name in ("ball_gough", "slides") else 0.4)
+    models = Interpreted(robot, ("idm", "ddm"))
+    wanted = hybridyn.idm(robot, q, v, a)
+    (tau,), guard = models.batch("idm", q, v, a)
+    assert (guard <= GUARD_LIMIT).all()
+    assert np.abs(tau - wanted).max() <= ROUNDING * np.abs(wanted).max()
+    (found,), guard = models.batch("ddm", q, v, wanted)
+    assert (guard <= GUARD_LIMIT).all()
+    general = hybridyn.ddm(robot, q, v, wanted)
+    assert np.abs(found - general).max() <= SPUN * np.abs(general).max()
+    motors = robot.motor_columns
+    assert np.abs(found - general)[:, motors].max() <= 1e3 * ROUNDING * np.abs(general).max()
+
+
+def test_mass_beside_the_line_is_no_idle_spin() -> None:
+    """Its spin moves mass: the efforts of accelerations that no motor gives it are refused, as before."""
+    robot = build_robot(rods.crank(3, beside=0.02))
+    assert not request(robot, None).plans[0].parts.spins
+    turning = build_robot(rods.crank(3))
+    q, v, a = rods.moved(turning, 5, 0.4)
+    with pytest.raises(ActuationError, match="no motor can produce"):
+        hybridyn.idm(robot, q, v, a)
+    _, guard = Interpreted(robot, ("idm",)).batch("idm", q, v, a)
+    assert not (guard <= GUARD_LIMIT).any()
+
+
+def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_decides() -> None:
+    """A longer rod spins as before; a centre of mass or an end beside the line makes it no idle spin."""
+    robot = build_robot(rods.crank(4))
+    link = next(link for link in robot.description.links if "rod" in link.name)
+    closure = robot.description.closures[0]
+    side, frame = (
+        ("predecessor", closure.frame_a) if closure.link_a == link.name else ("successor", closure.frame_b)
+    )
+    names = [f"centre:{link.name}", f"position:{closure.name}/{side}"]
+    parameters = Parameters(robot.description, names)
+    program = programs(robot, None, models=("idm",), parameters=parameters.slots)["idm"]
+    across = np.cross(link.com, [0.3, -0.5, 0.8])
+    for centre, end, idle in (
+        (link.com, frame[:3, 3], True),
+        (0.9 * link.com, 1.03 * frame[:3, 3], True),
+        (link.com + 1e-3 * across, frame[:3, 3], False),
+        (link.com, frame[:3, 3] + 0.02 * across, False),
+    ):
+        design = robot.with_parameters(dict(zip(names, (centre, end), strict=True)))
+        q, v, a = rods.moved(design, 4, 0.4) if idle else random_states(design, 4)[:3]
+        numbers = parameters.slot_values(np.concatenate([centre, end])[None])[0]
+        samples = [function_of(program)(*sample, numbers) for sample in zip(q, v, a, strict=True)]
+        assert all((guard <= GUARD_LIMIT) == idle for _, guard in samples)
+        if idle:
+            wanted = hybridyn.idm(design, q, v, a)
+            found = np.array([np.array(tau).ravel() for tau, _ in samples])
+            assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("thin", [False, True])
+def test_derivatives_along_a_closed_motion(thin: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without inertia about its line a rod's spin gets the least acceleration, at every state alike."""
+    monkeypatch.setenv("CC", "no-such-compiler")
+    robot = build_robot(rods.crank(1, thin=thin))
+    q, v, a = states_along(robot, 0.4 + STEP * np.arange(-2, 3))
+    tau = hybridyn.idm(robot, q, v, a)
+    J = hybridyn.idm_jacobian(robot, q[2], v[2], a[2])
+    found = J["q"] @ v[2] + J["v"] @ a[2] + J["a"] @ rate(a)
+    np.testing.assert_allclose(found, rate(tau), atol=DIFFERENCES * np.abs(tau).max())
+    wanted = hybridyn.ddm(robot, q, v, tau)
+    J = hybridyn.ddm_jacobian(robot, q[2], v[2], tau[2])
+    found = J["q"] @ v[2] + J["v"] @ a[2] + J["tau"] @ rate(tau)
+    limits = np.full(robot.nv, DIFFERENCES * np.abs(rate(wanted)).max())
+    limits[robot.v_slices[[*robot.kinds].index("spherical")]] *= 1.0 if thin else SPUN / ROUNDING
+    assert (np.abs(found - rate(wanted)) <= limits).all()

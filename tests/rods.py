@@ -1,0 +1,167 @@
+"""Machines whose rods end in two balls each, so that every rod spins idly; and the same with other feet.
+
+A rod is a body without products of inertia about its line, as most people write it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+import hybridyn
+from hybridyn import HybridRobot
+from hybridyn.compiled.equations.spins import spins_of
+from hybridyn.description.records import Description, Link
+from hybridyn.dynamics.forward import forward
+from hybridyn.spatial import Array
+from tests.sketch import Sketch, unit
+
+Foot = Literal["ball", "universal"]
+
+
+def plain(seed: int) -> Sketch:
+    """Begin a mechanism without links that are fixed to others: these would put mass beside a rod's line."""
+    s = Sketch(np.random.default_rng([seed, 28]))
+    s.fixed_links = 0.0
+    return s
+
+
+def rod_body(s: Sketch, link: str, along: np.ndarray, length: float, *, thin: bool = False) -> None:
+    """Make a link a round bar from its origin along a world vector; `thin`: without inertia about it."""
+    at = next(i for i, entry in enumerate(s.links) if entry.name == link)
+    d = s.poses[link][:3, :3].T @ unit(along)
+    mass, about = 0.3, np.outer(d, d)
+    inertia = mass * (length**2 / 12 * (np.eye(3) - about) + (0.0 if thin else 0.01**2 / 2) * about)
+    s.links[at] = Link(link, mass, length / 2 * d, (inertia + inertia.T) / 2)
+
+
+def rod(
+    s: Sketch, arm: str, E: np.ndarray, platform: str | None, P: np.ndarray, foot: Foot, *, thin: bool = False
+) -> str:
+    """Draw a rod from E on an arm to P on the platform, which the rod carries if there is none; give it."""
+    d = unit(P - E)
+    if foot == "ball":
+        link = s.joint("spherical", arm, E, stem="rod")
+    else:
+        x = s.perpendicular(d)
+        cross = s.joint("revolute", arm, E, x, massless=True, stem="cross")
+        link = s.joint("revolute", cross, E, np.cross(d, x), stem="rod")
+    rod_body(s, link, d, float(np.linalg.norm(P - E)), thin=thin)
+    if platform is None:
+        return s.joint("spherical", link, P, stem="platform")
+    s.close("spherical", link, platform, P)
+    return platform
+
+
+def ball_delta(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
+    """Draw a Delta with two rods on each of its three arms."""
+    s = plain(seed)
+    p, platform = s.place(), None
+    center = p(0.0, 0.0, 0.9)
+    for i in range(3):
+        angle = 2 * np.pi * i / 3 + s.jitter(0.02)
+        r, t = p.axes @ [np.cos(angle), np.sin(angle), 0], p.axes @ [-np.sin(angle), np.cos(angle), 0]
+        upper = s.joint("revolute", "base", p.origin + 0.35 * r, t, motor=True, stem="arm")
+        E, F = p.origin + 0.7 * r + 0.3 * p.normal, center + 0.15 * r
+        for side in (-0.1, 0.1):
+            platform = rod(s, upper, E + side * t, platform, F + side * t, foot, thin=thin)
+    return s.description(f"{foot}_delta")
+
+
+def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
+    """Draw a platform on six rods, each on a driven slide."""
+    s = plain(seed)
+    p, platform = s.place(), None
+    for i in range(6):
+        middle, side = 2 * np.pi * (i // 2) / 3, (-1) ** i
+        low, high = middle + 0.35 * side, middle + side * (np.pi / 3 - 0.2)
+        B = p(0.6 * np.cos(low), 0.6 * np.sin(low), s.jitter())
+        P = p(0.3 * np.cos(high), 0.3 * np.sin(high), 0.8 + s.jitter())
+        slide = s.joint("prismatic", "base", B, p.normal, motor=True, stem="slide")
+        platform = rod(s, slide, B, platform, P, foot, thin=thin)
+    return s.description(f"{foot}_slides")
+
+
+def ball_gough(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
+    """Draw a Gough-Stewart platform: a foot, a driven slide and a ball in each leg."""
+    s = plain(seed)
+    p, platform = s.place(), None
+    for i in range(6):
+        middle, side = 2 * np.pi * (i // 2) / 3, (-1) ** i
+        low, high = middle + 0.35 * side, middle + side * (np.pi / 3 - 0.2)
+        B = p(0.6 * np.cos(low), 0.6 * np.sin(low), s.jitter())
+        P = p(0.3 * np.cos(high), 0.3 * np.sin(high), 0.8 + s.jitter())
+        d = unit(P - B)
+        if foot == "ball":
+            lower = s.joint("spherical", "base", B, stem="lower")
+        else:
+            x = s.perpendicular(d)
+            cross = s.joint("revolute", "base", B, x, massless=True, stem="cross")
+            lower = s.joint("revolute", cross, B, np.cross(d, x), stem="lower")
+        rod_body(s, lower, d, 0.4, thin=thin)
+        upper = s.joint("prismatic", lower, B + 0.3 * d, d, motor=True, stem="slide")
+        rod_body(s, upper, d, 0.4, thin=thin)
+        if platform is None:
+            platform = s.joint("spherical", upper, P, stem="platform")
+        else:
+            s.close("spherical", upper, platform, P)
+    return s.description(f"{foot}_gough")
+
+
+def crank(seed: int = 0, foot: Foot = "ball", *, thin: bool = False, beside: float = 0.0) -> Description:
+    """Draw a driven crank whose rod pushes a slide; `beside` puts the rod's mass beside its line [m]."""
+    s = plain(seed)
+    p = s.place()
+    E, P = p(0.15, 0.0, 0.0), p(0.1, 0.1, 0.5)
+    upper = s.joint("revolute", "base", p(0.0, 0.0, 0.0), p.axes @ [0.0, 0.2, 1.0], motor=True, stem="crank")
+    slide = s.joint("prismatic", "base", P, p.normal, stem="slide")
+    rod(s, upper, E, slide, P, foot, thin=thin)
+    if beside:
+        at = next(i for i, link in enumerate(s.links) if "rod" in link.name)
+        off = beside * s.perpendicular(s.links[at].com)
+        s.links[at] = replace(s.links[at], com=s.links[at].com + off)
+    return s.description(f"{foot}_crank")
+
+
+def moved(robot: HybridRobot, samples: int, size: float) -> tuple[Array, Array, Array]:
+    """Assemble a motion in which each motor swings by a part of a radian, or of its module's length.
+
+    The rods of the motion spin, and their spins accelerate, which no motor can do.
+    """
+    rng, t, motors = np.random.default_rng(samples), np.linspace(0.0, 6.0, samples), {}
+    for name in robot.motors:
+        start, unit, phase = (
+            robot.home[robot.q_slices[robot.joint_index[name]]][0],
+            1.0,
+            rng.uniform(0.0, 6.0),
+        )
+        unit = size * robot.unit[robot.v_slices[robot.joint_index[name]].start]
+        swing = np.sin(t + phase) - np.sin(phase), np.cos(t + phase), -np.sin(t + phase)
+        motors[name] = (start + unit * swing[0], unit * swing[1], unit * swing[2])
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    tau = hybridyn.idm(robot, q, v, a)
+    spin(robot, q, v, None, rng)
+    a = hybridyn.ddm(robot, q, v, tau)
+    spin(robot, q, v, a, rng)
+    return q, v, a
+
+
+def spin(robot: HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random.Generator) -> None:
+    """Add spins to the rates, or to the accelerations if these are given, in place."""
+    changed = v if a is None else a
+    for state in forward(robot, q, v, changed):
+        m, at = state.mechanism, state.module.v_index
+        tree = state.v if a is None else state.a
+        for one in spins_of(m, state.module.motor_columns):
+            tree[:, list(one.cols)] += rng.normal(size=(len(q), 1)) * one.axis.astype(float)
+        own = np.zeros((len(q), len(at)))
+        m.cut.to_spanning(tree, own)
+        target = m.tree.sweep(state.q, state.v, None if a is None else tree)
+        rates = (own, None) if a is None else (v[:, at], own)
+        m.wrists.recover(q[:, state.module.q_index], *rates, target)
+        changed[:, at] = own
+
+
+__all__ = ["ball_delta", "ball_gough", "crank", "moved", "slides"]
