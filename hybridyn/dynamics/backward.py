@@ -10,12 +10,21 @@ from ..structure.module import ModuleState, RobotMotion
 from ..structure.robot import HybridRobot
 from .actuation import Need, Sharing, motor_efforts
 from .forward import base_motion, forward
-from .guards import EFFORT_DIGITS, EPS, LOST_PIVOT, NEAR_LOST_PIVOT, check, check_closure_rank, check_digits
+from .guards import (
+    EFFORT_DIGITS,
+    EPS,
+    LOST_PIVOT,
+    NEAR_LOST_PIVOT,
+    NOISE,
+    check,
+    check_closure_rank,
+    check_digits,
+)
 from .inverse_recursion import ModuleForces, needed_forces
 from .loads import Loads
 from .possible_motions import along_motion, possible_motions
 from .reactions import Reactions, module_reactions
-from .state_checks import force_rounding, robot_weight
+from .state_checks import natural_force, robot_mass
 
 
 def backward(
@@ -43,7 +52,8 @@ def backward(
         ActuationError: A passive motion would need an effort.
     """
     strict = sharing is not None and sharing.on_singular == "raise"
-    weight, rounding = robot_weight(robot), force_rounding(robot, motion.v, motion.a)
+    weight = robot_mass(robot) * float(np.linalg.norm(robot.gravity))
+    rounding = NOISE * robot.nv * natural_force(robot, motion.v, motion.a)  # one term for each freedom
     sizes = [np.zeros((len(motion.q), len(s.module.outputs))) for s in states]
     root = np.zeros((len(motion.q), 6))
     for k, needed in needed_forces(states, loads, lambda k: _motions(states[k], strict)):

@@ -240,6 +240,5 @@ def _work(robot: HybridRobot, q: Array, v: Array, wrenches: Mapping[str, Array])
     """Compute the power of wrenches on links, shape (T,)."""
     out = np.zeros(len(q))
     for link, m in link_motions(robot, q, v, list(wrenches)).items():
-        W = np.broadcast_to(wrenches[link], (len(q), 6))
-        out += np.sum(W[:, :3] * rotate_back(m.R, m.p_dot) + W[:, 3:] * rotate_back(m.R, m.w), axis=1)
+        out += np.sum(wrenches[link] * m.twist(), axis=1)
     return out

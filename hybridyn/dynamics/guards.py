@@ -185,18 +185,6 @@ def check_closure_rank(module: Module, basis: Basis) -> None:
         check(CLOSURES, module, np.ones(len(basis.pivot)), basis.pivot, lambda t: {"what": "closures"})
 
 
-def check_motor_map(module: Module, pivot: Array) -> None:
-    """Raise if the accelerations of the motors do not determine the motion (parallel singularity).
-
-    Args:
-        pivot: Smallest pivot of its motors' map over the largest, shape (T,).
-
-    Raises:
-        SingularityError: The message names module, sample and condition number.
-    """
-    check(MOTOR_ACCELERATIONS, module, np.ones(len(pivot)), pivot**2, lambda t: {"what": "motors"})
-
-
 def check_digits(module: Module, what: str, unit: str, left: Array, size: Array, natural: float) -> None:
     """Log a warning for samples at which a sum is rounding, because its terms cancel.
 

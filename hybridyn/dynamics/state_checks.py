@@ -17,7 +17,7 @@ from ..structure.cut import is_locked
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, same_samples
-from .guards import NOISE, NOT_CLOSED, check
+from .guards import NOT_CLOSED, check
 
 #: Largest closure residual of given positions and rates, as a part of the module's length.
 STATE_CLOSED = 1e-6
@@ -76,11 +76,6 @@ class NaturalSizes:
         return np.maximum(self.stated, self.rate(length) ** 2)
 
 
-def robot_weight(robot: HybridRobot) -> float:
-    """Return the weight of all bodies [N]."""
-    return _mass(robot) * float(np.linalg.norm(robot.gravity))
-
-
 def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
     """Compute the reference size of forces, as work per scaled coordinate.
 
@@ -94,17 +89,12 @@ def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
         Shape (T,), [N m].
     """
     length = robot.bodies.size
-    return _mass(robot) * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+    return robot_mass(robot) * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
 
 
-def _mass(robot: HybridRobot) -> float:
+def robot_mass(robot: HybridRobot) -> float:
     """Return the mass of all bodies [kg]."""
     return sum(body.mass for body in robot.bodies.bodies)
-
-
-def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
-    """Compute the rounding that may remain when forces cancel, shape (T,): one term for each freedom."""
-    return NOISE * robot.nv * natural_force(robot, v, a)
 
 
 def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array, bool]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics.guards import check_motor_map
+from hybridyn.dynamics.guards import MOTOR_ACCELERATIONS, check
 
 TOLERANCE = 1e-13  # rounding of a closed form with terms of order twenty
 
@@ -69,6 +69,8 @@ def test_motors_that_tell_nothing_are_refused_however_small_the_pivot(
 ) -> None:
     module = parallelogram(tmp_path).modules[0]
     with pytest.raises(hybridyn.SingularityError, match="motors lose a direction at sample 1") as caught:
-        check_motor_map(module, np.array([1.0, pivot]))
+        check(
+            MOTOR_ACCELERATIONS, module, np.ones(2), np.array([1.0, pivot**2]), lambda t: {"what": "motors"}
+        )
     assert (caught.value.what, caught.value.sample) == ("motors", 1)
     assert caught.value.condition == pytest.approx(condition)

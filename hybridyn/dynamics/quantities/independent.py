@@ -139,21 +139,16 @@ def check_joints(robot: HybridRobot, names: Sequence[str]) -> None:
         TrajectoryError: One is unknown, named twice, or has several freedoms.
     """
     for name in names:
-        _check_joint(robot, name, names)
-
-
-def _check_joint(robot: HybridRobot, name: str, names: Sequence[str]) -> None:
-    """Refuse a joint that cannot be one coordinate."""
-    if name not in robot.joint_index:
-        raise TrajectoryError(f"joints: unknown joint '{name}'{did_you_mean(name, robot.joint_index)}")
-    if list(names).count(name) > 1:
-        raise TrajectoryError(f"joints: '{name}' is named twice")
-    kind = robot.kinds[robot.joint_index[name]]
-    if NV[kind] > 1:
-        raise TrajectoryError(
-            f"joints: '{name}' is {kind} and has {NV[kind]} freedoms; independent coordinates are joints "
-            "with one freedom each"
-        )
+        if name not in robot.joint_index:
+            raise TrajectoryError(f"joints: unknown joint '{name}'{did_you_mean(name, robot.joint_index)}")
+        if list(names).count(name) > 1:
+            raise TrajectoryError(f"joints: '{name}' is named twice")
+        kind = robot.kinds[robot.joint_index[name]]
+        if NV[kind] > 1:
+            raise TrajectoryError(
+                f"joints: '{name}' is {kind} and has {NV[kind]} freedoms; independent coordinates are joints "
+                "with one freedom each"
+            )
 
 
 class Motions(NamedTuple):

@@ -35,10 +35,7 @@ def positions_of(robot: HybridRobot, q: Array, joints: Sequence[str]) -> Array:
 
     Those of continuous joints are within half a turn.
     """
-    out = np.zeros((len(q), len(joints)))
-    for i, name in enumerate(joints):
-        out[:, i] = joint_position(robot, q, name)
-    return out
+    return np.array([joint_position(robot, q, name) for name in joints]).reshape(len(joints), len(q)).T
 
 
 def holding(robot: HybridRobot, joints: Iterable[str]) -> HybridRobot:
