@@ -7,7 +7,6 @@ from functools import partial
 
 import mpmath
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from hybridyn import ddm
@@ -115,19 +114,6 @@ def test_the_apparent_inertia_of_light_legs_is_proportional_to_their_mass() -> N
         assert np.linalg.eigvalsh(I_star)[0] > 0
         inertias.append(I_star)
     close_to(inertias[1], inertias[0], LIMIT)
-
-
-def test_an_apparent_inertia_lies_between_nothing_and_the_whole_robot() -> None:
-    description = shipped("lx4", modules="2")
-    robot = build_robot(description, base="moving", gravity=(0.0, 0.0, 0.0))
-    q = np.tile(states_near_home(description, "moving", 8, 1)[0], (6, 1))
-    still, none = np.zeros((6, robot.nv)), np.zeros((6, 12))
-    I_star = ddm(robot, q, still, none, base_acceleration=np.eye(6), reactions=True)[1].base
-    whole = pin.crba(robot.model, robot.model.createData(), q[0])[:6, :6]
-    whole = np.triu(whole) + np.triu(whole, 1).T
-    close_to(I_star, I_star.T, ORACLE)
-    assert np.linalg.eigvalsh(I_star)[0] > 0
-    assert np.linalg.eigvalsh(whole - I_star)[0] > 0
 
 
 # -------------------------------------------------------------------- what is wrong with the input

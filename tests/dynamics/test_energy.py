@@ -15,7 +15,7 @@ from tests.comparing import close_to, refused
 from tests.effect_cases import every, rate_of
 from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Base
-from tests.peers import Peer, describe, example_urdf
+from tests.peers import Peer
 from tests.shipped import shipped, states_near_home
 
 EXACT = 1e-12
@@ -40,15 +40,6 @@ def against_pinocchio(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
 def potential_size(robot: HybridRobot) -> float:
     """Return the weight of a robot over one metre, [J]."""
     return 9.81 * sum(link.mass for link in robot.description.links)
-
-
-@pytest.mark.parametrize("name", ["ur5_robot", "talos_reduced"])
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-def test_serial_robots_against_pinocchio(name: str, base: Base) -> None:
-    robot = build_robot(describe(example_urdf(f"{name}.urdf")), base=base)
-    rng = np.random.default_rng(0)
-    q = np.array([pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(3)])
-    against_pinocchio(robot, q, rng.normal(size=(3, robot.nv)))
 
 
 DRAWN = ["on_leg", "branched", "gear_two", "loop_planar"]

@@ -16,7 +16,7 @@ from tests.comparing import SOLVED, close_to, refused
 from tests.engines import engine_of
 from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Base, Oracle
-from tests.posing import of_joints, position
+from tests.posing import position
 from tests.samples import slow
 
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
@@ -165,10 +165,6 @@ def test_redundant_motors_share_by_weights(kind: str) -> None:
         close_to(hybridyn.idm(robot, q, v, a), even, SOLVED)
     assert np.abs(even - tau).max() > 1e-3 * np.abs(tau).max()
     assert (np.sum(weights * tau**2, axis=1) < np.sum(weights * even**2, axis=1)).all()
-    # What both do along the motions is the same.
-    for t in range(len(q)):
-        B = oracle.motor_map(oracle.posture(q[t]))
-        close_to(B @ tau[t], B @ even[t], SOLVED)
 
 
 def test_effort_limits_share_where_no_weights_are_given() -> None:
@@ -455,9 +451,3 @@ def test_rates_inside_a_cut_wrist_are_checked_too() -> None:
     column = int(module.v_index[module.mechanism.spanning.v_slices[inside[1]].start])
     wrong = v + np.eye(robot.nv)[column]
     refused(lambda: hybridyn.idm(robot, q, wrong, a), AssemblyError, "rates")
-
-
-def test_motors_given_as_states_come_back() -> None:
-    robot, q, v, a = states("stack")
-    q2, v2, a2 = hybridyn.assemble(robot, motors=of_joints(robot, q, v, a), guess=q[0])
-    close_to(hybridyn.idm(robot, q2, v2, a2), hybridyn.idm(robot, q, v, a), 1e-9)

@@ -16,7 +16,6 @@ from tests.dynamics.test_idm import flat_five_bar
 from tests.dynamics.test_lost_rank import parallelogram
 from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Base, Oracle
-from tests.peers import describe, example_urdf
 from tests.quantities.flow import DIFFERENCE, neighbours, rate_along
 from tests.quantities.reduced import columns_of
 from tests.samples import slow
@@ -58,21 +57,6 @@ def test_the_coriolis_matrix_and_the_power_of_the_bias(case: str, base: Base) ->
         rates = np.einsum("tij,j->ti", hybridyn.motion_map(robot, near), u)
         supplied, energy = u @ hybridyn.bias(robot, q, v), hybridyn.energy(robot, near, rates).total
         assert abs(rate_along(energy) - supplied) <= DIFFERENCE * (abs(supplied) + np.abs(energy).max())
-
-
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-def test_a_serial_robot_against_pinocchio(base: Base) -> None:
-    robot = build_robot(describe(example_urdf("ur5_robot.urdf")), base=base)
-    rng = np.random.default_rng(0)
-    q, v = pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)), rng.normal(size=robot.nv)
-    data, columns = robot.model.createData(), columns_of(Oracle(robot.description, base), robot.motors)
-    C = hybridyn.coriolis_matrix(robot, q, v)
-    rate = pin.computeCoriolisMatrix(robot.model, data, q, v)[np.ix_(columns, columns)]
-    close_to(C + C.T, rate + rate.T, SOLVED)  # M_dot; the skew parts of the two differ, both are right
-    frame = robot.model.getFrameId("wrist_3_link")
-    for axes, reference in (("world", pin.LOCAL_WORLD_ALIGNED), ("link", pin.LOCAL)):
-        J = pin.computeFrameJacobian(robot.model, data, q, frame, reference)[:, columns]
-        close_to(hybridyn.link_jacobian(robot, q, "wrist_3_link", axes=axes), J, SOLVED)
 
 
 @pytest.mark.parametrize(

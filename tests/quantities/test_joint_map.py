@@ -44,18 +44,6 @@ def test_from_the_motors_back_to_the_joints(tmp_path: Path) -> None:
     close_to(there.motor_efforts(there.joint_efforts(rates)), rates, SOLVED)
 
 
-def test_power_is_conserved_to_rounding(tmp_path: Path) -> None:
-    found = hybridyn.joint_map(ankle(tmp_path), {"pitch": PITCH, "roll": ROLL}, JOINTS)
-    rng = np.random.default_rng(1)
-    rates, efforts = rng.normal(size=(2, 3, 2))
-    at_motors = np.sum(found.motor_rates(rates) * efforts, axis=1)
-    at_joints = np.sum(rates * found.joint_efforts(efforts), axis=1)
-    assert np.abs(at_motors - at_joints).max() <= 8 * np.finfo(float).eps * np.abs(at_motors).max()
-    at_motors = np.sum(rates * found.motor_efforts(efforts), axis=1)
-    at_joints = np.sum(found.joint_rates(rates) * efforts, axis=1)
-    assert np.abs(at_motors - at_joints).max() <= 8 * np.finfo(float).eps * np.abs(at_motors).max()
-
-
 def test_reflected_inertia_is_that_of_the_mass_matrix(tmp_path: Path) -> None:
     """Rotors on the motors add to the mass matrix over pitch and roll what the map says."""
     robot = ankle(tmp_path)
