@@ -11,6 +11,8 @@ from hybridyn.description.placement import inverse, turned
 
 #: A pose passes through angles, quaternions and degrees once.
 SAME = 1e-12
+#: USD states numbers in single precision, some of them in degrees.
+SINGLE = 1e-6
 GRAVITY, AT_ORIGIN = (0.0, 0.0, -9.81), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 OF_JOINTS = (
     "kind", "parent", "child", "lower", "upper", "speed_limit", "effort_limit", "damping", "friction",
@@ -74,20 +76,26 @@ def _of_closure(c: Closure) -> list[Any]:
     ]
 
 
-def same(a: Any, b: Any) -> bool:
+def same(a: Any, b: Any, tolerance: float) -> bool:
     """Say whether two facts are equal, numbers to rounding."""
     if isinstance(a, dict):
-        return isinstance(b, dict) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+        return (
+            isinstance(b, dict) and a.keys() == b.keys() and all(same(a[key], b[key], tolerance) for key in a)
+        )
     if isinstance(a, list | tuple):
-        return isinstance(b, list | tuple) and len(a) == len(b) and all(map(same, a, b))
+        return (
+            isinstance(b, list | tuple)
+            and len(a) == len(b)
+            and all(same(x, y, tolerance) for x, y in zip(a, b, strict=True))
+        )
     if isinstance(a, str) or isinstance(b, str):
         return type(a) is type(b) and bool(a == b)
     x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    return x.shape == y.shape and np.allclose(x, y, rtol=SAME, atol=SAME)
+    return x.shape == y.shape and np.allclose(x, y, rtol=tolerance, atol=tolerance)
 
 
-def changed(before: Description, after: Description) -> list[str]:
+def changed(before: Description, after: Description, tolerance: float = SAME) -> list[str]:
     """Return the words of what did not come back equal."""
     ours, theirs = facts(before, before), facts(after, before)
     words = sorted(ours.keys() | theirs.keys())
-    return [word for word in words if not same(ours.get(word, ""), theirs.get(word, ""))]
+    return [word for word in words if not same(ours.get(word, ""), theirs.get(word, ""), tolerance)]

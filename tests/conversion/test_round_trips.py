@@ -14,7 +14,7 @@ from hybridyn.description import Description
 from hybridyn.description.robot_file import ZERO
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
-from tests.conversion.judge import States, bodily, read_back, same_robot, same_structure, states
+from tests.conversion.judge import SAME, SINGLE, States, bodily, read_back, same_robot, same_structure, states
 from tests.extras import needs
 from tests.generated import generated
 from tests.mechanisms import KINDS, random_mechanism, random_states
@@ -30,7 +30,7 @@ QUICK = ("five_bar",)
 #: What MuJoCo does not have, and what changes neither motion nor efforts.
 HARMLESS = (
     "speed limits", "gear ratios", "names ", "dampers are read back as viscous friction", "continuous joints",
-    "axes in which hybridyn reports",
+    "axes in which hybridyn reports", "effort limits of joints without a motor", "the name of the robot",
 )  # fmt: skip
 #: What changes efforts, but neither joints nor closures.
 HEAVIER = (
@@ -63,17 +63,24 @@ def judge(description: Description, target: Path, drawn: Callable[[Description],
         assert harmless == ({RENAMED} if target.stem == "stewart_ur5" else set())
         assert sayable(description) == (not changed)
     if target.suffix == ".sdf" and changed:
-        one, two = build_robot(description), build_robot(other)
-        assert (two.mobility, two.motors) == (one.mobility, one.motors)
-        if len(one.motors) == one.mobility:
-            close_to(mass_matrix(two, two.home), mass_matrix(one, one.home), SOLVED)
+        same_mass(description, other, SOLVED)
         return
-    assert target.suffix == ".xml" or not changed
+    tolerance = SINGLE if target.suffix == ".usda" else SAME
     if not changed and (batch := drawn(description)) is not None:
-        same_robot(description, other, batch)
+        same_robot(description, other, batch, tolerance=tolerance)
+    elif all(line.startswith(HEAVIER) for line in changed):
+        same_structure(build_robot(description), build_robot(other), tolerance=tolerance)
     else:
-        assert all(line.startswith(HEAVIER) for line in changed)
-        same_structure(build_robot(description), build_robot(other))
+        assert target.suffix == ".usda"
+        same_mass(description, other, SINGLE)
+
+
+def same_mass(description: Description, other: Description, tolerance: float) -> None:
+    """Compare robots with different joints by their motors, and by the inertia that these feel at home."""
+    one, two = build_robot(description), build_robot(other)
+    assert (two.mobility, two.motors) == (one.mobility, one.motors)
+    if len(one.motors) == one.mobility:
+        close_to(mass_matrix(two, two.home), mass_matrix(one, one.home), tolerance)
 
 
 def sayable(description: Description) -> bool:

@@ -249,13 +249,16 @@ def test_single_precision_numbers_are_the_decimals_of_the_author(tmp_path: Path)
     assert link.com[0] == 0.1
 
 
-def test_exact_copies_count_while_they_agree(tmp_path: Path) -> None:
-    exact = "custom double hybridyn:exact:physxJoint:armature = 0.12345678901234"
-    found = arm(tmp_path, "float physxJoint:armature = 0.12345678901234", exact)
-    assert of(found, "j").rotor_inertia == 0.12345678901234
-    found = arm(tmp_path, "float physxJoint:armature = 0.5", exact)
-    assert of(found, "j").rotor_inertia == 0.5
-    assert any("edited" in note for note in found.notes)
+@pytest.mark.parametrize("more", [{"schemas": (DRIVE,)}, {"content": "float physxJoint:armature = .1"}])
+def test_a_joint_that_closes_a_loop_and_is_needed_stays_a_joint(more: dict, tmp_path: Path) -> None:
+    """It carries a massless link, which is welded to its second body; its motor moves the loop."""
+    content, schemas = more.get("content", ""), more.get("schemas", ())
+    pins = (joint("Revolute", name, "", "a", HINGE, content, schemas=schemas) for name in ("j", "k"))
+    found = read(save(tmp_path, usda(body("a"), *pins)))
+    assert [(j.name, j.child) for j in found.joints] == [("j", "a"), ("k", "a_at_k")]
+    (weld,) = found.closures
+    assert (weld.kind, weld.link_a, weld.link_b) == ("fixed", "a_at_k", "a")
+    assert not schemas or found.motors == ("j", "k")
 
 
 def test_layers_of_its_folder_are_read_and_no_others(tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 """Write SDF (Gazebo): loop joints for closures, and the model file beside it.
 
-Start with `sdf` (the order of the elements), then `naming` (names that SDF allows), `posture` (where the
-links stand), `joints`, `closures`, `couplings`.
+Start with `sdf` (the order of the elements), then `posture` (where the links stand), `joints`, `closures`,
+`couplings`.
 """

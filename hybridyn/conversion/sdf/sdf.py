@@ -11,12 +11,12 @@ from ...description.urdf.shapes import Shape
 from ..home import free_pose, home_of, poses_at
 from ..losses import Losses
 from ..model_file import model_file
+from ..naming import allowed
 from ..numerals import numeral, numerals
 from ..request import Request, Written
 from .closures import add_closure
 from .couplings import add_couplings
 from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint
-from .naming import allowed
 from .posture import counted_from_home
 
 #: Version that is written: the first whose `<mimic>` names an axis.
@@ -28,7 +28,7 @@ DRAKE = "http://drake.mit.edu"
 
 def write_sdf(request: Request, losses: Losses) -> Written:
     """Write a robot as SDF."""
-    d = counted_from_home(allowed(request.description, losses), losses)
+    d = counted_from_home(allowed(request.description, losses, "SDF", _name), losses)
     poses = poses_at(d, {})
     root = ET.Element("sdf", version=VERSION)
     holder = root
@@ -63,6 +63,13 @@ def write_sdf(request: Request, losses: Losses) -> Written:
         effects=[name for name, _ in d.effects if name != "spring"],
     )  # fmt: skip
     return Written(text, tuple(_notes(d, couplings)), {".model.toml": beside})
+
+
+def _name(name: str) -> str:
+    """Return a name without `::` that is none of SDF's own."""
+    new = name.replace("::", "__")
+    own = new == "world" or (new.startswith("__") and new.endswith("__"))
+    return f"{new.strip('_')}_link" if own else new
 
 
 def _add_link(

@@ -6,31 +6,25 @@ import numpy as np
 
 from ...description.records import Array, Link
 from ...description.urdf.shapes import Shape
-from ...description.usd.masses import POINT
 from ..losses import Losses
 from ..numerals import numeral, principal, quaternion_of
 from .prims import Prim
 
 
 def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
-    """Add a rigid body at a placement in the world, shape (4, 4)."""
+    """Add a rigid body at a placement in the world, shape (4, 4); a mass has an inertia there."""
     body = parent.child("Xform", link.name)
     body.apply("PhysicsRigidBodyAPI")
     body.apply("PhysicsMassAPI")
     body.place(placement)
-    if link.between_joints:
-        body.line("custom bool hybridyn:betweenJoints = true")
     if not link.mass and not link.inertia.any():
         return body
-    body.single("float", "physics:mass", link.mass)
-    body.single("point3f", "physics:centerOfMass", link.com)
-    if not link.inertia.any():
-        body.line(f"custom bool {POINT} = true")
-        return body
+    body.numbers("float", "physics:mass", link.mass)
+    body.numbers("point3f", "physics:centerOfMass", link.com)
     moments, axes = principal(link.inertia)
-    body.single("float3", "physics:diagonalInertia", moments)
+    body.numbers("float3", "physics:diagonalInertia", moments)
     if not np.array_equal(axes, np.eye(3)):
-        body.single("quatf", "physics:principalAxes", quaternion_of(axes))
+        body.numbers("quatf", "physics:principalAxes", quaternion_of(axes))
     return body
 
 

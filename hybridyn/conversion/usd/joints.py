@@ -6,27 +6,46 @@ import numpy as np
 
 from ...description.placement import rotation_to_axis
 from ...description.records import Array, Joint
-from ...description.usd.joints import AXES, DEGREES, PLANE
+from ...description.usd.driving import DEGREES
+from ...description.usd.joints import AXES
 from ..home import angle_of
-from ..numerals import numeral, quaternion_of
+from ..losses import Losses
+from ..numerals import quaternion_of
 from .prims import Prim
 
 #: Types of prims by kind of joint.
 TYPES = {
     "fixed": "Fixed", "revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic",
-    "spherical": "Spherical", "planar": "", "floating": "",
+    "spherical": "Spherical", "planar": "",
 }  # fmt: skip
+
+#: Free axes of a planar joint.
+PLANE = ("transX", "transY", "rotZ")
 
 
 def add_joint(
-    parent: Prim, joint: Joint, bodies: tuple[Prim, Prim], driven: bool, home: tuple[float, ...] | None
-) -> Prim:
-    """Add a joint.
+    parent: Prim,
+    joint: Joint,
+    bodies: tuple[Prim, Prim],
+    driven: bool,
+    home: tuple[float, ...] | None,
+    losses: Losses,
+) -> Prim | None:
+    """Add a joint and return it; None for a floating joint, which USD states by having none.
 
     Args:
         driven: Whether it is a motor.
         home: Its position at home, None for zero.
+        losses: Receives what USD cannot say.
     """
+    numbers = joint.damping, joint.friction, joint.rotor_inertia, joint.gear_ratio - 1
+    if joint.kind in ("planar", "floating") and any(numbers):
+        losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
+    if joint.kind == "floating":
+        losses.add(
+            "floating joints have the name of their link and _free, and start at the world", joint.name
+        )
+        return None
     out = parent.child(f"Physics{TYPES[joint.kind]}Joint", joint.name)
     single = joint.kind in ("revolute", "continuous", "prismatic")
     token, turn = axis_of(joint.axis) if single else ("", np.eye(3))
@@ -35,13 +54,14 @@ def add_joint(
     far = np.eye(4)
     far[:3, :3] = turn
     add_ends(out, bodies, (at, far))
-    if joint.kind in ("continuous", "planar", "floating"):
-        out.text("hybridyn:kind", joint.kind)
+    if joint.kind == "continuous":
+        losses.add("continuous joints, which USD does not have: read back as hinges", joint.name)
     if joint.kind == "planar":
+        losses.add("planar joints are two slides and a hinge", joint.name)
         lock(out, [axis for axis in AXES if axis not in PLANE])
     if single:
         out.line(f'uniform token physics:axis = "{token}"')
-        _add_numbers(out, joint, driven)
+        _add_numbers(out, joint, driven, losses)
         if home is not None:
             _add_state(out, joint, angle_of(home))
     return out
@@ -58,9 +78,9 @@ def add_ends(prim: Prim, bodies: tuple[Prim | None, Prim], frames: tuple[Array, 
         if body is not None:
             prim.line(f"rel physics:body{side} = <{body.path}>")
         if frame[:3, 3].any():
-            prim.single("point3f", f"physics:localPos{side}", frame[:3, 3])
+            prim.numbers("point3f", f"physics:localPos{side}", frame[:3, 3])
         if not np.array_equal(frame[:3, :3], np.eye(3)):
-            prim.single("quatf", f"physics:localRot{side}", quaternion_of(frame[:3, :3]))
+            prim.numbers("quatf", f"physics:localRot{side}", quaternion_of(frame[:3, :3]))
 
 
 def axis_of(axis: Array) -> tuple[str, Array]:
@@ -83,29 +103,29 @@ def lock(prim: Prim, axes: list[str]) -> None:
         prim.line(f"float limit:{axis}:physics:high = -1")
 
 
-def _add_numbers(prim: Prim, joint: Joint, driven: bool) -> None:
+def _add_numbers(prim: Prim, joint: Joint, driven: bool, losses: Losses) -> None:
     """Add limits, drive, armature and friction of a joint with one freedom."""
     angular = joint.kind != "prismatic"
     name, unit = ("angular", DEGREES) if angular else ("linear", 1.0)
     for word, bound in (("lower", joint.lower), ("upper", joint.upper)):
         if np.isfinite(bound):
-            prim.single("float", f"physics:{word}Limit", bound / unit)
+            prim.numbers("float", f"physics:{word}Limit", bound / unit)
     if driven:
         prim.apply(f"PhysicsDriveAPI:{name}")
         prim.line(f'uniform token drive:{name}:physics:type = "force"')
         for word in ("stiffness", "damping"):
             prim.line(f"float drive:{name}:physics:{word} = 0")
     if np.isfinite(joint.effort) and driven:
-        prim.single("float", f"drive:{name}:physics:maxForce", joint.effort)
-    elif np.isfinite(joint.effort):
-        prim.line(f"custom double hybridyn:maxForce = {numeral(joint.effort)}")
+        prim.numbers("float", f"drive:{name}:physics:maxForce", joint.effort)
+    elif np.isfinite(joint.effort_limit):
+        losses.add("effort limits of joints without a motor", joint.name)
     armature = joint.rotor_inertia * joint.gear_ratio**2
     if armature or np.isfinite(joint.velocity):
         prim.apply("PhysxJointAPI")
     if np.isfinite(joint.velocity):
-        prim.single("float", "physxJoint:maxJointVelocity", joint.velocity / unit)
+        prim.numbers("float", "physxJoint:maxJointVelocity", joint.velocity / unit)
     if armature:
-        prim.single("float", "physxJoint:armature", armature)
+        prim.numbers("float", "physxJoint:armature", armature)
     _add_friction(prim, joint, name, unit)
 
 
@@ -115,13 +135,13 @@ def _add_friction(prim: Prim, joint: Joint, name: str, unit: float) -> None:
     prim.apply(f"PhysxJointAxisAPI:{name}")
     if joint.friction:
         for word in ("static", "dynamic"):
-            prim.single("float", f"physxJointAxis:{name}:{word}FrictionEffort", joint.friction)
+            prim.numbers("float", f"physxJointAxis:{name}:{word}FrictionEffort", joint.friction)
     if joint.damping:
-        prim.single("float", f"physxJointAxis:{name}:viscousFrictionCoefficient", joint.damping * unit)
+        prim.numbers("float", f"physxJointAxis:{name}:viscousFrictionCoefficient", joint.damping * unit)
 
 
 def _add_state(prim: Prim, joint: Joint, position: float) -> None:
     """Add the position at home as the state of a joint."""
     name, unit = ("linear", 1.0) if joint.kind == "prismatic" else ("angular", DEGREES)
     prim.apply(f"PhysicsJointStateAPI:{name}")
-    prim.single("float", f"state:{name}:physics:position", position / unit)
+    prim.numbers("float", f"state:{name}:physics:position", position / unit)

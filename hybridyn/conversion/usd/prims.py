@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-import re
-import struct
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ...description.mjcf.naming import unique
 from ...description.records import Array
-from ...description.usd.naming import NAME
-from ...description.usd.stage import EXACT
 from ..numerals import numeral, quaternion_of
-
-#: Largest single-precision number.
-LARGEST = float(np.finfo(np.float32).max)
-
-#: Double-precision types of the exact copies, by single-precision type.
-DOUBLES = {
-    "float": "double", "float3": "double3", "point3f": "double3", "vector3f": "double3", "quatf": "quatd",
-}  # fmt: skip
-
-_INVALID = re.compile(r"[^A-Za-z0-9_]")
 
 
 class Prim:
@@ -42,13 +28,10 @@ class Prim:
         self._taken: set[str] = set()
 
     def child(self, kind: str, name: str) -> Prim:
-        """Add a prim below; its name in the file is valid, and `hybridyn:name` holds another one."""
-        valid = _INVALID.sub("_", name)
-        valid = unique(valid if valid[:1].isalpha() or valid[:1] == "_" else f"_{valid}", self._taken)
-        self._taken.add(valid)
-        out = Prim(kind, valid, f"{self.path}/{valid}")
-        if valid != name:
-            out.text(NAME, name)
+        """Add a prim below, whose name gets a number where another one has it."""
+        name = unique(name, self._taken)
+        self._taken.add(name)
+        out = Prim(kind, name, f"{self.path}/{name}")
         self.children.append(out)
         return out
 
@@ -61,16 +44,9 @@ class Prim:
         """Add an attribute or relationship as text."""
         self._lines.append(text)
 
-    def text(self, name: str, value: str) -> None:
-        """Add a custom text."""
-        self.line(f"custom string {name} = {quoted(value)}")
-
-    def single(self, kind: str, name: str, values: float | Sequence[float] | Array) -> None:
-        """Add a single-precision attribute, and its exact copy where rounding changes it."""
-        numbers = [float(x) for x in np.ravel(values)]
-        self.line(f"{kind} {name} = {_tuple(numbers)}")
-        if any(rounded(x) != x for x in numbers):
-            self.line(f"custom {DOUBLES[kind]} {EXACT}{name} = {_tuple(numbers)}")
+    def numbers(self, kind: str, name: str, values: float | Sequence[float] | Array) -> None:
+        """Add an attribute of numbers."""
+        self.line(f"{kind} {name} = {_tuple(np.ravel(values))}")
 
     def place(self, placement: Array, scale: Sequence[float] = ()) -> None:
         """Add the transform of the prim in its parent, and factors along its axes."""
@@ -106,19 +82,6 @@ def quoted(text: str) -> str:
     """Return a text between quotation marks."""
     plain = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
     return f'"{plain}"'
-
-
-def rounded(value: float) -> float:
-    """Return what the reader takes for a single-precision number: the shortest decimal that rounds to it."""
-    try:
-        single = struct.pack("f", value)
-    except OverflowError:
-        return float(np.copysign(np.inf, value))
-    for digits in range(6, 9):
-        number = float(f"{struct.unpack('f', single)[0]:.{digits}g}")
-        if abs(number) <= LARGEST and struct.pack("f", number) == single:
-            return number
-    return float(struct.unpack("f", single)[0])
 
 
 def _tuple(numbers: Iterable[float]) -> str:

@@ -5,17 +5,19 @@ Lengths are metres, z points up. What USD cannot say goes to the model file besi
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 
-from ...description.mjcf.naming import unique
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
-from ...description.usd.joints import DEGREES
+from ...description.usd.driving import DEGREES
 from ..home import free_pose, poses_at
 from ..losses import Losses, add_limits
+from ..mjcf.inertias import POINT_INERTIA, inertias_of
 from ..model_file import model_file
+from ..naming import allowed
 from ..request import USUAL_GRAVITY, Request, Written
 from .bodies import add_body, add_shape
 from .closures import add_closure
@@ -25,14 +27,17 @@ from .prims import Prim, quoted
 
 def write_usd(request: Request, losses: Losses) -> Written:
     """Write a robot as USD."""
-    d = request.description
+    d = _with_inertias(allowed(request.description, losses, "USD", valid_name), losses)
     top = Prim("", "", "")
-    robot = top.child("Xform", d.name)
+    robot = top.child("Xform", valid_name(d.name))
+    if robot.name != d.name:
+        losses.add("the name of the robot, which USD does not allow", d.name)
     base_home = d.base_home if d.base == "floating" else None
     poses = poses_at(d, d.home, None if base_home is None else free_pose(base_home))
     bodies = {link.name: add_body(robot, link, poses[link.name]) for link in d.links}
+    names = dict(zip((link.name for link in request.description.links), bodies, strict=True))
     for shape in request.shapes:
-        add_shape(bodies[shape.link], shape, losses)
+        add_shape(bodies[names[shape.link]], shape, losses)
     held = robot.child("Scope", "joints")
     if d.base == "floating":
         bodies[d.root].apply("PhysicsArticulationRootAPI")
@@ -44,18 +49,15 @@ def write_usd(request: Request, losses: Losses) -> Written:
     joints = {
         joint.name: add_joint(
             held, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in motors,
-            d.home.get(joint.name),
+            d.home.get(joint.name), losses,
         )
         for joint in d.joints
     }  # fmt: skip
     closing = robot.child("Scope", "closures") if d.closures else robot
-    taken = {joint.name for joint in d.joints}
     for closure in d.closures:
-        name = unique(closure.name, taken)
-        taken.add(name)
-        if name != closure.name:
-            losses.add("names of closures that a joint has, too, are changed", f"{closure.name} -> {name}")
-        add_closure(closing, replace(closure, name=name), (bodies[closure.link_a], bodies[closure.link_b]))
+        ends = closure.link_a, closure.link_b
+        of_ends = bodies[ends[0]], bodies[ends[1]]
+        add_closure(closing, closure, of_ends, (poses[ends[0]], poses[ends[1]]), losses)
     by_name = {joint.name: joint for joint in d.joints}
     left = [coupling for coupling in d.couplings if not _add_mimic(coupling, by_name, joints)]
     _add_scene(top, d)
@@ -64,6 +66,24 @@ def write_usd(request: Request, losses: Losses) -> Written:
     model = _model_file(d, left)
     beside = {".model.toml": model} if model else {}
     return Written(_text(robot, top), tuple(_notes(d)), beside)
+
+
+def valid_name(name: str) -> str:
+    """Return a name as USD has them: letters, digits and underscores, no digit first."""
+    valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"_{valid}" if valid[:1].isdigit() else valid
+
+
+def _with_inertias(d: Description, losses: Losses) -> Description:
+    """Return a robot without point masses: USD takes an inertia of zero for none stated."""
+    size = inertias_of(d).size
+    links = []
+    for link in d.links:
+        if link.mass and not link.inertia.any():
+            losses.add("links without inertia, which USD cannot say: written with a small one", link.name)
+            link = replace(link, inertia=POINT_INERTIA * link.mass * size**2 * np.eye(3))
+        links.append(link)
+    return replace(d, links=tuple(links))
 
 
 def _text(robot: Prim, top: Prim) -> str:
@@ -81,23 +101,23 @@ def _text(robot: Prim, top: Prim) -> str:
     return "\n".join(head) + "\n"
 
 
-def _add_mimic(coupling: Coupling, by_name: dict[str, Joint], joints: dict[str, Prim]) -> bool:
+def _add_mimic(coupling: Coupling, by_name: dict[str, Joint], joints: dict[str, Prim | None]) -> bool:
     """Add a coupling of two joints as a mimic joint of PhysX; return False if it is none."""
     follower = coupling.terms[0][0]
     if len(coupling.terms) != 2 or coupling.name != follower or not coupling.terms[0][1]:
         return False
     own, leader = (by_name[name] for name, _ in coupling.terms)
-    prim, axis = joints[follower], f"rot{axis_of(own.axis)[0]}"
-    if f"PhysxMimicJointAPI:{axis}" in prim.schemas:
+    prim, its_prim, axis = joints[follower], joints[leader.name], f"rot{axis_of(own.axis)[0]}"
+    if prim is None or its_prim is None or f"PhysxMimicJointAPI:{axis}" in prim.schemas:
         return False
     factor = coupling.terms[1][1] / coupling.terms[0][1]
     prim.apply(f"PhysxMimicJointAPI:{axis}")
-    prim.line(f"rel physxMimicJoint:{axis}:referenceJoint = <{joints[leader.name].path}>")
+    prim.line(f"rel physxMimicJoint:{axis}:referenceJoint = <{its_prim.path}>")
     prim.line(f'uniform token physxMimicJoint:{axis}:referenceJointAxis = "rot{axis_of(leader.axis)[0]}"')
-    prim.single("float", f"physxMimicJoint:{axis}:gearing", factor * _unit(leader) / _unit(own))
+    prim.numbers("float", f"physxMimicJoint:{axis}:gearing", factor * _unit(leader) / _unit(own))
     offset = -coupling.offset / coupling.terms[0][1] / _unit(own)
     if offset:
-        prim.single("float", f"physxMimicJoint:{axis}:offset", offset)
+        prim.numbers("float", f"physxMimicJoint:{axis}:offset", offset)
     return True
 
 
@@ -110,15 +130,16 @@ def _add_scene(top: Prim, d: Description) -> None:
     scene = top.child("PhysicsScene", "physics_scene")
     gravity = np.array(d.gravity or USUAL_GRAVITY)
     size = float(np.linalg.norm(gravity))
-    scene.single("vector3f", "physics:gravityDirection", gravity / size if size else (0.0, 0.0, -1.0))
-    scene.single("float", "physics:gravityMagnitude", size)
+    scene.numbers("vector3f", "physics:gravityDirection", gravity / size if size else (0.0, 0.0, -1.0))
+    scene.numbers("float", "physics:gravityMagnitude", size)
 
 
 def _model_file(d: Description, couplings: list[Coupling]) -> str:
     """Return the model file: effects, other couplings, gears, and motors that drives do not state."""
     motors = {*d.motors}
     driven = [joint.name for joint in d.joints if joint.name in motors and joint.effort != 0]
-    numbers = {joint.name: _numbers(joint) for joint in d.joints if FREEDOMS[joint.kind]}
+    stated = [joint for joint in d.joints if FREEDOMS[joint.kind] == 1 or joint.kind == "spherical"]
+    numbers = {joint.name: _numbers(joint) for joint in stated}
     return model_file(
         d,
         motors=not d.motors or tuple(driven) != d.motors,
@@ -141,8 +162,7 @@ def _numbers(joint: Joint) -> dict[str, float]:
 
 def _notes(d: Description) -> list[str]:
     out = []
-    if any(closure.rotation == "perpendicular" for closure in d.closures):
-        out.append("universal closures lock the twist in other programs, which is not quite the same joint")
+    out.append("USD states frames, masses and limits in single precision, with 7 digits")
     if any(not link.mass for link in d.links):
         out.append("links without mass have none in hybridyn; PhysX takes 1 kg for each, Newton refuses some")
     return out

@@ -5,129 +5,153 @@ Efforts are those at the joint. The laws of drives (stiffness, damping, targets)
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..names import listed
-from ..records import Joint
 from ..robot_file import MotorStatement, RobotFile
-from .joints import DEGREES, UsdJoint
-from .stage import Prim
+from .stage import Prim, Stage
+
+#: Angles between the unit of a file and radians.
+DEGREES = np.pi / 180
 
 WHERE = "USD PhysicsDriveAPI"
 
+#: What a joint states about an axis: the number in `records.Joint`, the attribute ("{}" is the axis), and the
+#: unit. Where several engines have their own attribute, the first that is authored counts.
+ROWS = (
+    ("velocity", "physxJointAxis:{}:maxJointVelocity", "speed"),
+    ("velocity", "physxJoint:maxJointVelocity", "speed"),
+    ("effort", "drive:{}:physics:maxForce", "effort"),
+    ("rotor_inertia", "physxJointAxis:{}:armature", "inertia"),
+    ("rotor_inertia", "physxJoint:armature", "inertia"),
+    ("rotor_inertia", "newton:armature", "inertia"),
+    ("rotor_inertia", "mjc:armature", "inertia"),
+    ("friction", "physxJointAxis:{}:dynamicFrictionEffort", "effort"),
+    ("friction", "physxJoint:jointFriction", "effort"),
+    ("friction", "newton:friction", "effort"),
+    ("friction", "mjc:frictionloss", "effort"),
+    ("damping", "physxJointAxis:{}:viscousFrictionCoefficient", "effort at speed"),
+    ("damping", "mjc:damping", "effort at one radian or metre a second"),
+)
+
+#: Numbers by which a joint needs its position.
+WEIGHTS = ("rotor_inertia", "friction", "damping")
+
 
 @dataclass
-class Driving:
+class Motors:
     """The motors of a file.
 
     Attributes:
-        motors: Names of the driven joints by path of their prim.
+        names: Names of the driven joints.
         problem: Why the list cannot be used, or "".
         servos: Paths of joints whose drive has a law.
     """
 
-    motors: dict[str, list[str]] = field(default_factory=dict)
+    names: list[str] = field(default_factory=list)
     problem: str = ""
     servos: list[str] = field(default_factory=list)
 
+    def add(self, prim: Prim, axis: str, name: str, actuated: bool) -> None:
+        """Add the record of an axis if it is driven.
 
-def is_driven(joint: UsdJoint) -> bool:
+        Args:
+            prim: The joint.
+            axis: Name of the axis in schemas ("angular"), "" for a ball.
+            name: Name of the record.
+            actuated: Whether an actuator acts on the joint.
+        """
+        drive = f"drive:{axis}:physics"
+        has_drive = axis in prim.instances("PhysicsDriveAPI")
+        if not axis and (actuated or is_driven(prim)):
+            self.problem = self.problem or (
+                f"<{prim.path}> is driven, but has several freedoms; name the driven joints: motors=[..], "
+                "--motors, or motors = [..] in model.toml"
+            )
+        elif actuated or (has_drive and prim.any_number(f"{drive}:maxForce", np.inf)):
+            self.names.append(name)
+        else:
+            return
+        if has_drive and (prim.number(f"{drive}:stiffness", 0.0) or prim.number(f"{drive}:damping", 0.0)):
+            self.servos.append(prim.path)
+
+    def state(self, robot: RobotFile) -> None:
+        """Add the list of motors to the robot."""
+        if self.servos:
+            robot.notes.append(
+                f"drives of {listed(dict.fromkeys(self.servos))} have stiffness or damping, which are not "
+                "read: motor efforts are inputs of the models"
+            )
+        if self.names or self.problem:
+            names = tuple(self.names)
+            robot.motors.append(MotorStatement("actuator", WHERE, names, robot.file, None, self.problem))
+
+
+def is_driven(prim: Prim) -> bool:
     """Return whether a drive with a force acts on a joint."""
     return any(
-        joint.prim.any_number(f"drive:{name}:physics:maxForce", np.inf) != 0
-        for name in joint.prim.instances("PhysicsDriveAPI")
+        prim.any_number(f"drive:{name}:physics:maxForce", np.inf) != 0
+        for name in prim.instances("PhysicsDriveAPI")
     )
 
 
-def with_properties(joint: UsdJoint, axis: str, record: Joint, driving: Driving) -> Joint:
-    """Return the record of one axis of a joint with limits, armature, friction and motor.
+def actuated(stage: Stage) -> set[str]:
+    """Return the paths of the prims on which actuators of MuJoCo act."""
+    actuators = [prim for prim in stage.prims.values() if prim.kind == "MjcActuator"]
+    return {path for prim in actuators for path in prim.targets.get("mjc:target", ())}
+
+
+def needs_position(prim: Prim, axes: list[str]) -> bool:
+    """Return whether a joint has armature or friction about one of its axes ("angular")."""
+    stated = [name.format(axis) for word, name, _ in ROWS for axis in axes if word in WEIGHTS]
+    return any(prim.states(name) and prim.values[name] for name in stated)
+
+
+def is_limited(prim: Prim) -> bool:
+    """Return whether a joint has limits of its position."""
+    limits = [prim.any_number(f"physics:{word}Limit", np.inf) for word in ("lower", "upper")]
+    return bool(np.isfinite(limits).any())
+
+
+def numbers_of(prim: Prim, axis: str, angular: bool) -> dict[str, float]:
+    """Return speed and effort limit, armature and friction of an axis, as in `records.Joint`.
 
     Args:
-        axis: Its axis, or "ball" or "all" for a joint of several freedoms.
-        driving: The motors found so far, to which its drive is added.
+        axis: Name of the axis in schemas ("angular").
+        angular: Whether it is an axis of rotation.
 
     Raises:
-        ModelError: A number is negative, or a joint of several freedoms states friction or armature.
+        ModelError: A number is negative.
     """
-    prim, stage = joint.prim, joint.prim.stage
-    if axis in ("ball", "all", "plane", ""):
-        _refuse_on_several(joint, axis, driving)
-        return record
-    name, angular = joint.instance(axis), axis.startswith("rot")
+    stage = prim.stage
     effort = stage.kilograms * (stage.meters**2 if angular else stage.meters)
     speed = DEGREES if angular else stage.meters
-    inertia = stage.kilograms * (stage.meters**2 if angular else 1.0)
-    lower, upper = joint.limits.get(axis, (-np.inf, np.inf))
-    per_axis = f"physxJointAxis:{name}"
-    record = replace(
-        record,
-        lower=lower,
-        upper=upper,
-        velocity=_limit(prim, (f"{per_axis}:maxJointVelocity", "physxJoint:maxJointVelocity")) * speed,
-        friction=_first(prim, (f"{per_axis}:dynamicFrictionEffort", "physxJoint:jointFriction")) * effort,
-        damping=_first(prim, (f"{per_axis}:viscousFrictionCoefficient",)) * effort / speed,
-        rotor_inertia=_first(prim, (f"{per_axis}:armature", "physxJoint:armature")) * inertia,
-    )
-    return _driven(joint, name, record, effort, driving)
+    units = {
+        "speed": speed, "effort": effort, "inertia": stage.kilograms * (stage.meters**2 if angular else 1.0),
+        "effort at speed": effort / speed,
+        "effort at one radian or metre a second": effort / (1.0 if angular else stage.meters),
+    }  # fmt: skip
+    out: dict[str, float] = {}
+    drives = prim.instances("PhysicsDriveAPI")
+    for word, attribute, unit in ROWS:
+        name = attribute.format(axis)
+        if word in out or not prim.states(name) or (word == "effort" and axis not in drives):
+            continue
+        value = prim.any_number(name, np.inf) if word in ("velocity", "effort") else prim.number(name, 0.0)
+        if value < 0:
+            raise prim.error(f"'{name}' is negative")
+        out[word] = value * units[unit]
+    return out
 
 
-def add_motors(robot: RobotFile, driving: Driving) -> None:
-    """Add the list of motors to the robot, in the order of the file."""
-    if driving.servos:
-        robot.notes.append(
-            f"drives of {listed(driving.servos)} have stiffness or damping, which are not read: motor "
-            "efforts are inputs of the models"
-        )
-    names = tuple(dict.fromkeys(name for of_joint in driving.motors.values() for name in of_joint))
-    if names or driving.problem:
-        robot.motors.append(MotorStatement("actuator", WHERE, names, robot.file, None, driving.problem))
+def refuse_on_several(prim: Prim) -> None:
+    """Refuse friction and armature of a joint of several freedoms.
 
-
-def _driven(joint: UsdJoint, name: str, record: Joint, effort: float, driving: Driving) -> Joint:
-    """Return the record with the limit of its effort; add its motor."""
-    prim, drive = joint.prim, f"drive:{name}:physics"
-    if name not in prim.instances("PhysicsDriveAPI"):
-        return replace(record, effort=_limit(prim, ("hybridyn:maxForce",)) * effort)
-    force = _limit(prim, (f"{drive}:maxForce",))
-    if force:
-        driving.motors.setdefault(prim.path, []).append(record.name)
-        if prim.number(f"{drive}:stiffness", 0.0) or prim.number(f"{drive}:damping", 0.0):
-            driving.servos.append(prim.path)
-    return replace(record, effort=force * effort)
-
-
-def _refuse_on_several(joint: UsdJoint, axis: str, driving: Driving) -> None:
-    """Refuse friction and armature of a joint of several freedoms; its drives are no motors."""
-    prim = joint.prim
-    for name in ("physxJoint:armature", "physxJoint:jointFriction"):
-        if axis and prim.number(name, 0.0):
+    Raises:
+        ModelError: It has some.
+    """
+    for word, name, _ in ROWS:
+        if word in WEIGHTS and "{}" not in name and prim.number(name, 0.0):
             raise prim.error(f"'{name}' of a joint with several freedoms is not read; set it to 0")
-    if is_driven(joint) and axis:
-        driving.problem = driving.problem or (
-            f"<{prim.path}> is driven, but has several freedoms; name the driven joints: motors=[..], "
-            "--motors, or motors = [..] in model.toml"
-        )
-
-
-def _first(prim: Prim, names: tuple[str, ...]) -> float:
-    """Return the first authored number, 0 where there is none; it must not be negative."""
-    for name in names:
-        if prim.states(name):
-            value = prim.number(name, 0.0)
-            if value < 0:
-                raise prim.error(f"'{name}' is negative")
-            return value
-    return 0.0
-
-
-def _limit(prim: Prim, names: tuple[str, ...]) -> float:
-    """Return the first authored limit, infinite where there is none."""
-    for name in names:
-        if prim.states(name):
-            value = prim.any_number(name, np.inf)
-            if value < 0:
-                raise prim.error(f"'{name}' is negative")
-            return value
-    return float(np.inf)

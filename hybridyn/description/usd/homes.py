@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...spatial import quaternion_from_rotation
+from ..joint_graph import pose_coordinates
 from ..names import listed
 from ..placement import inverse, placement_from, rotation_from_quaternion
 from ..records import Array
 from ..robot_file import RobotFile
 from .bodies import Bodies
-from .joints import DEGREES, UsdJoint, direction, relative
+from .joints import UsdJoint, direction, relative, unit_of
 
 #: Positions below this [rad, or of the robot's size] are single-precision rounding of transforms.
 TRANSFORM_ROUNDING = 1e-6
@@ -44,19 +44,14 @@ def add_home(
             value = _stated(joint, axis)
             if value is None:
                 value = _placed(axis, positions, size)
-            if value is None and axis in ("ball", "all", "plane"):
-                value = _several_coordinates(joint, forward, found)
+            if axis == "ball":
+                value = _ball_coordinates(joint, forward, found)
             if value is not None:
                 robot.home[name] = value
     if off:
         robot.notes.append(
             f"joints {listed(off)} do not allow the poses of their bodies; home is the nearest posture"
         )
-
-
-def pose_coordinates(frame: Array) -> tuple[float, ...]:
-    """Return x, y, z [m] and the quaternion x, y, z, w of a placement, shape (7,)."""
-    return (*(float(x) for x in frame[:3, 3]), *(float(x) for x in quaternion_from_rotation(frame[:3, :3])))
 
 
 def _size(bodies: Bodies, joints: list[tuple[UsdJoint, bool]]) -> float:
@@ -102,7 +97,7 @@ def _stated(joint: UsdJoint, axis: str) -> tuple[float, ...] | None:
     name = f"state:{joint.instance(axis)}:physics:position"
     if axis not in joint.free or not joint.prim.states(name):
         return None
-    value = joint.prim.number(name, 0.0) * (DEGREES if axis.startswith("rot") else joint.prim.stage.meters)
+    value = joint.prim.number(name, 0.0) * unit_of(joint.prim, axis)
     return (value,) if value else None
 
 
@@ -113,26 +108,15 @@ def _placed(axis: str, positions: dict[str, float], size: float) -> tuple[float,
     return (value,) if abs(value) > zero else None
 
 
-def _several_coordinates(joint: UsdJoint, forward: bool, found: Array) -> tuple[float, ...] | None:
-    """Return the coordinates of a ball or free joint, None for zero.
+def _ball_coordinates(joint: UsdJoint, forward: bool, found: Array) -> tuple[float, ...] | None:
+    """Return the quaternion x, y, z, w of a ball joint, None for zero.
 
     The joint turns about the child's axes where its frame has the child's origin, else about its frame's.
     """
     moved, far = (found, joint.frames[1]) if forward else (inverse(found), joint.frames[0])
     ends_in_child = not far[:3, 3].any() and (forward or len(joint.chain()) == 1)
-    turn = placement_from(far[:3, :3] if ends_in_child else np.eye(3), np.zeros(3))
-    if joint.chain()[-1] == "ball":
-        moved = placement_from(moved[:3, :3], np.zeros(3))
-    if joint.chain()[-1] == "plane":
-        return _planar(moved)
-    seen = turn @ moved @ inverse(turn)
-    if np.abs(seen - np.eye(4)).max() <= TRANSFORM_ROUNDING:
+    turn = far[:3, :3] if ends_in_child else np.eye(3)
+    seen = turn @ moved[:3, :3] @ turn.T
+    if np.abs(seen - np.eye(3)).max() <= TRANSFORM_ROUNDING:
         return None
-    return pose_coordinates(seen)[3 if joint.chain()[-1] == "ball" else 0 :]
-
-
-def _planar(moved: Array) -> tuple[float, ...] | None:
-    """Return x, y [m], cosine and sine of a motion in the plane, None for zero."""
-    if np.abs(moved - np.eye(4)).max() <= TRANSFORM_ROUNDING:
-        return None
-    return tuple(float(x) for x in (moved[0, 3], moved[1, 3], moved[0, 0], moved[1, 0]))
+    return pose_coordinates(placement_from(seen, np.zeros(3)))[3:]

@@ -6,35 +6,34 @@ a position of a revolute joint turns the second frame about an axis in the first
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..joint_graph import WORLD, StatedJoint, neighbours
 from ..placement import inverse, placement_from
 from ..records import Array
 from .bodies import Bodies
+from .driving import DEGREES, is_limited, needs_position
+from .naming import names_of
 from .stage import Prim
 
 #: Axes of a generic joint, in the order in which a chain of joints moves along them.
 AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-
-#: Axes of a planar joint.
-PLANE = ("transX", "transY", "rotZ")
 
 TYPES = (
     "PhysicsRevoluteJoint", "PhysicsPrismaticJoint", "PhysicsSphericalJoint", "PhysicsFixedJoint",
     "PhysicsJoint",
 )  # fmt: skip
 
-#: Angles between the unit of a file and radians.
-DEGREES = np.pi / 180
-
 
 @dataclass(frozen=True, eq=False)
-class UsdJoint:
+class UsdJoint(StatedJoint):
     """A joint.
 
     Attributes:
+        prim: Its prim.
         bodies: The two bodies that it joins; None is the world.
         frames: Its frame in each of them, shape (4, 4), [m].
         free: The axes along which it moves, a subset of `AXES` in their order.
@@ -49,84 +48,111 @@ class UsdJoint:
     limits: dict[str, tuple[float, float]]
     excluded: bool
 
-    @property
-    def ends(self) -> tuple[str, str]:
-        """Paths of its bodies, "" for the world."""
-        first, second = (body.path if body else "" for body in self.bodies)
-        return first, second
-
-    @property
-    def is_ball(self) -> bool:
-        """Whether it turns freely about a point."""
-        return self.free == AXES[3:]
-
     def instance(self, axis: str) -> str:
         """Return the name under which schemas of several axes know an axis ("angular")."""
         if self.prim.kind == "PhysicsRevoluteJoint":
             return "angular"
         return "linear" if self.prim.kind == "PhysicsPrismaticJoint" else axis
 
+    def needs_position(self) -> bool:
+        """Return whether it has armature or friction."""
+        return needs_position(self.prim, [self.instance(axis) for axis in self.free])
+
     def chain(self) -> list[str]:
-        """Return its axes as joints one after the other: "ball", "all" and "plane" have several freedoms."""
-        if len(self.free) == 6:
-            return ["all"]
-        if self.free == PLANE and self.prim.word("hybridyn:kind", "") == "planar":
-            return ["plane"]
+        """Return its axes as joints one after the other; "ball" has three freedoms."""
         if self.free[-3:] == AXES[3:]:
             return [*self.free[:-3], "ball"]
         return list(self.free)
 
 
-def read_joints(bodies: Bodies, notes: list[str]) -> list[UsdJoint]:
-    """Return the joints of a stage in file order.
+def read_joints(bodies: Bodies, bound: Collection[str], notes: list[str]) -> list[UsdJoint]:
+    """Return the joints of a stage in file order, ranked for the tree.
+
+    The tree takes driven and coupled joints first, those that the file excludes from the articulation last;
+    then those with armature, friction and limits before others, others before ball joints, and joints near
+    the root before those far from it.
 
     Args:
+        bound: Paths of the joints that are driven or coupled.
         notes: Remarks for the user, to which the disabled joints are added.
 
     Raises:
         ModelError: A joint is of a kind that records do not have, or is wrong.
     """
-    out = []
+    prims = []
     for prim in bodies.stage.prims.values():
-        if prim.kind not in TYPES:
+        if prim.kind == "PhysicsDistanceJoint" and prim.flag("physics:jointEnabled", True):
+            raise prim.error(
+                "a PhysicsDistanceJoint is not read; write two spherical joints with a rod between them"
+            )
+        if prim.kind not in (*TYPES, "PhysicsDistanceJoint"):
             continue
         if not prim.flag("physics:jointEnabled", True):
             notes.append(f"<{prim.path}> has physics:jointEnabled = false: it is not read")
             continue
-        joint = _joint(bodies, prim)
-        _check_instances(joint)
-        if len(joint.free) == 6 and prim.word("hybridyn:kind", "") != "floating":
-            notes.append(f"<{prim.path}> locks no axis: it is not read")
-            continue
-        out.append(joint)
+        prims.append(prim)
+    names = names_of(prims, set())
+    joints = [_joint(bodies, prim, names[prim.path]) for prim in prims]
+    for joint in joints:
+        if len(joint.free) == len(AXES):
+            notes.append(f"<{joint.prim.path}> locks no axis: it is not read")
+    joints = [joint for joint in joints if len(joint.free) < len(AXES)]
+    depths = _depths([WORLD, *starts(bodies, joints)], joints)
+    return [
+        replace(joint, rank=(
+            joint.prim.path not in bound, joint.excluded,
+            not (joint.needs_position() or is_limited(joint.prim)), joint.free == AXES[3:],
+            sum(depths[end] for end in joint.ends),
+        ))
+        for joint in joints
+    ]  # fmt: skip
+
+
+def starts(bodies: Bodies, joints: list[UsdJoint]) -> list[str]:
+    """Return the bodies in the order in which groups without the world start at them.
+
+    Those with ArticulationRootAPI stand first, then those that are never the second of a joint.
+    """
+    seconds = {joint.ends[1] for joint in joints if not joint.excluded}
+    order = sorted(
+        bodies.moving.values(),
+        key=lambda body: (not body.has("PhysicsArticulationRootAPI"), body.path in seconds),
+    )
+    return [body.path for body in order]
+
+
+def _depths(roots: list[str], joints: list[UsdJoint]) -> dict[str, int]:
+    """Return how many joints lie between each body and its root."""
+    near = neighbours(joints)
+    out: dict[str, int] = {}
+    for root in roots:
+        waiting = [] if root in out else [root]
+        out.setdefault(root, 0)
+        for body in waiting:
+            for _, other in near.get(body, ()):
+                if other not in out:
+                    out[other] = out[body] + 1
+                    waiting.append(other)
     return out
 
 
-def _joint(bodies: Bodies, prim: Prim) -> UsdJoint:
+def _joint(bodies: Bodies, prim: Prim, name: str) -> UsdJoint:
     """Return a joint prim in the common form."""
-    (first, first_frame), (second, second_frame) = ends_of(bodies, prim)
-    free, limits = _freedoms(prim)
-    return UsdJoint(
-        prim, (first, second), (first_frame, second_frame), free, limits,
-        prim.flag("physics:excludeFromArticulation", False),
-    )  # fmt: skip
-
-
-def ends_of(bodies: Bodies, prim: Prim) -> list[tuple[Prim | None, Array]]:
-    """Return both bodies of a joint and its frame in each, shape (4, 4), [m].
-
-    Raises:
-        ModelError: The joint breaks, its bodies do not exist, or they are one.
-    """
-    for name in ("physics:breakForce", "physics:breakTorque"):
-        if np.isfinite(prim.any_number(name, np.inf)):
-            raise prim.error(f"'{name}' is finite, but joints do not break here; remove it")
-    ends = [_end(bodies, prim, side) for side in (0, 1)]
-    (first, _), (second, _) = ends
+    for limit in ("physics:breakForce", "physics:breakTorque"):
+        if np.isfinite(prim.any_number(limit, np.inf)):
+            raise prim.error(f"'{limit}' is finite, but joints do not break here; remove it")
+    (first, first_frame), (second, second_frame) = (_end(bodies, prim, side) for side in (0, 1))
     if first is second:
         what = f"<{first.path}> to itself" if first else "two parts of the world, or bodies that do not move"
         raise prim.error(f"joins {what}; correct physics:body0 and physics:body1, or remove it")
-    return ends
+    ends = (WORLD if first is None else first.path, WORLD if second is None else second.path)
+    free, limits = _freedoms(prim)
+    joint = UsdJoint(
+        name, ends, (), None, prim, (first, second), (first_frame, second_frame), free, limits,
+        prim.flag("physics:excludeFromArticulation", False),
+    )  # fmt: skip
+    _check_instances(joint)
+    return joint
 
 
 def _check_instances(joint: UsdJoint) -> None:
@@ -138,7 +164,7 @@ def _check_instances(joint: UsdJoint) -> None:
         )
     free = [joint.instance(axis) for axis in joint.free]
     wrong = [name for name in prim.instances("PhysicsDriveAPI") if name not in free]
-    if wrong and not joint.is_ball:
+    if wrong and joint.free != AXES[3:]:
         advice = f"its free axes are {', '.join(free)}" if free else "it has no free axis; remove the drive"
         raise prim.error(f"PhysicsDriveAPI:{wrong[0]} drives no axis of this joint: {advice}")
 
@@ -171,7 +197,7 @@ def _freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float
     if axis not in ("X", "Y", "Z"):
         raise prim.error(f"physics:axis '{axis}' is none of X, Y, Z")
     name = ("rot" if prim.kind == "PhysicsRevoluteJoint" else "trans") + axis
-    unit = _unit(prim, name)
+    unit = unit_of(prim, name)
     lower = prim.any_number("physics:lowerLimit", -np.inf) * unit
     upper = prim.any_number("physics:upperLimit", np.inf) * unit
     if lower > upper:
@@ -181,13 +207,14 @@ def _freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float
 
 def _generic_freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
     """Return the free axes of a generic joint: an axis is locked where low is above high."""
-    free, limits = [], {}
-    for name in prim.instances("PhysicsLimitAPI"):
+    limits = {}
+    stated = prim.instances("PhysicsLimitAPI")
+    for name in stated:
         if name not in AXES:
             raise prim.error(f"a limit of '{name}' is not read; hybridyn has limits of {', '.join(AXES)}")
     for axis in AXES:
         low, high = -np.inf, np.inf
-        if axis in prim.instances("PhysicsLimitAPI"):
+        if axis in stated:
             low = prim.any_number(f"limit:{axis}:physics:low", -np.inf)
             high = prim.any_number(f"limit:{axis}:physics:high", np.inf)
         if low > high or (low == 0 and high == 0):
@@ -197,18 +224,16 @@ def _generic_freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[floa
                 f"axis {axis} is locked at {low:g}; lock it at 0 (low above high), and put the offset into "
                 "localPos0 and localRot0"
             )
-        free.append(axis)
-        limits[axis] = (low * _unit(prim, axis), high * _unit(prim, axis))
-    turns = sum(axis.startswith("rot") for axis in free)
-    if turns == 2 and prim.word("hybridyn:rotation", "") != "perpendicular":
+        limits[axis] = (low * unit_of(prim, axis), high * unit_of(prim, axis))
+    if sum(axis.startswith("rot") for axis in limits) == 2:
         raise prim.error(
             "one rotation is locked and two are free, which is no universal joint in USD (the twist is "
             "locked) and no joint here; write two revolute joints with a small body between them"
         )
-    return tuple(free), limits
+    return tuple(limits), limits
 
 
-def _unit(prim: Prim, axis: str) -> float:
+def unit_of(prim: Prim, axis: str) -> float:
     """Return the unit of positions along an axis [m or rad]."""
     return DEGREES if axis.startswith("rot") else prim.stage.meters
 

@@ -1,7 +1,6 @@
-"""Mass, centre of mass and inertia of bodies: as MassAPI states them, else from the shapes of colliders.
+"""Mass, centre of mass and inertia of bodies, as MassAPI states them.
 
-The rules are those of `UsdPhysics.RigidBodyAPI.ComputeMassProperties`: what the body states ranks above what
-its colliders give.
+USD computes what a body does not state from the shapes of its colliders; this is refused.
 """
 
 from __future__ import annotations
@@ -10,23 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..placement import inverse
 from ..records import Array
 from .bodies import Bodies
-from .shapes import FLAT, solid_of
 from .stage import Prim
-
-#: Density where nothing states one [kg/m^3].
-DENSITY = 1000.0
 
 MASS, CENTRE = "physics:mass", "physics:centerOfMass"
 INERTIA, AXES, PER_VOLUME = "physics:diagonalInertia", "physics:principalAxes", "physics:density"
 
 #: Schemas by which a body, a collider or a material states masses.
 MASS_SCHEMAS = ("PhysicsMassAPI", "NewtonMassAPI", "PhysicsMaterialAPI")
-
-#: Flag by which hybridyn writes that a body has no inertia: USD takes zeros for nothing stated.
-POINT = "hybridyn:pointMass"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,59 +39,38 @@ def masses(bodies: Bodies) -> dict[str, Mass]:
     """Return the mass properties of the moving bodies by path.
 
     Raises:
-        ModelError: A mass is negative, or follows from a shape that is not computed.
+        ModelError: A mass is negative, or would follow from shapes.
     """
-    colliders: dict[str, list[Prim]] = {path: [] for path in bodies.moving}
+    colliders: dict[str, Prim] = {}
     for prim in bodies.stage.prims.values():
         body = bodies.body_of(prim)
         if prim.has("PhysicsCollisionAPI") and body is not None:
-            colliders[body.path].append(prim)
+            colliders.setdefault(body.path, prim)
         elif prim.has("PhysicsMassAPI") and body is not None and prim is not body:
             raise prim.error(
-                "states a mass but is neither a body nor a collider; apply PhysicsRigidBodyAPI or "
-                "PhysicsCollisionAPI to it, or state the mass on its body"
+                "states a mass but is neither a body nor a collider; apply PhysicsRigidBodyAPI to it, or "
+                "state the mass on its body"
             )
-    return {path: _mass(bodies, prim, colliders[path]) for path, prim in bodies.moving.items()}
+    return {path: _mass(bodies, prim, colliders.get(path)) for path, prim in bodies.moving.items()}
 
 
-def _mass(bodies: Bodies, body: Prim, colliders: list[Prim]) -> Mass:
-    stage = bodies.stage
+def _mass(bodies: Bodies, body: Prim, collider: Prim | None) -> Mass:
     if body.states("newton:inertia") or body.states("newton:massModel"):
         raise body.error("newton:inertia and newton:massModel are not read; author physics:diagonalInertia")
-    mass = _stated(body, MASS) * stage.kilograms
+    mass = _stated(body, MASS) * bodies.stage.kilograms
     com, inertia = _centre(bodies, body), _inertia(body)
-    if body.flag(POINT, False) and inertia is None:
-        inertia = np.zeros((3, 3))
-    if mass and com is not None and inertia is not None:
-        return Mass(mass, com, inertia)
-    if not colliders:
-        return _without_shape(body, mass, com, inertia)
-    whole = _sum([_of_collider(bodies, body, prim) for prim in colliders], body)
-    factor = mass / whole.mass if mass and whole.mass else 1.0
-    if mass and not whole.mass and inertia is None:
+    missing = [
+        name for name, value in ((MASS, mass or None), (CENTRE, com), (INERTIA, inertia)) if value is None
+    ]
+    if collider is not None and missing:
         raise body.error(
-            f"its colliders have no volume, from which its inertia would follow; author {INERTIA}"
+            f"{' and '.join(missing)} would follow from its colliders (<{collider.path}>, a "
+            f"{collider.kind or 'prim'}), which is not computed; author {MASS}, {CENTRE} and {INERTIA}"
         )
-    total = mass or whole.mass
-    if inertia is None:
-        shift = np.zeros(3) if com is None else com - whole.com
-        inertia = whole.inertia * factor + total * _steiner(shift)
-    return Mass(total, whole.com if com is None else com, inertia)
-
-
-def _steiner(arm: Array) -> Array:
-    """Return the inertia of a unit mass at the end of an arm, shape (3, 3)."""
-    return arm @ arm * np.eye(3) - np.outer(arm, arm)
-
-
-def _without_shape(body: Prim, mass: float, com: Array | None, inertia: Array | None) -> Mass:
-    """Return the mass properties of a body without colliders; the missing centre is its origin."""
     if mass and inertia is None:
-        raise body.error(
-            f"states a mass but no inertia, and has no collider from which it would follow; author {INERTIA}"
-        )
+        raise body.error(f"states a mass but no inertia, and has no collider; author {INERTIA}")
     if not mass and _stated(body, PER_VOLUME):
-        raise body.error(f"states a density but has no collider with a volume; author {MASS} and {INERTIA}")
+        raise body.error(f"states a density but has no collider; author {MASS} and {INERTIA}")
     return Mass(mass, np.zeros(3) if com is None else com, np.zeros((3, 3)) if inertia is None else inertia)
 
 
@@ -137,52 +107,3 @@ def _inertia(body: Prim) -> Array | None:
         axes = body.rotation(AXES)
     inertia: Array = axes @ np.diag(moments) @ axes.T
     return (inertia + inertia.T) / 2
-
-
-def _of_collider(bodies: Bodies, body: Prim, prim: Prim) -> Mass:
-    """Return the mass properties of a collider, in the axes of its body."""
-    stage = bodies.stage
-    for name in (CENTRE, INERTIA) if prim is not body and _states_masses(prim) else ():
-        values = prim.vector(name, (0.0,) * 3, finite=False)
-        if np.isfinite(values).all() and values.any():
-            raise prim.error(f"'{name}' of a collider is not read; state it on the body <{body.path}>")
-    if prim.kind in FLAT:
-        return Mass(0.0, np.zeros(3), np.zeros((3, 3)))
-    pose = bodies.pose(prim)
-    solid = solid_of(prim, pose.scale * stage.meters)
-    if solid is None:
-        raise prim.error(
-            f"the mass of <{body.path}> would follow from this {prim.kind or 'prim'}, which is not computed; "
-            f"author {MASS}, {CENTRE} and {INERTIA} on the body"
-        )
-    mass = _stated(prim, MASS) * stage.kilograms if prim is not body else 0.0
-    density = mass / solid.volume if mass else _density(bodies, body, prim)
-    frame = np.eye(4) if prim is body else inverse(bodies.pose(body).frame) @ pose.frame
-    turn = frame[:3, :3]
-    return Mass(
-        density * solid.volume, turn @ solid.centre + frame[:3, 3], density * turn @ solid.inertia @ turn.T
-    )
-
-
-def _density(bodies: Bodies, body: Prim, prim: Prim) -> float:
-    """Return the density of a collider [kg/m^3]: its own, its body's, its material's, else USD's 1000."""
-    stage = bodies.stage
-    material = stage.prims.get(prim.material or "")
-    for of in (prim, body, material):
-        if of is not None and (value := _stated(of, PER_VOLUME)):
-            return value * stage.kilograms / stage.meters**3
-    return DENSITY
-
-
-def _sum(parts: list[Mass], body: Prim) -> Mass:
-    """Return the mass properties of several parts together."""
-    mass = sum(part.mass for part in parts)
-    if not mass:
-        return Mass(0.0, np.zeros(3), np.zeros((3, 3)))
-    com: Array = np.sum([part.mass * part.com for part in parts], axis=0) / mass
-    inertia = np.zeros((3, 3))
-    for part in parts:
-        inertia += part.inertia + part.mass * _steiner(part.com - com)
-    if not np.isfinite(inertia).all():
-        raise body.error("the inertia that its colliders give is not finite")
-    return Mass(float(mass), com, (inertia + inertia.T) / 2)

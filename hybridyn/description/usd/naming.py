@@ -8,9 +8,6 @@ from collections.abc import Iterable
 from ..mjcf.naming import unique
 from .stage import Prim
 
-#: Attribute that holds the name of a link or joint where it is no name of a prim.
-NAME = "hybridyn:name"
-
 
 def names_of(prims: Iterable[Prim], taken: set[str]) -> dict[str, str]:
     """Return a name for each prim by its path, each only once.
@@ -18,14 +15,8 @@ def names_of(prims: Iterable[Prim], taken: set[str]) -> dict[str, str]:
     Args:
         taken: Names that exist; the new ones are added.
     """
-    prims = list(prims)
     out: dict[str, str] = {}
     waiting = {prim.path: prim.path.strip("/").split("/") for prim in prims}
-    for prim in prims:
-        if own := prim.word(NAME, ""):
-            out[prim.path] = unique(own, taken)
-            taken.add(out[prim.path])
-            del waiting[prim.path]
     length = 0
     while waiting:
         length += 1

@@ -19,14 +19,24 @@ TYPES = {
     "PhysicsPrismaticJoint", "PhysicsSphericalJoint", "PhysicsDistanceJoint",
 }  # fmt: skip
 
+#: Types that are left out with a note.
+NOTED = {
+    "MjcActuator": "of actuators only the joints that they drive are read",
+    "NewtonActuator": "actuators are not read",
+    "MjcKeyframe": "keyframes are not read",
+}
+
+#: Parts of the names of schemas and types of what may lie beside a robot.
+BESIDE = ("Deformable", "Particle")
+
 #: Schemas that are read, or that concern contacts, drawing and solvers alone.
 SCHEMAS = {
     "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsArticulationRootAPI", "PhysicsDriveAPI",
     "PhysicsLimitAPI", "PhysicsFilteredPairsAPI", "PhysicsJointStateAPI", "PhysxJointStateAPI",
     "PhysxRigidBodyAPI", "PhysxArticulationAPI", "PhysxJointAPI", "PhysxJointAxisAPI", "PhysxLimitAPI",
     "PhysxMimicJointAPI", "NewtonMimicAPI", "NewtonArticulationRootAPI", "NewtonMassAPI", "NewtonJointAPI",
-    "NewtonSiteAPI", "MjcJointAPI", "MjcSiteAPI", "MjcImageableAPI", "PhysxPhysicsDistanceJointAPI",
-    "PhysxDrivePerformanceEnvelopeAPI",
+    "NewtonSiteAPI", "MjcJointAPI", "MjcSiteAPI", "MjcImageableAPI", "MjcEqualityAPI", "MjcEqualityJointAPI",
+    "MjcEqualityConnectAPI", "MjcEqualityWeldAPI", "PhysxDrivePerformanceEnvelopeAPI",
 }  # fmt: skip
 
 #: Parts of the names of schemas that concern contacts and solvers.
@@ -36,21 +46,21 @@ OF_CONTACTS = ("Collision", "Scene", "Material", "Report", "Trigger", "Cooked")
 NEUTRAL: dict[str, tuple[float, str]] = {
     "physxRigidBody:disableGravity": (0, "set it to false, or set gravity of the whole robot"),
     "physxRigidBody:linearDamping": (0, "set it to 0, or put friction on the joints"),
-    "physxRigidBody:angularDamping": (0, "set it to 0, or put friction on the joints"),
     "physxRigidBody:enableGyroscopicForces": (1, "set it to true"),
     "physxRigidBody:lockedPosAxis": (0, "set it to 0, and write a joint"),
     "physxRigidBody:lockedRotAxis": (0, "set it to 0, and write a joint"),
-    "physxPhysicsDistanceJoint:springEnabled": (0, "set it to false"),
     "newton:jointsAddMobility": (0, "set it to false, and write bodies between the joints"),
     **dict.fromkeys(
         (
-            "newton:armature", "newton:friction", "newton:damping", "newton:springStiffness",
-            "newton:springDamping", "newton:stiffness", "mjc:armature", "mjc:damping", "mjc:frictionloss",
-            "mjc:stiffness", "mjc:gravcomp",
+            "newton:damping", "newton:springStiffness", "newton:springDamping", "newton:stiffness",
+            "mjc:stiffness", "mjc:springdamper", "mjc:gravcomp",
         ),
-        (0, "set it to 0; physxJoint:armature and physxJoint:jointFriction are read"),
+        (0, "set it to 0; springs may stand in model.toml"),
     ),
 }  # fmt: skip
+
+#: Damping of bodies that PhysX has by default, and that converters write.
+DAMPING = "physxRigidBody:angularDamping"
 
 #: Attributes of joints and bodies that are read, or that concern contacts, solvers and drawing alone.
 READ = (
@@ -59,9 +69,9 @@ READ = (
     "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
     "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
     "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
-    "physics:velocity", "physics:angularVelocity", "physics:minDistance",
-    "physics:maxDistance", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
-    "newton:mimic", "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
+    "physics:velocity", "physics:angularVelocity", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
+    "newton:mimic", "newton:armature", "newton:friction", "mjc:armature", "mjc:damping", "mjc:frictionloss",
+    "mjc:coef", "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
     "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",
 )  # fmt: skip
@@ -75,9 +85,6 @@ MASSES = (
     "physics:principalAxes",
 )  # fmt: skip
 
-#: Attributes that make a joint one of the tree rather than one that closes a loop.
-WEIGHTS = ("armature", "jointFriction", "dynamicFrictionEffort", "viscousFrictionCoefficient")
-
 
 def screen(stage: Stage, notes: list[str]) -> None:
     """Refuse what cannot be read.
@@ -89,7 +96,15 @@ def screen(stage: Stage, notes: list[str]) -> None:
         ModelError: A prim has a type, a schema or an attribute that changes the motion and is not read.
     """
     unread: dict[str, None] = {}
+    noted: dict[str, list[str]] = {}
     for prim in stage.prims.values():
+        names = [prim.kind, *prim.schemas]
+        if prim.kind in NOTED:
+            noted.setdefault(NOTED[prim.kind], []).append(prim.path)
+            continue
+        if any(part in name for part in BESIDE for name in names) and not _in_body(prim):
+            noted.setdefault("deformable bodies and particles are not read", []).append(prim.path)
+            continue
         if prim.kind.startswith(PHYSICS) and prim.kind not in TYPES:
             raise prim.error(_advice(f"a {prim.kind}"))
         for schema in prim.schemas:
@@ -98,26 +113,23 @@ def screen(stage: Stage, notes: list[str]) -> None:
             if name.startswith(PHYSICS) and not known:
                 raise prim.error(_advice(f"schema {schema}"))
         for name, (neutral, correction) in NEUTRAL.items():
-            if prim.states(name) and prim.values[name] != neutral:
+            if prim.states(name) and np.any(np.not_equal(prim.values[name], neutral)):
                 raise prim.error(f"'{name}' = {prim.values[name]} is not read; {correction}")
+        if prim.states(DAMPING) and prim.number(DAMPING, 0.0):
+            noted.setdefault(f"{DAMPING}, which holds bodies back in PhysX alone, is not read", []).append(
+                prim.path
+            )
         unread |= dict.fromkeys(_unread(prim))
+    notes += [f"{reason}: {listed(paths)}" for reason, paths in noted.items()]
     if unread:
         notes.append(f"attributes that other engines may use are not read: {listed(unread)}")
 
 
-def weighs(prim: Prim, limits: bool = True) -> bool:
-    """Return whether a joint has armature or friction, or limits if these count too.
-
-    Args:
-        limits: Whether limits count.
-    """
-    for name, value in prim.values.items():
-        if name.startswith(("physxJoint:", "physxJointAxis:")) and name.endswith(WEIGHTS) and value:
-            return True
-        is_limit = limits and name in ("physics:lowerLimit", "physics:upperLimit")
-        if is_limit and isinstance(value, int | float) and np.isfinite(value):
-            return True
-    return False
+def _in_body(prim: Prim | None) -> bool:
+    """Return whether a prim is part of a rigid body."""
+    while prim is not None and not prim.has("PhysicsRigidBodyAPI"):
+        prim = prim.parent
+    return prim is not None
 
 
 def _advice(what: str) -> str:
@@ -126,7 +138,6 @@ def _advice(what: str) -> str:
         "Gear": "couple the two joints by PhysxMimicJointAPI",
         "RackAndPinion": "couple the two joints by PhysxMimicJointAPI",
         "Tendon": "couple the joints by PhysxMimicJointAPI",
-        "Actuator": "drive joints by PhysicsDriveAPI, or name them in model.toml, and remove it",
     }
     advice = next(
         (text for word, text in mend.items() if word in what), "remove it if the motion needs it not"
@@ -147,7 +158,7 @@ def _unread(prim: Prim) -> list[str]:
     names = [*prim.values, *prim.animated]
     out = [
         name for name in names
-        if name.startswith(spaces) and not name.startswith(READ) and name not in NEUTRAL
+        if name.startswith(spaces) and not name.startswith(READ) and name not in (*NEUTRAL, DAMPING)
     ]  # fmt: skip
     applied = {*prim.schemas, *(["PhysicsMassAPI"] if prim.has("NewtonMassAPI") else [])}
     return out + [name for name in names if (schema := _schema_of(name)) and schema not in applied]

@@ -16,9 +16,6 @@ from ..urdf.xml_node import LARGEST_NUMBER
 #: Numbers beyond this are no limit; USD's own parser uses it, since files state the largest float.
 UNBOUNDED = 0.5e38
 
-#: Namespace of the double-precision copies that hybridyn writes beside single-precision attributes.
-EXACT = "hybridyn:exact:"
-
 
 @dataclass(eq=False)
 class Prim:
@@ -90,12 +87,9 @@ class Prim:
         value = self.values[name]
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(f"'{name}' is not a number")
-        (number,) = self._exact(name, [float(value)])
-        if np.isnan(number):
+        if np.isnan(value):
             raise self.error(f"'{name}' is not a number (nan)")
-        if abs(number) > UNBOUNDED:
-            return float(np.copysign(np.inf, number))
-        return number
+        return float(np.copysign(np.inf, value)) if abs(value) > UNBOUNDED else float(value)
 
     def vector(self, name: str, default: Sequence[float], finite: bool = True) -> Array:
         """Return a vector, shape (len(default),)."""
@@ -104,7 +98,7 @@ class Prim:
         value = self.values[name]
         if not isinstance(value, list) or len(value) != len(default) or not _are_numbers(value):
             raise self.error(f"'{name}' is not a vector of {len(default)} numbers")
-        out = np.array(self._exact(name, [float(x) for x in value]))
+        out = np.array([float(x) for x in value])
         if finite and not (np.abs(out) <= LARGEST_NUMBER).all():
             raise self.error(f"'{name}' is not finite, or too large")
         return out
@@ -145,20 +139,6 @@ class Prim:
             raise self.error(f"'{name}' is not a word")
         return value
 
-    def _exact(self, name: str, single: list[float]) -> list[float]:
-        """Return the double-precision copy of a value if it rounds to the value, else the value."""
-        copy = self.values.get(EXACT + name)
-        if copy is None:
-            return single
-        double = copy if isinstance(copy, list) else [copy]
-        if len(double) == len(single) and _are_numbers(double):
-            with np.errstate(over="ignore"):
-                rounded = [np.array(numbers).astype(np.float32) for numbers in (double, single)]
-            if np.array_equal(rounded[0], rounded[1]):
-                return [float(x) for x in double]
-        self.stage.edited.append(f"{self.path}.{name}")
-        return single
-
 
 def _are_numbers(values: Sequence[Any]) -> bool:
     return all(isinstance(x, int | float) and not isinstance(x, bool) for x in values)
@@ -176,7 +156,6 @@ class Stage:
         up: The axis that points up, "X", "Y" or "Z".
         authored: Names of the units and axes that the file states.
         default: The default prim, or None.
-        edited: Attributes whose value is not the one that hybridyn wrote.
     """
 
     file: str
@@ -186,10 +165,9 @@ class Stage:
     up: str = "Y"
     authored: tuple[str, ...] = ()
     default: Prim | None = None
-    edited: list[str] = field(default_factory=list)
 
     def __init__(self, file: str, dump: dict[str, Any]) -> None:
-        self.file, self.prims, self.edited = file, {}, []
+        self.file, self.prims = file, {}
         self.meters, self.kilograms = float(dump["meters"]), float(dump["kilograms"])
         self.up, self.authored = str(dump["up"]), tuple(dump["authored"])
         for unit in (self.meters, self.kilograms):

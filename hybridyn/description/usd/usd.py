@@ -1,4 +1,4 @@
-"""Read a USD file: OpenUSD composes it in a child process, and its prims become records.
+"""Read a USD file: OpenUSD composes it in a process of its own, and its prims become records.
 
 What hybridyn does not have is an error that names the prim. What does not change the motion is left out, with
 a remark where other engines might use it.
@@ -13,26 +13,21 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import ModelError
+from ..closure_forms import ROWS, form_of_rows
+from ..joint_graph import WORLD, JointGraph, Step, Tree, span
 from ..names import listed
-from ..records import Joint, Link
+from ..records import JointKind, Link
 from ..robot_file import RobotFile
 from .bodies import Bodies
-from .driving import Driving, add_motors, is_driven
-from .graph import WORLD, Tree, grow
-from .homes import add_home, pose_coordinates
-from .joints import UsdJoint, read_joints
+from .couplings import coupled, couplings
+from .driving import Motors, actuated, is_driven, numbers_of, refuse_on_several
+from .homes import add_home
+from .joints import AXES, UsdJoint, direction, read_joints, starts
 from .masses import masses
-from .mimics import bound_joints, couplings
-from .naming import NAME, names_of
+from .naming import names_of
 from .opening import open_usd
-from .rods import Rod, add_rod, read_rods
 from .scenes import gravity_of
 from .screening import screen
-from .stage import Stage
-from .trees import add_joint, closure_of
-
-#: Name of the link of the world.
-ROOT = "world"
 
 
 def read_usd(file: str, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:
@@ -46,104 +41,115 @@ def read_usd(file: str, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> 
             does not have.
     """
     stage = open_usd(file, package_dirs)
-    robot = RobotFile(_name(stage), file, format="USD")
+    name = Path(stage.file).name.partition(".")[0] or "robot"
+    robot = RobotFile(name if stage.default is None else stage.default.name, file, format="USD")
     screen(stage, robot.notes)
     bodies = Bodies(stage)
     if not bodies.moving:
         raise ModelError("no prim has PhysicsRigidBodyAPI; a robot has at least one body", file=file)
-    joints, rods = read_joints(bodies, robot.notes), read_rods(bodies, robot.notes)
-    bound = bound_joints(stage) | {joint.prim.path for joint in joints if is_driven(joint)}
-    tree = grow(bodies.moving.values(), joints, bound, robot.notes)
-    _build(robot, bodies, joints, rods, tree)
+    _Builder(robot, bodies).build()
     robot.gravity = gravity_of(stage)
     _add_notes(robot, bodies)
     return robot
 
 
-def _name(stage: Stage) -> str:
-    """Return the name of the robot: that of the default prim, else of the file."""
-    default = stage.default
-    if default is None:
-        return Path(stage.file).name.partition(".")[0] or "robot"
-    return default.word(NAME, default.name)
+class _Builder:
+    """Makes the record of a robot of its bodies and joints.
 
-
-def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], rods: list[Rod], tree: Tree) -> None:
-    """Add links, joints, closures, couplings, motors and home to the robot."""
-    stage = bodies.stage
-    base = _base(bodies, tree, rods)
-    links = names_of(bodies.moving.values(), {ROOT} if base is None else set())
-    if base is None:
-        links[WORLD] = ROOT
-        robot.links.append(Link(ROOT, 0.0, np.zeros(3), np.zeros((3, 3))))
-    elif base in tree.roots:
-        robot.base = "floating"
-        robot.base_home = pose_coordinates(bodies.pose(bodies.moving[base]).frame)
-    else:
-        links[WORLD] = links[base]
-    own_names = names_of([*(joint.prim for joint in joints), *(rod.prim for rod in rods)], set())
-    taken = {*links.values()}, {*own_names.values()}
-    for path, mass in masses(bodies).items():
-        between = bodies.moving[path].flag("hybridyn:betweenJoints", False)
-        robot.links.append(Link(links[path], mass.mass, mass.com, mass.inertia, None, between))
-    driving = Driving()
-    names: dict[str, dict[str, str]] = {}
-    kept = [
-        (joint, forward) for joint, forward in tree.joints if base is None or {*joint.ends} != {WORLD, base}
-    ]
-    for joint, forward in kept:
-        ends = links[joint.ends[0]], links[joint.ends[1]]
-        name = own_names[joint.prim.path]
-        names[joint.prim.path] = add_joint(robot, joint, forward, name, ends, driving, taken)
-    if base is None:
-        _float(robot, bodies, tree.roots, links, taken[1])
-    for joint in tree.closures:
-        ends = links[joint.ends[0]], links[joint.ends[1]]
-        robot.closures.append(closure_of(joint, own_names[joint.prim.path], ends))
-    for rod in rods:
-        ends = links[rod.ends[0]], links[rod.ends[1]]
-        add_rod(robot, bodies, rod, own_names[rod.prim.path], ends, taken)
-    limited = [joint.prim.path for joint in tree.closures if np.isfinite([*joint.limits.values()]).any()]
-    if limited:
-        robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
-    by_path = {joint.prim.path: joint for joint in joints}
-    robot.couplings += couplings(stage, by_path, names, robot.notes)
-    add_motors(robot, driving)
-    add_home(robot, bodies, kept, names)
-
-
-def _base(bodies: Bodies, tree: Tree, rods: list[Rod]) -> str | None:
-    """Return the path of the body that is the root of the robot, or None if the world is.
-
-    A body is the root if it floats and everything else hangs on it, or if a fixed joint holds it at the
-    origin of the world and nothing else touches the world.
+    Attributes:
+        actuated: Paths of the joints on which actuators act.
+        names: Names of the joints of each axis by path; "ball" has three freedoms.
+        made: The joints that have a position, each with whether its second body is the child.
     """
-    if any(WORLD in rod.ends for rod in rods):
-        return None
-    if len(tree.roots) == 1 and len(bodies.moving) == 1 + sum(bool(up) for up in tree.parents.values()):
-        return tree.roots[0]
-    held = [joint for joint, _ in tree.joints if WORLD in joint.ends]
-    if tree.roots or len(held) != 1 or any(WORLD in joint.ends for joint in tree.closures):
-        return None
-    (joint,) = held
-    exact = all(np.array_equal(frame, np.eye(4)) for frame in joint.frames)
-    if joint.free or not exact:
-        return None
-    first, second = joint.ends
-    return first or second
 
+    def __init__(self, robot: RobotFile, bodies: Bodies) -> None:
+        self.robot, self.bodies, self.stage = robot, bodies, bodies.stage
+        self.actuated = actuated(self.stage)
+        driven = {prim.path for prim in self.stage.prims.values() if is_driven(prim)}
+        self.bound = driven | self.actuated | coupled(self.stage)
+        self.joints = read_joints(bodies, self.bound, robot.notes)
+        links = names_of(bodies.moving.values(), set())
+        self.graph = JointGraph(robot, links, {joint.name for joint in self.joints}, "{joint}_fixed")
+        self.motors = Motors()
+        self.names: dict[str, dict[str, str]] = {}
+        self.made: list[tuple[UsdJoint, bool]] = []
 
-def _float(
-    robot: RobotFile, bodies: Bodies, roots: list[str], links: dict[str, str], taken: set[str]
-) -> None:
-    """Let bodies that no joint ties to the world float in it, by joints of their own."""
-    for path in roots:
-        name = f"{links[path]}_free"
-        while name in taken:
-            name += "_"
-        taken.add(name)
-        robot.joints.append(Joint(name, "floating", ROOT, links[path], np.eye(4), np.array([1.0, 0.0, 0.0])))
-        robot.home[name] = pose_coordinates(bodies.pose(bodies.moving[path]).frame)
+    def build(self) -> None:
+        """Add links, joints, closures, couplings, motors and home to the robot."""
+        robot, bodies = self.robot, self.bodies
+        tree = span(starts(bodies, self.joints), self.joints)
+        self._note(tree)
+        poses = {path: bodies.pose(prim).frame for path, prim in bodies.moving.items()}
+        welds = [
+            joint for joint in self.joints
+            if not joint.free and all(np.array_equal(frame, np.eye(4)) for frame in joint.frames)
+        ]  # fmt: skip
+        for path, mass in masses(bodies).items():
+            robot.links.append(Link(self.graph.links[path], mass.mass, mass.com, mass.inertia))
+        for joint, forward in self.graph.stand(tree, poses, welds):
+            near, far = (self.graph.links[end] for end in (joint.ends if forward else joint.ends[::-1]))
+            frames = joint.frames if forward else joint.frames[::-1]
+            self.graph.carry(self._steps(joint, forward), (near, far), frames, joint, forward)
+        for joint in tree.cut:
+            self._close(joint)
+        robot.couplings += couplings(
+            self.stage, {joint.prim.path: joint for joint in self.joints}, self.names, robot.notes
+        )
+        self.motors.state(robot)
+        add_home(robot, bodies, self.made, self.names)
+
+    def _steps(self, joint: UsdJoint, forward: bool) -> list[Step]:
+        """Return the chain of a joint from its parent to its child; add its motors."""
+        chain, prim, steps = joint.chain(), joint.prim, []
+        names = self.names[prim.path] = {}
+        for axis in chain:
+            name = joint.name if len(chain) == 1 else self.graph.joint_name(f"{joint.name}_{axis}")
+            names[axis] = name
+            if axis == "ball":
+                refuse_on_several(prim)
+                steps.append(Step(name, "spherical"))
+                self.motors.add(prim, "", name, prim.path in self.actuated)
+                continue
+            instance, angular = joint.instance(axis), axis.startswith("rot")
+            kind: JointKind = "revolute" if angular else "prismatic"
+            lower, upper = joint.limits[axis]
+            numbers = {"lower": lower, "upper": upper} | numbers_of(prim, instance, angular)
+            steps.append(Step(name, kind, direction(axis), numbers))
+            self.motors.add(prim, instance, name, prim.path in self.actuated and len(chain) == 1)
+        self.made.append((joint, forward))
+        return steps if forward else steps[::-1]
+
+    def _close(self, joint: UsdJoint) -> None:
+        """Add a joint that closes a loop; one whose position something needs stays a joint."""
+        if joint.prim.path in self.bound or joint.needs_position():
+            forward = joint.ends[1] != WORLD
+            frames = joint.frames if forward else joint.frames[::-1]
+            self.graph.carry_and_weld(self._steps(joint, forward), frames, joint, forward)
+            return
+        form = form_of_rows(
+            " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.free)
+        )
+        kind = joint.prim.kind.removeprefix("Physics").removesuffix("Joint").lower() or "rows"
+        turn = form.rotation_of_frames
+        self.graph.close(joint, kind, joint.frames, (form.translations, form.rotation), (turn, turn))
+
+    def _note(self, tree: Tree[UsdJoint]) -> None:
+        """Add remarks where the cuts are not those of the file."""
+        own = [joint.prim.path for joint in tree.cut if not joint.excluded]
+        if own:
+            self.robot.notes.append(
+                f"joints {listed(own)} close loops and are cut there; to cut other joints, set "
+                "physics:excludeFromArticulation = true on those"
+            )
+        kept = [joint.prim.path for joint, _ in tree.branches if joint.excluded]
+        if kept:
+            self.robot.notes.append(
+                f"joints {listed(kept)} are excluded from the articulation, but are driven or coupled, or "
+                "are the only joint of a body: they are joints of the tree"
+            )
+        limited = [joint.prim.path for joint in tree.cut if np.isfinite([*joint.limits.values()]).any()]
+        if limited:
+            self.robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
 
 
 def _add_notes(robot: RobotFile, bodies: Bodies) -> None:
@@ -156,16 +162,13 @@ def _add_notes(robot: RobotFile, bodies: Bodies) -> None:
             f"bodies {listed(bodies.still)} are kinematic or disabled: they are read as parts of the world"
         )
     massless = [
-        link.name for link in robot.links if not link.mass and not link.between_joints and link.name != ROOT
+        link.name
+        for link in robot.links
+        if not link.mass and not link.between_joints and link.name != "world"
     ]
     if massless:
         robot.notes.append(
             f"bodies {listed(massless)} state no mass and have none here (PhysX would take 1 kg)"
-        )
-    if stage.edited:
-        robot.notes.append(
-            f"{listed(stage.edited)} were edited since hybridyn wrote them: their copies in hybridyn:exact "
-            "are not taken"
         )
     prims = stage.prims.values()
     if sum(prim.has("PhysicsCollisionAPI") for prim in prims) > 1:

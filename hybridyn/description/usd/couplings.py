@@ -1,26 +1,25 @@
-"""Couplings of a USD robot: PhysX's and Newton's mimic joints."""
+"""Couplings of a USD robot: PhysX's and Newton's mimic joints, and MuJoCo's equalities of joints."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ...errors import ModelError
 from ..records import Coupling
-from .joints import DEGREES, UsdJoint
+from .joints import UsdJoint, unit_of
 from .stage import Prim, Stage
 
-PHYSX, NEWTON = "PhysxMimicJointAPI", "NewtonMimicAPI"
+PHYSX, NEWTON, MUJOCO = "PhysxMimicJointAPI", "NewtonMimicAPI", "MjcEqualityJointAPI"
 
 #: Names of joints by path and axis.
 Names = Mapping[str, Mapping[str, str]]
 
 
-def bound_joints(stage: Stage) -> set[str]:
+def coupled(stage: Stage) -> set[str]:
     """Return the paths of all joints that are coupled."""
     out: set[str] = set()
     for prim in stage.prims.values():
         followers = [f"physxMimicJoint:{axis}:referenceJoint" for axis in prim.instances(PHYSX)]
-        followers += ["newton:mimicJoint"] if prim.has(NEWTON) else []
+        followers += ["newton:mimicJoint", "mjc:target"] if prim.has(NEWTON) or prim.has(MUJOCO) else []
         if followers:
             out |= {prim.path, *(path for name in followers for path in prim.targets.get(name, ()))}
     return out
@@ -30,15 +29,15 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint], names: Names, notes:
     """Return the couplings of a stage.
 
     Args:
-        names: Names of the joints of the tree.
+        names: Names of the joints of the robot.
         notes: Remarks for the user, to which soft couplings are added.
 
     Raises:
-        ModelError: A coupled joint is unknown, has several freedoms, or closes a loop.
+        ModelError: A coupled joint is unknown or has several freedoms, or a coupling is no linear one.
     """
     out = []
     for prim in stage.prims.values():
-        if prim.has(NEWTON) and prim.flag("newton:mimicEnabled", True):
+        if (prim.has(NEWTON) or prim.has(MUJOCO)) and prim.flag("newton:mimicEnabled", True):
             out.append(_newton(prim, joints, names))
         for axis in prim.instances(PHYSX):
             out.append(_physx(prim, axis, joints, names))
@@ -50,21 +49,37 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint], names: Names, notes:
 
 
 def _newton(prim: Prim, joints: Mapping[str, UsdJoint], names: Names) -> Coupling:
-    """Return position = coefficient 0 + coefficient 1 x position of the other, in the units of the file."""
-    leader = _target(prim, "newton:mimicJoint")
-    own, unit = _axis(prim, prim.path, "", joints, names)
-    other, its_unit = _axis(prim, leader, "", joints, names)
-    factor = prim.number("newton:mimicCoef1", 1.0) * unit / its_unit
-    return Coupling(own, ((own, 1.0), (other, -factor)), prim.number("newton:mimicCoef0", 0.0) * unit)
+    """Return position = coefficient 0 + coefficient 1 x position of the other.
+
+    Newton's coefficients are in the units of the file; MuJoCo's, which rank above, know no degrees.
+    """
+    own, unit, native = _axis(prim, prim.path, "", joints, names)
+    terms, offset = [(own, 1.0)], prim.number("newton:mimicCoef0", 0.0) * unit
+    relation = "newton:mimicJoint"
+    if prim.has(MUJOCO):
+        for number in (2, 3, 4):
+            if prim.number(f"mjc:coef{number}", 0.0):
+                raise prim.error(f"'mjc:coef{number}' makes the equality no linear one; set it to 0")
+        if prim.states("mjc:coef0"):
+            offset = prim.number("mjc:coef0", 0.0) * native
+        relation = "mjc:target" if "mjc:target" in prim.targets else relation
+    if prim.targets.get(relation) or not prim.has(MUJOCO):
+        leader = _target(prim, relation)
+        other, its_unit, its_native = _axis(prim, leader, "", joints, names)
+        factor = prim.number("newton:mimicCoef1", 1.0) * unit / its_unit
+        if prim.has(MUJOCO) and prim.states("mjc:coef1"):
+            factor = prim.number("mjc:coef1", 1.0) * native / its_native
+        terms.append((other, -factor))
+    return Coupling(own, tuple(terms), offset)
 
 
 def _physx(prim: Prim, axis: str, joints: Mapping[str, UsdJoint], names: Names) -> Coupling:
     """Return position + gearing x position of the other + offset = 0, in the units of the file."""
     space = f"physxMimicJoint:{axis}"
     leader = _target(prim, f"{space}:referenceJoint")
-    own, unit = _axis(prim, prim.path, axis, joints, names)
+    own, unit, _ = _axis(prim, prim.path, axis, joints, names)
     reference = prim.word(f"{space}:referenceJointAxis", "")
-    other, its_unit = _axis(prim, leader, reference, joints, names)
+    other, its_unit, _ = _axis(prim, leader, reference, joints, names)
     factor = prim.number(f"{space}:gearing", 1.0) * unit / its_unit
     return Coupling(own, ((own, 1.0), (other, factor)), -prim.number(f"{space}:offset", 0.0) * unit)
 
@@ -79,28 +94,22 @@ def _target(prim: Prim, name: str) -> str:
 
 def _axis(
     prim: Prim, path: str, axis: str, joints: Mapping[str, UsdJoint], names: Names
-) -> tuple[str, float]:
-    """Return the name of the record of a joint's axis, and the unit of its positions [m or rad]."""
+) -> tuple[str, float, float]:
+    """Return the name of the record of a joint's axis, and the units of its positions and MuJoCo's."""
     if path not in joints:
         raise prim.error(f"couples <{path}>, which is no joint that is read")
-    if path not in names:
-        raise prim.error(
-            f"couples <{path}>, which closes a loop; close the loop by another joint "
-            "(physics:excludeFromArticulation = true on that)"
-        )
-    found = list(_matching(names[path], axis))
+    found = list(_matching(names.get(path, {}), axis))
     if len(found) != 1:
-        raise _several(prim, path, axis)
+        word = f"has no free axis '{axis}'" if axis else "does not have one freedom"
+        raise prim.error(f"couples <{path}>, which {word}; couple joints with one freedom")
     (own,) = found
-    return names[path][own], DEGREES if own.startswith("rot") else prim.stage.meters
+    if prim.has(MUJOCO) and joints[path].prim.number("mjc:ref", 0.0):
+        raise prim.error(f"couples <{path}>, whose 'mjc:ref' shifts its zero; set it to 0")
+    native = 1.0 if own.startswith("rot") else prim.stage.meters
+    return names[path][own], unit_of(prim, own), native
 
 
 def _matching(axes: Mapping[str, str], axis: str) -> Iterator[str]:
     """Yield the axis of a name, or the only axis of a joint: PhysX's names of axes do not matter there."""
     single = [own for own in axes if own.startswith(("rot", "trans"))]
     yield from [axis] if axis in single else single if len(axes) == 1 else []
-
-
-def _several(prim: Prim, path: str, axis: str) -> ModelError:
-    word = f"has no free axis '{axis}'" if axis else "does not have one freedom"
-    return prim.error(f"couples <{path}>, which {word}; couple joints with one freedom")

@@ -1,30 +1,36 @@
-"""Give links, joints and closures names that SDF allows: one name for one thing, without `::`."""
+"""Give links, joints and closures names that a format allows: one name for one thing."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ...description.mjcf.naming import unique
-from ...description.records import Description
-from ..losses import Losses
+from ..description.mjcf.naming import unique
+from ..description.records import Description
+from .losses import Losses
 
 
-def allowed(d: Description, losses: Losses) -> Description:
-    """Return a robot whose names SDF allows. `losses`: receives the names that are changed."""
+def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], str]) -> Description:
+    """Return a robot whose names a format allows.
+
+    Args:
+        losses: Receives the names that are changed.
+        words: The format, for the reason.
+        change: Returns the name that stands for one in the format.
+    """
     taken: set[str] = set()
-    joints = _names([joint.name for joint in d.joints], taken)
-    closures = _names([closure.name for closure in d.closures], taken)
+    joints = _names([joint.name for joint in d.joints], taken, change)
+    closures = _names([closure.name for closure in d.closures], taken, change)
     root = {d.root: "world"} if d.root == "world" else {}
-    links = _names([link.name for link in d.links if link.name not in root], taken) | root
+    links = _names([link.name for link in d.links if link.name not in root], taken, change) | root
     renamed = [
         f"{old} -> {new}" for names in (links, joints, closures) for old, new in names.items() if old != new
     ]
     if not renamed:
         return d
-    for change in renamed:
-        losses.add("names that SDF does not allow, or that two things have, are changed", change)
+    for pair in renamed:
+        losses.add(f"names that {words} does not allow, or that two things have, are changed", pair)
     return replace(
         d,
         links=tuple(replace(link, name=links[link.name]) for link in d.links),
@@ -44,14 +50,11 @@ def allowed(d: Description, losses: Losses) -> Description:
     )
 
 
-def _names(names: list[str], taken: set[str]) -> dict[str, str]:
+def _names(names: list[str], taken: set[str], change: Callable[[str], str]) -> dict[str, str]:
     """Return a free name for each name, and add it to those that are taken."""
     out = {}
     for name in names:
-        new = name.replace("::", "__")
-        if new == "world" or (new.startswith("__") and new.endswith("__")):
-            new = f"{new.strip('_')}_link"
-        out[name] = unique(new, taken)
+        out[name] = unique(change(name), taken)
         taken.add(out[name])
     return out
 
