@@ -1,7 +1,5 @@
 """What a process of OpenUSD may do instead of an answer; it imports this file."""
 
-from __future__ import annotations
-
 import os
 import time
 

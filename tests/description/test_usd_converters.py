@@ -1,7 +1,5 @@
 """USD as the converters of MuJoCo, Newton and Isaac Sim write it, against MuJoCo and values by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
