@@ -130,6 +130,17 @@ def moved(robot: HybridRobot, samples: int, size: float) -> tuple[Array, Array, 
 
     The rods of the motion spin, and their spins accelerate, which no motor can do.
     """
+    rng = np.random.default_rng(samples)
+    q, v, a = hybridyn.assemble(robot, motors=swings(robot, samples, size))
+    tau = hybridyn.idm(robot, q, v, a)
+    spin(robot, q, v, None, rng)
+    a = hybridyn.ddm(robot, q, v, tau)
+    spin(robot, q, v, a, rng)
+    return q, v, a
+
+
+def swings(robot: HybridRobot, samples: int, size: float) -> dict[str, tuple[Array, Array, Array]]:
+    """Return positions, rates and accelerations of motors that swing by a part of their unit."""
     rng, t, motors = np.random.default_rng(samples), np.linspace(0.0, 6.0, samples), {}
     for name in robot.motors:
         start, unit, phase = (
@@ -140,12 +151,7 @@ def moved(robot: HybridRobot, samples: int, size: float) -> tuple[Array, Array, 
         unit = size * robot.unit[robot.v_slices[robot.joint_index[name]].start]
         swing = np.sin(t + phase) - np.sin(phase), np.cos(t + phase), -np.sin(t + phase)
         motors[name] = (start + unit * swing[0], unit * swing[1], unit * swing[2])
-    q, v, a = hybridyn.assemble(robot, motors=motors)
-    tau = hybridyn.idm(robot, q, v, a)
-    spin(robot, q, v, None, rng)
-    a = hybridyn.ddm(robot, q, v, tau)
-    spin(robot, q, v, a, rng)
-    return q, v, a
+    return motors
 
 
 def spin(robot: HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random.Generator) -> None:
@@ -164,4 +170,4 @@ def spin(robot: HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random
         changed[:, at] = own
 
 
-__all__ = ["ball_delta", "ball_gough", "crank", "moved", "slides"]
+__all__ = ["ball_delta", "ball_gough", "crank", "moved", "slides", "swings"]

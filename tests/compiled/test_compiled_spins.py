@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.closing.choosing import module_requests, numbers, parts_of
+from hybridyn.compiled.programs.closing.kernels import ModuleKernels
+from hybridyn.compiled.programs.closing.part import places_at
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.dynamics.forward import forward
 from hybridyn.errors import ActuationError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -21,6 +26,8 @@ from tests.written_out import Interpreted
 
 #: Of the largest entry: some hundred roundings, of both paths.
 ROUNDING = 1e-12
+#: Rounding through the condition of loops.
+CLOSED = 1e-10
 #: A rod's inertia about its line is 1e-5 of those of the other motions, from which the general path takes it.
 SPUN = 1e-7
 
@@ -102,7 +109,77 @@ def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_d
             assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize("thin", [False, True])
+@pytest.mark.parametrize(
+    ("name", "size"), [("crank", 0.4), slow("ball_delta", 0.4), slow("ball_gough", 0.02)]
+)
+def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: float) -> None:
+    """The spins get the least rates and accelerations, and joints beyond a rod follow it."""
+    robot = build_robot(getattr(rods, name)(5))
+    motors = rods.swings(robot, 5, size)
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    wanted = module_requests(robot, gather_requests(robot, motors, {}))
+    assert wanted is not None
+    parts = parts_of(robot, wanted)
+    assert parts is not None
+    (part,), (g, g_dot, g_ddot) = parts, numbers(parts, wanted)
+    assert part.spins
+    kernels = ModuleKernels([part.module], part.given, part.blocks, spins=part.spins)
+    written = kernels.write()
+    table = written.table[0].astype(float)
+    p, _ = places_at(parts, [state.q for state in forward(robot, q, v, a)], len(q))
+    for t in range(len(q)):
+        at = q[t], p[t], q[t], p[t], g[t], g[t], g_dot[t], g_ddot[t], table
+        *_, rate, acceleration, step, open_by, _, guard = (np.array(x).ravel() for x in written.settle(*at))
+        assert guard <= GUARD_LIMIT
+        assert max(step[0], open_by[0]) <= ROUNDING
+        assert np.abs(rate - v[t]).max() <= CLOSED * np.abs(v).max()
+        assert np.abs(acceleration - a[t]).max() <= CLOSED * np.abs(a).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), [("crank", 0.4), ("ball_delta", 0.3)])
+def test_loops_of_spinning_rods_close_in_c(name: str, size: float) -> None:
+    """Tables, control steps and designs: no sample is left to the general path, and efforts are the same."""
+    robot = build_robot(getattr(rods, name)(5))
+    motors = rods.swings(robot, 25, size)
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    wanted = hybridyn.idm(robot, q, v, a)
+    compiled = hybridyn.compile(robot)
+    found = compiled.assemble(motors=motors)
+    assert np.abs(compiled.idm(*found) - wanted).max() <= CLOSED * np.abs(wanted).max()
+    last, rows = found[0][0], np.moveaxis(np.array([motors[name] for name in robot.motors]), -1, 0)
+    compiled.close(*rows[0].T, last=last)
+    for row, tau in zip(rows.transpose(0, 2, 1), wanted, strict=True):
+        efforts, last = compiled.idm_from_motors(*row, last=last)[:2]
+        assert np.abs(efforts - tau).max() <= CLOSED * np.abs(wanted).max()
+        compiled.close(*row, last=last)
+    assert compiled.recomputed == 0
+
+
+@pytest.mark.slow
+def test_designs_of_spinning_rods_close_in_c() -> None:
+    """Also where a design makes the rod longer; beside its line it is no longer idle, which is told."""
+    robot = build_robot(rods.crank(4))
+    link = next(link.name for link in robot.description.links if "rod" in link.name)
+    closure = robot.description.closures[0]
+    side, frame = (
+        ("predecessor", closure.frame_a) if closure.link_a == link else ("successor", closure.frame_b)
+    )
+    names = [f"position:{closure.name}/{side}", f"mass:{link}"]
+    compiled, motors = hybridyn.compile(robot, parameters=names), rods.swings(robot, 9, 0.1)
+    p = np.outer(np.linspace(0.98, 1.02, 3), compiled.parameters.nominal)
+    found = compiled.designs(p, motors=motors)
+    assert found.recomputed == 0
+    for one, tau in zip(p, found.tau, strict=True):
+        design = robot.with_parameters(dict(zip(names, (one[:3], one[3]), strict=True)))
+        wanted = hybridyn.idm(design, *hybridyn.assemble(design, motors=motors))
+        assert np.abs(tau - wanted).max() <= CLOSED * np.abs(wanted).max()
+    beside = p[:1].copy()
+    beside[0, :3] += 0.01 * np.cross(frame[:3, 3], [0.3, 0.5, -0.2])
+    assert "could still move" in compiled.designs(beside, motors=motors).errors[0]
+
+
+@pytest.mark.parametrize("thin", [slow(False), True])
 def test_derivatives_along_a_closed_motion(thin: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without inertia about its line a rod's spin gets the least acceleration, at every state alike."""
     monkeypatch.setenv("CC", "no-such-compiler")

@@ -68,7 +68,9 @@ class Postures:
                 takes many.
 
         Returns:
-            q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision.
+            q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision. Rods that
+            nothing keeps from spinning about their line get the least rates there, too; how far they have
+            turned depends on the steps, which are not those of the general path.
 
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.

@@ -9,7 +9,8 @@ import numpy as np
 from ....assembly.assemble import spanning_positions
 from ....errors import CompileError
 from ....linkage.newton import LoopProblem, close
-from ....spatial import Array
+from ....manifold.manifold import Manifold
+from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows
 from .part import Part
@@ -48,6 +49,7 @@ def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
     Raises:
         CompileError: A row of which the program is certain differs.
     """
+    compared, manifold = _compared(robot, parts), Manifold(robot)
     for number in range(POSTURES):
         start, wanted = robot.home.copy(), (robot.home.copy(), *np.zeros((2, robot.nv)))
         given: list[list[Array]] = [[], [], []]
@@ -57,14 +59,35 @@ def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
         room, (g, g_dot, g_ddot) = _as_rows(wanted), (np.concatenate(own) for own in given)
         if not close(start, _as_rows((g, g_dot, g_ddot)), room):
             continue
-        for found, right in zip(room, wanted, strict=True):
-            off = np.abs(found[0] - right).max() / (1.0 + np.abs(right).max())
+        q, v = room[0][0], room[1][0]
+        spun = (
+            [manifold.residual(q)[0], manifold.opening(q, v)[0]] if any(part.spins for part in parts) else []
+        )
+        offs = [
+            np.abs(found[0] - right)[at].max(initial=0.0) / (1.0 + np.abs(right).max())
+            for found, right, at in zip(room, wanted, compared, strict=True)
+        ]
+        for off in (*offs, *spun):
             if not off <= ROWS_AGREE:
                 raise CompileError(
                     f"the compiled loops of the robot '{robot.description.name}' differ from the general "
                     f"path by {off:.2g} (limit {ROWS_AGREE:g}) at a random state: they are not used. This is "
                     "a bug: report it with the robot's files; the general path is right"
                 )
+
+
+def _compared(robot: HybridRobot, parts: list[Part]) -> tuple[Mask, Mask, Mask]:
+    """Return the positions, rates and accelerations that do not depend on how far rods have spun."""
+    q, v = np.ones(robot.nq, dtype=bool), np.ones(robot.nv, dtype=bool)
+    for part in parts:
+        module, m = part.module, part.module.mechanism
+        balls = [m.spec.tree_joint[m.tree.dof_body[spin.col] - 1] for spin in part.spins]
+        wrists = [joint for wrist in m.spec.wrists for joint in wrist.joints if part.spins]
+        for joint in (*balls, *wrists):
+            if joint is not None:
+                q[module.q_index[m.spanning.q_slices[joint]]] = False
+                v[module.v_index[m.spanning.v_slices[joint]]] = False
+    return q, v, v
 
 
 def _as_rows(state: State) -> State:

@@ -10,10 +10,12 @@ import numpy as np
 from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
 from ....assembly.requests import PoseRequest, Requests
 from ....assembly.task import module_task
+from ....linkage.newton import LoopProblem
 from ....linkage.tree import Motion
 from ....spatial import Array, cross
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
+from ...equations.spins import UNFELT, Spin, spins_of
 from .given import given_of, numbers_of
 from .part import CONTRADICTING_FILE, MOST_FREEDOMS, Part
 
@@ -115,8 +117,8 @@ def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
 def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
     """Return the parts of a closing program; None if the general path must close the loops.
 
-    Kernels know no motions that are left to the least norm, and do not average loops that contradict each
-    other by a file's rounding.
+    Of motions that are left to the least norm, kernels know idle spins alone. They do not average loops that
+    contradict each other by a file's rounding.
 
     Raises:
         AssemblyError: What is given does not determine the posture of a module.
@@ -126,10 +128,22 @@ def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | No
         given, m = given_of(request), module.mechanism
         task = module_task(robot, module, request)
         free = int(task.problem.free.sum())
-        if task.problem.rank != free or free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
+        spins = _open_spins(module, task.problem) if task.problem.rank != free else ()
+        if task.problem.rank != free - len(spins) or free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
             return None
-        parts.append(Part(module, given, tuple(task.problem.blocks)))
+        parts.append(Part(module, given, tuple(task.problem.blocks), spins))
     return parts if sum(part.given.rates for part in parts) else None
+
+
+def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
+    """Return the idle spins of a module that neither loops nor targets determine."""
+    m = module.mechanism
+    K = problem.matrix(m.tree.sweep(m.postures))
+    return tuple(
+        spin
+        for spin in spins_of(m, module.motor_columns)
+        if problem.free[list(spin.cols)].all() and np.abs(K[:, :, spin.cols] @ spin.axis).max() <= UNFELT
+    )
 
 
 def structure_of(requests: Requests) -> tuple[object, ...]:

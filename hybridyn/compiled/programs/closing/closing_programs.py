@@ -40,7 +40,8 @@ def closing_programs(
     own = [None if chosen is None else chosen.of_modules[i] for i in index]
     for k, part in enumerate(parts):
         blocks = tuple(tuple(block.cols.tolist()) for block in part.blocks)
-        key = extended(part.module.mechanism).shape, part.given, blocks, part.module.mobility
+        spins = tuple((spin.cols, tuple(spin.axis.tolist())) for spin in part.spins)
+        key = extended(part.module.mechanism).shape, part.given, blocks, part.module.mobility, spins
         shapes.setdefault(key, []).append(k)
     sizes = {
         "q": robot.nq, "p": sum(part.platforms for part in parts), "v": robot.nv, "each": len(parts),
@@ -68,7 +69,7 @@ def closing_programs(
     for shape, numbers in shapes.items():
         same = [parts[k] for k in numbers]
         modules, arguments = [part.module for part in same], [own[k] for k in numbers]
-        kernels = ModuleKernels(modules, same[0].given, same[0].blocks, arguments, places)
+        kernels = ModuleKernels(modules, same[0].given, same[0].blocks, arguments, places, same[0].spins)
         written = kernels.write()
         entries = places_of(parts, numbers)
         for writer in writers.values():

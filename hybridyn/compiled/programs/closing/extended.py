@@ -5,6 +5,7 @@ Its coordinates hold every joint of the spanning tree once, and each platform's 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -16,6 +17,8 @@ from ....linkage.tree import Tree
 from ....spatial import Array
 from ....structure.mechanism import Mechanism
 from ....structure.module_spec import ModuleSpec
+from ...equations.links import links_of
+from ...equations.spins import Rod, rods_of, spins_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,8 @@ class Extended:
         joints: Its joints; their numbers may be arguments.
         cut: Number of joints of `Mechanism.tree`.
         source: For each joint its number in the spanning tree, or None for a platform.
-        closures: The closures after the cuts.
+        closures: The closures after the cuts; those on rods that spin begin at the rod, in its axes.
+        rods: These rods, by the closure's number.
         welds: A closure for each wrist, from its end to its target.
         unit: Unit of each freedom, shape (nv,).
         row_scale: Factor of each row of closures and couplings, shape (rows,).
@@ -44,6 +48,7 @@ class Extended:
     unit: Array
     row_scale: Array
     length: float
+    rods: dict[int, Rod]
 
     @property
     def shape(self) -> tuple[object, ...]:
@@ -81,10 +86,21 @@ def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
     return replace(
         e,
         joints=tuple(replace(j, R=x.R, p=x.p) for j, x in zip(e.joints, numbers, strict=True)),
-        closures=spec.cut_closures,
+        closures=_along_rods(spec.cut_closures, e.rods),
         couplings=spec.cut_couplings,
         welds=tuple(replace(c, R_b=w.R, p_b=w.p) for c, w in zip(e.welds, spec.wrists, strict=True)),
     )
+
+
+def _along_rods(closures: Sequence[TreeClosure], rods: dict[int, Rod]) -> tuple[TreeClosure, ...]:
+    """Return closures of which those on rods begin at the rod, in its axes."""
+    out = list(closures)
+    for k, rod in rods.items():
+        c = out[k]
+        if not rod.on_a:
+            c = replace(c, body_a=c.body_b, p_a=c.p_b, body_b=c.body_a, R_b=c.R_a, p_b=c.p_a)
+        out[k] = replace(c, R_a=rod.axes)
+    return tuple(out)
 
 
 @cache
@@ -104,15 +120,18 @@ def extended(m: Mechanism) -> Extended:
         welds.append(
             TreeClosure("", "", body, np.eye(3), np.zeros(3), target, wrist.R, wrist.p, (0, 1, 2), "fixed")
         )
+    bare = links_of(m.spec.tree, [np.zeros(10)] * len(m.spec.tree))
+    rods = rods_of(bare, m.spec.cut_closures) if spins_of(m, ()) else {}
     return Extended(
         Tree(joints),
         tuple(joints),
         len(m.tree.joints),
         tuple(source),
-        m.closures.closures,
+        _along_rods(m.closures.closures, rods),
         m.closures.couplings,
         tuple(welds),
         np.concatenate(unit),
         m.reduction.row_scale,
         m.length,
+        rods,
     )

@@ -26,9 +26,10 @@ from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments.module_arguments import ModuleArguments
 from ...equations.displacement import by_joint, moved_joint, position_rate
-from ...equations.expressions import Expression, dot, is_zero, pack, unpack, zeros
+from ...equations.expressions import Expression, dot, is_zero, pack, plus, unpack, zeros
 from ...equations.folding import Folding
 from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
+from ...equations.spins import Spin
 from ...equations.states import generic_positions, seen_postures
 from ...equations.static_elimination import Pivots, Trust, choose_pivots, largest_solutions, solve
 from .differences import joint_difference
@@ -71,6 +72,7 @@ class ModuleKernels:
         blocks: Sequence[Block],
         arguments: Sequence[ModuleArguments | None] = (),
         places: tuple[Places, Places] = ({}, {}),
+        spins: Sequence[Spin] = (),
     ) -> None:
         """Choose the pivots.
 
@@ -79,8 +81,9 @@ class ModuleKernels:
             blocks: Blocks of the free freedoms that do not depend on each other; none for one block.
             arguments: Arguments of each module, or None; nothing where no module has any.
             places: Frames of the robot's links, and the same as functions of the arguments.
+            spins: Idle spins that nothing determines; their rates are the least.
         """
-        self.u, self.blocks = Unknowns(modules, given, arguments, places), blocks
+        self.u, self.blocks = Unknowns(modules, given, arguments, places, spins), blocks
         self.e = self.u.e
 
     @cached_property
@@ -142,10 +145,20 @@ class ModuleKernels:
         return ca.SX(largest(size[: self.u.own])), ca.SX(largest(size[self.u.own :]))
 
     def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Trust]:
-        """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k)."""
-        out = zeros(self.e.tree.nv, right.shape[1])
-        solved, trust = solve(rows.K[:, self.u.free], right, self.pivots)
-        out[self.u.free] = solved[:, : right.shape[1]]
+        """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k).
+
+        Spins, which the rows leave open, are added with what they move until x is orthogonal to them.
+        """
+        k, spins = right.shape[1], [spin.col for spin in self.u.spins]
+        out = zeros(self.e.tree.nv, k)
+        solved, trust = solve(rows.K[:, [*self.u.free, *spins]], right, self.pivots)
+        out[self.u.free] = solved[: len(self.u.free), :k]
+        for i, spin in enumerate(self.u.spins):
+            share = -spin.axis[spin.main] * dot(spin.axis, out[list(spin.cols)])
+            out[spin.col] = share
+            out[self.u.free] = plus(
+                out[self.u.free], dot(solved[: len(self.u.free), k + i][:, None], share[None])
+            )
         return out, trust
 
     def _newton(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
@@ -229,8 +242,11 @@ class ModuleKernels:
         return ca.SX(ca.if_else(fast <= BOUNDED_RATES * asked, 0.0, 2.0))
 
     def _kept(self, left: tuple[Expression, Expression], motion: tuple[Expression, Expression]) -> Any:
-        """Return the guard of redundant rows of the loops: what rates and accelerations leave of them."""
-        rest = [i for i in range(self.u.loops) if i not in self.pivots.rows]
+        """Return the guard of redundant rows of the loops: what rates and accelerations leave of them.
+
+        With spins it looks at all rows, since arguments may move a rod's end off its line.
+        """
+        rest = [i for i in range(self.u.loops) if i not in self.pivots.rows or self.u.spins]
         rate, acceleration = (largest(x / self.e.unit) for x in motion)
         guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])
         for miss, size in zip(left, (rate, acceleration + rate * rate), strict=True):

@@ -13,6 +13,7 @@ from ....linkage.reduction import Block
 from ....spatial import Array
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
+from ...equations.spins import Spin
 from .extended import extended
 from .given import Given
 
@@ -43,11 +44,13 @@ class Part:
         module: The module.
         given: What is prescribed in it.
         blocks: Blocks of its free freedoms (`LoopProblem.blocks`).
+        spins: Idle spins that are left open: their rates are the least.
     """
 
     module: Module
     given: Given
     blocks: Sequence[Block]
+    spins: tuple[Spin, ...] = ()
 
     @property
     def platforms(self) -> int:

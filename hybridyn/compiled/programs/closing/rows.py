@@ -70,8 +70,10 @@ def rows_at(
     chain = sweep(links, np.concatenate([zeros(0), *z]), zeros(nv), zeros(6))
     out = Rows(zeros(0, nv), zeros(0), [], [], zeros(0))
     writer = SpanningRows(chain)
-    for same in zip(*(t.closures for t in trees), strict=True):
+    for k, same in enumerate(zip(*(t.closures for t in trees), strict=True)):
         _add(out, chain, writer, same[0], _folded(folding, same), v)
+        if k in trees[0].rods and not any(c.p_a.dtype == object for c in same):
+            out.K[-1, list(trees[0].rods[k].turns)] = 0.0  # rounding
     positions = list(z)
     for coupled in zip(*(t.couplings for t in trees), strict=True):
         offset = folding.array([scalar(c.offset) for c in coupled])[0]

@@ -11,6 +11,7 @@ import numpy as np
 from ....structure.module import Module
 from ...equations.arguments.module_arguments import ModuleArguments
 from ...equations.expressions import Expression, pack, symbols
+from ...equations.spins import Spin
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Places, row_scales
@@ -22,7 +23,9 @@ class Unknowns:
     Attributes:
         m: Mechanism of the first module.
         e: Its extended tree.
-        free: Freedoms that are not given; the first `own` are those of the tree after the cuts.
+        spins: Idle spins that nothing determines.
+        free: Freedoms that are not given and do not stand for a spin; the first `own` are those of the tree
+            after the cuts.
         scale: Factor that makes each row dimensionless; the first `loops` rows are those of that tree.
     """
 
@@ -32,8 +35,10 @@ class Unknowns:
         given: Given,
         arguments: Sequence[ModuleArguments | None],
         places: tuple[Places, Places],
+        spins: Sequence[Spin] = (),
     ) -> None:
         """Collect the trees; arguments are those of `ModuleKernels`."""
+        self.spins = spins
         self.places, self.places_with_arguments = places
         self.modules, self.given = modules, given
         self.m = modules[0].mechanism
@@ -44,7 +49,7 @@ class Unknowns:
             for tree, module, own in zip(self.trees, modules, arguments or [None] * len(modules), strict=True)
         ]
         self.platforms = self.e.platforms
-        held = set(given.columns(self.e.tree).tolist())
+        held = set(given.columns(self.e.tree).tolist()) | {spin.col for spin in spins}
         self.free = np.array([k for k in range(self.e.tree.nv) if k not in held], dtype=int)
         self.own = int((self.free < self.e.nv_cut).sum())  # free freedoms of the tree after the cuts
         self.scale = row_scales(self.e, given)
