@@ -18,7 +18,8 @@ from .joints import WIDTH, JointEffect, Numbers, Numerals, positive
 class RotorInertia(JointEffect):
     """Inertia of the motors' rotors at the joints, J n^2 on the diagonal of A, without gyroscopic terms.
 
-    It acts through accelerations, without an effort of its own; its energy is kinetic.
+    It acts through accelerations, without an effort of its own; its energy is kinetic. A ball joint has it
+    about each of its three axes, as MuJoCo's armature.
 
     `inertia`: J n^2 by joint [kg or kg m^2]; None uses rotor inertia and gear ratio of the robot's files.
     Source: Featherstone (2008), section 9.6.
@@ -27,6 +28,7 @@ class RotorInertia(JointEffect):
     inertia: Numbers | None = None
     name: ClassVar[str] = "rotor_inertia"
     by_joint = ("inertia",)
+    several = ("spherical",)
     from_files = "rotor_inertia"
 
     def of_file(self, joint: Joint) -> float:
@@ -38,7 +40,7 @@ class _Viscous(JointEffect):
     """tau = -c v."""
 
     by_joint = ("coefficient",)
-    any_freedoms = True
+    several = ("spherical", "planar", "floating")
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Return -c v."""

@@ -34,13 +34,13 @@ class JointEffect(ABC):
         name: Name of the effect.
         by_joint: Its fields that hold a number by joint.
         from_files: Attribute of the files' joints that replaces the first field where this is None.
-        any_freedoms: Whether the law applies to joints with several freedoms.
+        several: Kinds of joints with several freedoms to which it applies, to each freedom alike.
     """
 
     name: ClassVar[str]
     by_joint: ClassVar[tuple[str, ...]]
     from_files: ClassVar[str] = ""
-    any_freedoms: ClassVar[bool] = False
+    several: ClassVar[tuple[str, ...]] = ()
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return the law's parameters by joint.
@@ -133,10 +133,10 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
                 f"{effect.name}: no such movable joint '{name}'{did_you_mean(name, known)}", element=name
             )
         freedoms = robot.v_slices[index]
-        if freedoms.stop - freedoms.start > 1 and not effect.any_freedoms:
+        if freedoms.stop - freedoms.start > 1 and (kind := robot.kinds[index]) not in effect.several:
+            or_several = "".join(f" or be {known}" for known in effect.several)
             raise ModelError(
-                f"{effect.name}: joint '{name}' is {robot.kinds[index]}; it must have one freedom",
-                element=name,
+                f"{effect.name}: joint '{name}' is {kind}; it must have one freedom{or_several}", element=name
             )
         place = robot.q_slices[index].start, robot.kinds[index] == "continuous"
         rows += [(column, *place, *values) for column in range(freedoms.start, freedoms.stop)]

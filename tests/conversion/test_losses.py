@@ -106,7 +106,7 @@ viscous friction, floating      kept        kept              free+forces   forc
 dry friction, spherical         kept        friction          forces        kept
 dry friction, planar            kept        friction          planar+forces forces+planar
 dry friction, floating          kept        friction          free+forces   forces+free
-rotor, spherical                kept        friction          forces        kept
+rotor, spherical                kept        kept              forces        kept
 rotor, planar                   kept        friction          planar+forces forces+planar
 rotor, floating                 kept        friction          free+forces   forces+free
 gear, spherical                 kept        gear              forces        kept

@@ -54,6 +54,36 @@ def test_passive_forces_are_those_of_mujoco(tmp_path: Path) -> None:
     close_to(hybridyn.idm(robot, q, v, a, effects="model"), d.qfrc_inverse, AGAINST_MUJOCO)
 
 
+HEAD_ON_A_BALL = """
+<default><joint armature=".03" damping=".2"/></default>
+<worldbody><body name="neck"><joint name="pan" axis="0 0 1"/>
+  <inertial pos="0 0 .1" mass=".4" diaginertia="1e-3 2e-3 3e-3"/>
+  <body name="head" pos="0 .02 .2"><joint name="ball" type="ball"/>
+    <inertial pos=".03 0 .05" mass=".7" diaginertia="4e-3 5e-3 6e-3"/></body></body></worldbody>
+<actuator><motor joint="pan"/></actuator>"""
+
+
+@pytest.mark.parametrize("engine", ["general", "compiled"])
+def test_armature_of_a_ball_is_about_each_axis(engine: str, tmp_path: Path) -> None:
+    """MuJoCo adds it to three entries of the diagonal: the head's acceleration is MuJoCo's."""
+    file = text(tmp_path, mjcf(HEAD_ON_A_BALL))
+    robot = hybridyn.load(file)
+    m = mujoco.MjModel.from_xml_path(str(file))
+    d, draw = mujoco.MjData(m), np.random.default_rng(5)
+    quaternion = draw.normal(size=4)
+    d.qpos[:] = [0.4, *quaternion / np.linalg.norm(quaternion)]
+    d.qvel[:] = draw.normal(size=4)
+    d.qfrc_applied[0] = 0.6
+    mujoco.mj_forward(m, d)
+    q = d.qpos[[0, 2, 3, 4, 1]]
+    if engine == "general":
+        found = hybridyn.ddm(robot, q, d.qvel, np.array([0.6]), effects="model")
+    else:
+        found = hybridyn.compile(robot, effects="model").ddm(q, d.qvel, np.array([0.6]))
+    close_to(found, d.qacc, AGAINST_MUJOCO)
+    assert of(robot.description, "ball").rotor_inertia == 0.03
+
+
 def test_dry_friction_and_limits(tmp_path: Path) -> None:
     found = arm(tmp_path, j='frictionloss=".6" range="-1 .5"', k='range="0 2" limited="false"')
     assert of(found, "j").friction == 0.6

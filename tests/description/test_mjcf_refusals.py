@@ -49,7 +49,6 @@ CASES = {
     "tendon damping": (mjcf(TENDON.format('damping="2"'), world=hinge()), "tendon 't': damping"),
     "tendon friction": (mjcf(TENDON.format('frictionloss="2"'), world=hinge()), "tendon 't': frictionloss"),
     "ball spring": (mjcf(world=BALL.format('stiffness="1"')), "joint 'j': a spring"),
-    "ball armature": (mjcf(world=BALL.format('armature="1"')), "joint 'j': armature"),
     "ball friction": (mjcf(world=BALL.format('frictionloss="1"')), "joint 'j': frictionloss"),
     "ball motor": (
         mjcf('<actuator><motor name="m" joint="j" gear="1 0 0"/></actuator>', world=BALL.format("")),

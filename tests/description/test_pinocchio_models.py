@@ -238,7 +238,7 @@ def alone(joint: object) -> pin.Model:
     [
         (lambda: alone(pin.JointModelHX(0.1)), {}, "joint 'alone': JointModelHX is a screw"),
         (lambda: alone(pin.JointModelEllipsoid(1.0, 2.0, 3.0)), {}, "moves on an ellipsoid"),
-        (lambda: changed(armature=0.1), {}, "armature of a joint with several freedoms"),
+        (lambda: changed(armature=np.arange(4.0)), {}, "different armature"),
         (lambda: changed(friction=0.1), {}, "friction of a joint with several freedoms"),
         (lambda: changed(damping=np.arange(4.0)), {}, "different damping"),
         (lambda: changed(damping=-1.0), {}, "negative damping"),

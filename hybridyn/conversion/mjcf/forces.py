@@ -39,7 +39,11 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
             losses.add("dampers are read back as viscous friction, to which they are added", joint.name)
         if damping and names[0] not in {**tree.joints, **tree.balls}:
             losses.add("damping of free joints", joint.name)
-        if several and (joint.friction or joint.rotor_inertia):
+        armature = joint.rotor_inertia * joint.gear_ratio**2
+        if armature and joint.kind == "spherical":
+            tree.balls[joint.name].set("armature", numeral(armature))
+            armature = 0.0
+        if several and (joint.friction or armature):
             losses.add("dry friction and rotors of joints with several freedoms", joint.name)
         add_limits(joint, losses, ("lower", "upper", "effort_limit"))
         if joint.kind == "continuous":

@@ -24,8 +24,8 @@ JOINT_FORCES = {
 }
 DOF_FORCES = {"dof_dampingpoly": ("damping that depends on the speed", "keep its first number")}
 
-#: What only a joint with one freedom may have here.
-SINGLE = {"stiffness": "a spring", "armature": "armature", "frictionloss": "frictionloss"}
+#: What only a joint with one freedom may have here; armature also a ball.
+SINGLE = {"stiffness": "a spring", "frictionloss": "frictionloss", "armature": "armature"}
 
 
 def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
@@ -130,9 +130,10 @@ def _refuse_on_joint(compiled: Compiled, joint: int, dof: int, freedoms: int) ->
     if freedoms == 1:
         return
     present = {
-        "stiffness": nonzero(model, "jnt_stiffness", joint), "armature": nonzero(model, "dof_armature", dof),
+        "stiffness": nonzero(model, "jnt_stiffness", joint),
         "frictionloss": nonzero(model, "dof_frictionloss", dof),
-    }  # fmt: skip
+        "armature": freedoms > 3 and nonzero(model, "dof_armature", dof),
+    }
     for word, name in SINGLE.items():
         if present[word]:
             raise compiled.error(

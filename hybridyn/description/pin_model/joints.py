@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..records import Array, Coupling, Joint, JointKind
-from .numbers import damping_of_all, joint_error, numbers_of
+from .numbers import joint_error, numbers_of, numbers_of_all
 
 #: Kinds of joint by the start of Pinocchio's name for it.
 KINDS: dict[str, JointKind] = {
@@ -75,7 +75,8 @@ def joints_of(model: pin.Model, number: int, pieces: list[Piece]) -> list[Joint]
         ending = f"_{piece.ending}" if piece.ending else ""
         joint = Joint(name + ending, piece.kind, "", "", at @ piece.placement, piece.axis)
         if piece.kind in WHOLE.values():
-            out.append(replace(joint, damping=damping_of_all(model, number) if len(pieces) == 1 else 0.0))
+            numbers = numbers_of_all(model, number, piece.kind) if len(pieces) == 1 else {}
+            out.append(replace(joint, **numbers))
         elif model.nvs[number] == 0:  # a mimicking joint has no numbers of its own
             out.append(joint)
         else:

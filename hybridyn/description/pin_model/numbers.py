@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from ..records import Array
+from ..records import Array, JointKind
 
 #: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.
 UNLIMITED = 1e300
@@ -51,24 +51,26 @@ def numbers_of(model: pin.Model, joint: int, freedom: int) -> dict[str, Any]:
     return out
 
 
-def damping_of_all(model: pin.Model, joint: int) -> float:
-    """Return the damping of a joint with several freedoms, and refuse what such a joint cannot have here.
+def numbers_of_all(model: pin.Model, joint: int, kind: JointKind) -> dict[str, Any]:
+    """Return damping and, of a ball, rotor of a joint with several freedoms; refuse what it cannot have here.
 
     Raises:
-        ModelError: Its freedoms differ in damping, or have dry friction, armature or rotors.
+        ModelError: Its freedoms differ in damping or armature, or have dry friction, rotors or, unless it is
+            a ball, armature.
     """
     at = slice(int(model.idx_vs[joint]), int(model.idx_vs[joint]) + int(model.nvs[joint]))
-    for word in ("friction", "armature", "rotorInertia"):
+    for word in ("friction", "rotorInertia", *(["armature"] if kind != "spherical" else [])):
         if np.any(getattr(model, word)[at]):
             raise joint_error(
                 model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
             )
-    damping: Array = np.asarray(model.damping[at])
-    if np.ptp(damping) or damping[0] < 0:
-        raise joint_error(
-            model, joint, "the freedoms of one joint have different damping; set model.damping to one value"
-        )
-    return float(damping[0])
+    for word in ("damping", "armature"):
+        of_all: Array = np.asarray(getattr(model, word)[at])
+        if np.ptp(of_all) or of_all[0] < 0:
+            message = f"the freedoms of one joint have different {word}; set model.{word} to one value"
+            raise joint_error(model, joint, message)
+    first = at.start
+    return {"damping": float(model.damping[first]), "rotor_inertia": float(model.armature[first])}
 
 
 def _bound(value: float) -> float:

@@ -29,7 +29,7 @@ def slots_of(robot: HybridRobot, law: OnJoints, i: int) -> list[Slot | None]:
 def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
     """Return the joint of a law's freedom i."""
     at = int(law.columns[i])
-    return next(n for n, slice_ in zip(robot.joints, robot.v_slices, strict=True) if slice_.start == at)
+    return next(n for n, own in zip(robot.joints, robot.v_slices, strict=True) if own.start <= at < own.stop)
 
 
 def with_stated_springs(robot: HybridRobot, effects: Effects) -> HybridRobot:
