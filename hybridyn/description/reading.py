@@ -144,6 +144,7 @@ def complete(
         gravity=robot.gravity,
         format=robot.format,
         crossed=dict(robot.crossed),
+        left_out=robot.left_out,
     )
 
 

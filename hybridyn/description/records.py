@@ -233,6 +233,7 @@ class Description:
         loads: Bodies that were added to links, whose numbers include them.
         crossed: Lower and upper position limit [m or rad] of each joint whose file states the lower above the
             upper; the joint itself has no limits.
+        left_out: Actuators of the file that no motor expresses.
     """
 
     name: str
@@ -253,6 +254,7 @@ class Description:
     read_from: ReadFrom | None = field(default=None, compare=False)
     loads: tuple[Load, ...] = ()
     crossed: dict[str, tuple[float, float]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         # Cosine and sine do not count whole turns, which a coupling needs.

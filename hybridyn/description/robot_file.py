@@ -72,6 +72,7 @@ class RobotFile:
         gravity: As in `Description`.
         format: As in `Description`.
         crossed: As in `Description`.
+        left_out: As in `Description`.
     """
 
     name: str
@@ -89,3 +90,4 @@ class RobotFile:
     gravity: tuple[float, float, float] | None = None
     format: Format = "URDF"
     crossed: dict[str, tuple[float, float]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()

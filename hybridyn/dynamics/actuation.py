@@ -175,7 +175,7 @@ def _check_driven(module: Module, missing: Array, need: Need, sharing: Sharing) 
         return {
             "motors": f"{len(module.motors)} motors{but}", "direction": module.freedom_names()[at],
             "unit": "N" if m.tree.S_linear[at].any() else "N m", "size": float(lack[t] / unit),
-            "term": need.size[bad[t]] / unit, "advice": sharing.passive_hint or "Add a motor there",
+            "term": need.size[bad[t]] / unit, "advice": sharing.passive_hint,
         }  # fmt: skip
 
     check(NO_MOTOR, module, lack, least[bad], words, bad)

@@ -8,6 +8,7 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..description.names import listed
 from ..effects.choice import Choice, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
@@ -126,7 +127,10 @@ def inverse_model(
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     residual = check_closed(robot, states, q, v, a)
-    sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
+    hint = HINT if passive == "given" else "Add a motor there"
+    if robot.description.left_out:
+        hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
+    sharing = Sharing(_weights(robot, weights), on_singular, hint)
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
     backward(robot, states, loads, sharing, tau, result, RobotMotion(q, v, a))

@@ -8,9 +8,12 @@ import pytest
 import hybridyn
 from hybridyn.description import Description, read
 from tests.comparing import close_to
+from tests.description.reading import refused
 from tests.extras import needs
 from tests.files import save
+from tests.mjcf_states import Pair
 from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, loops, mjcf
+from tests.mujoco_matrices import mass_matrix
 
 mujoco = needs("mjcf")
 
@@ -102,6 +105,75 @@ def test_motors_are_joints_in_the_order_of_the_actuators(tmp_path: Path) -> None
     assert found.motors_from == "MJCF <actuator>"
     assert (of(found, "k").effort, of(found, "j").effort) == (3, 40)
     assert any("servo" in note for note in found.notes)
+
+
+GRIPPER = """
+<worldbody><body name="palm">
+  <body name="left" pos=".1 0 0"><joint name="open_left" axis="0 0 1"/>{bar}</body>
+  <body name="right" pos="-.1 0 0"><joint name="open_right" axis="0 0 -1"/>{bar}</body></body></worldbody>
+<tendon><fixed name="split">
+  <joint joint="open_right" coef=".5"/><joint joint="open_left" coef=".7"/></fixed></tendon>
+<equality><joint joint1="open_right" joint2="open_left" polycoef=".1 2 0 0 0"/></equality>
+<actuator><motor name="squeeze" tendon="split" gear="3" forcerange="-5 5"/></actuator>"""
+
+
+def test_a_tendon_over_coupled_joints_is_one_motor(tmp_path: Path) -> None:
+    """Its power is that of the tendon: the coefficients add up, each times the rate of its joint."""
+    file = text(tmp_path, mjcf(GRIPPER.format(bar=BAR.format(x=0.1, m=1))))
+    robot = hybridyn.load(file)
+    assert robot.motors == ("open_left",)
+    gear = 3 * (0.7 + 0.5 * 2)
+    assert of(robot.description, "open_left").effort == pytest.approx(5 * gear)
+    m = mujoco.MjModel.from_xml_path(str(file))
+    d = mujoco.MjData(m)
+    q = np.array([0.3, 0.7])  # of the left and of the right finger, which is at .1 + 2 x
+    d.qpos[:], d.ctrl[0] = q, 0.4
+    mujoco.mj_forward(m, d)
+    along = np.array([1.0, 2.0])  # rates of the coupled motion
+    a = along @ (d.qfrc_actuator - d.qfrc_bias) / (along @ mass_matrix(m, d) @ along)
+    close_to(hybridyn.ddm(robot, q, np.zeros(2), np.array([0.4 * gear])), a * along, AGAINST_MUJOCO)
+
+
+ATTACHED = """<mujoco model="finger"><compiler angle="radian"/>
+<default><default class="soft"><joint damping=".3" armature=".01"/></default></default>
+<asset><mesh name="tip" file="tip.obj"/></asset>
+<worldbody>
+<body name="tip"><joint name="bend" class="soft" axis="0 1 0"/>
+<geom type="mesh" mesh="tip" mass=".2"/></body></worldbody></mujoco>"""
+TIP = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+HAND = """<asset><model name="finger" file="parts/finger.xml"/></asset>
+<worldbody><body name="hand"><joint name="wrist" axis="0 0 1"/>{bar}
+<frame pos="0 .1 0" euler="0 0 .5"><attach model="finger" body="tip" prefix="one_"/></frame>
+<replicate count="2" euler="0 0 1">
+  <body name="knuckle" pos=".2 0 0"><joint name="fold"/>{bar}</body></replicate>
+</body></worldbody>"""
+
+
+def test_attached_models_frames_and_replicas_are_those_of_mujoco(tmp_path: Path) -> None:
+    file = text(tmp_path, mjcf(HAND.format(bar=BAR.format(x=0.1, m=1))))
+    save(tmp_path / "parts", ATTACHED, "finger.xml")
+    save(tmp_path / "parts", TIP, "tip.obj")
+    robot, pair = hybridyn.load(file), Pair(file)
+    assert "one_bend" in robot.joints
+    assert len(robot.joints) == 4
+    draw = np.random.default_rng(2)
+    q, v = pair.place(draw)
+    close_to(pair.our_mass_matrix(q), pair.mass_matrix(), AGAINST_MUJOCO)
+    close_to(pair.our_bias(q, v), pair.data.qfrc_bias, AGAINST_MUJOCO)
+    (bend,) = (joint for joint in robot.description.joints if joint.name == "one_bend")
+    assert (bend.damping, bend.rotor_inertia) == (0.3, 0.01)
+
+
+def test_an_error_in_an_attached_model_names_its_file(tmp_path: Path) -> None:
+    file = text(tmp_path, mjcf(HAND.format(bar=BAR.format(x=0.1, m=1))))
+    save(tmp_path / "parts", TIP, "tip.obj")
+    save(tmp_path / "parts", ATTACHED.replace('axis="0 1 0"', 'axis="0 0 0"'), "finger.xml")
+    refused(file, "MuJoCo", "axis too small")
+    part = save(
+        tmp_path / "parts", ATTACHED.replace('axis="0 1 0"', 'type="ball" stiffness="1"'), "finger.xml"
+    )
+    error = refused(file, "one_bend", "a spring of a joint with several freedoms")
+    assert (str(error.file), error.line) == (str(part), 5)
 
 
 def test_a_limit_of_the_joint_counts_for_all_its_actuators(tmp_path: Path) -> None:

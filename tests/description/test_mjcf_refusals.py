@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hybridyn
 from hybridyn.description import read
 from tests.description.reading import refused
 from tests.extras import needs
@@ -50,21 +51,11 @@ CASES = {
     "tendon friction": (mjcf(TENDON.format('frictionloss="2"'), world=hinge()), "tendon 't': frictionloss"),
     "ball spring": (mjcf(world=BALL.format('stiffness="1"')), "joint 'j': a spring"),
     "ball friction": (mjcf(world=BALL.format('frictionloss="1"')), "joint 'j': frictionloss"),
-    "ball motor": (
-        mjcf('<actuator><motor name="m" joint="j" gear="1 0 0"/></actuator>', world=BALL.format("")),
-        "'m' drives joint 'j', which has several",
-    ),
-    "thruster": (mjcf(THRUSTER, world=hinge()), "actuator 'm' drives no joint"),
-    "cable motor": (
-        mjcf(CABLE, '<actuator><motor name="m" tendon="t"/></actuator>', world=hinge()),
-        "actuator 'm' pulls a tendon",
-    ),
     "gravcomp": (mjcf(world=hinge(body='gravcomp="1"')), "body 'a': gravcomp"),
     "mocap": (
         mjcf('<equality><weld body1="a" body2="m"/></equality>', world=hinge() + MOCAP),
         "body 'm': a program moves a mocap body",
     ),
-    "fluid": (mjcf(world=hinge(), head='<option density="1.2"/>'), "<option density>"),
     "free damping": (
         mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" damping="1"')),
         "joint 'free': damping of a free joint",
@@ -73,14 +64,22 @@ CASES = {
         mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" stiffness="1"')),
         "joint 'free': stiffness of a free joint",
     ),
-    "plugin": (mjcf('<extension><plugin plugin="x"/></extension>', world=hinge()), "a plugin"),
+    "plugin": (mjcf(world=hinge('/><plugin plugin="mujoco.elasticity.cable"')), "a plugin"),
+    "plugin that makes mass": (
+        mjcf(world='<body name="a"><joint name="j"/><geom type="sdf"><plugin plugin="x"/></geom></body>'),
+        "a plugin",
+    ),
     "flex": (
         mjcf(world=hinge() + '<body name="c"><flexcomp name="f" type="grid" count="3 3 1"/></body>'),
         "a deformable body",
     ),
     "attach": (
         mjcf(world=hinge() + '<body name="c"><attach model="x" prefix="p"/></body>'),
-        "a model of another file",
+        "MuJoCo: could not find model 'x'",
+    ),
+    "a model that is not there": (
+        mjcf('<asset><model name="x" file="x.xml"/></asset>', world=hinge()),
+        "file 'x.xml' cannot be read: No such file",
     ),
     "nan": (mjcf(world=hinge('pos="0 nan 1"')), "attribute 'pos': 'nan' is not a finite number"),
     "infinite": (mjcf(world=hinge('ref="inf"')), "attribute 'ref': 'inf' is not a finite number"),
@@ -109,9 +108,49 @@ def test_refused_by_name(name: str, tmp_path: Path) -> None:
     )  # MuJoCo's version decides whether it compiles
 
 
-def test_a_refused_actuator_can_be_overruled(tmp_path: Path) -> None:
-    file = save(tmp_path, CASES["thruster"][0], "robot.xml")
-    assert read(file, motors=["j"]).motors == ("j",)
+NO_MOTORS = {
+    "ball": (BALL.format(""), '<motor name="m" joint="j" gear="1 0 0"/>', "", "drives joint 'j', which has"),
+    "thruster": (hinge(), '<motor name="m" site="s"/>', "", "drives no joint"),
+    "cable": (hinge(), '<motor name="m" tendon="t"/>', CABLE, "pulls a spatial tendon"),
+    "muscle": (hinge(), '<muscle name="m" tendon="t" lengthrange="1 2"/>', CABLE, "pulls a spatial tendon"),
+}
+
+
+@pytest.mark.parametrize("name", NO_MOTORS)
+def test_actuators_that_are_no_motors_are_left_out(name: str, tmp_path: Path) -> None:
+    """The robot opens with the motors that it has, and the inverse model says which are missing."""
+    world, actuator, tendon, reason = NO_MOTORS[name]
+    arm = '<body name="b" pos="0 1 0"><joint name="k"/>' + BAR.format(x=0.1, m=1) + "</body>"
+    motors = f'<actuator>{actuator}<motor joint="k"/></actuator>'
+    file = save(tmp_path, mjcf(tendon, motors, world=world + arm), "robot.xml")
+    found = read(file)
+    assert found.motors == ("k",)
+    (note,) = (note for note in found.notes if "no motors here" in note)
+    assert f"'m' {reason}" in note
+    robot = hybridyn.load(file)
+    with pytest.raises(hybridyn.ActuationError, match=r"actuators 'm' are no motors here"):
+        hybridyn.idm(robot, robot.home, np.zeros(robot.nv), np.ones(robot.nv))
+    if name != "ball":
+        assert read(file, motors=["j"]).motors == ("j",)
+
+
+def test_forces_of_a_fluid_and_plugins_of_shapes_are_noted(tmp_path: Path) -> None:
+    shape = '<geom type="sdf" mesh="p"><plugin plugin="mujoco.sdf.torus"/></geom>'
+    pid = '<plugin name="m" joint="j" plugin="mujoco.pid" ctrlrange="-1 1" forcerange="-7 7"/>'
+    sections = [
+        '<extension><plugin plugin="mujoco.sdf.torus"/><plugin plugin="mujoco.pid"/></extension>',
+        '<asset><mesh name="p"><plugin plugin="mujoco.sdf.torus"/></mesh></asset>',
+        f"<actuator>{pid}</actuator>",
+    ]
+    world = shape + hinge().replace('<site name="s"/>', shape + '<site name="s"/>')
+    file = save(tmp_path, mjcf(*sections, world=world, head='<option density="1.2"/>'), "robot.xml")
+    found = read(file)
+    notes = "\n".join(found.notes)
+    for words in ("<option density>", "robot.xml:", "<plugin> in <geom>", "actuators 'm' have a servo"):
+        assert words in notes
+    assert ([one.mass for one in found.links], found.motors) == ([0, 1], ("j",))
+    (joint,) = found.joints
+    assert joint.effort == 7
 
 
 @pytest.mark.parametrize("what", ["damping", "stiffness"])

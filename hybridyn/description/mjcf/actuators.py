@@ -6,36 +6,39 @@ read.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..names import listed
+from ..records import Coupling
 from ..robot_file import MotorStatement, RobotFile
 from .compiling import Compiled
 from .fields import nonzero, number
 from .tendons import fixed_terms
 
 WHERE = "MJCF <actuator>"
-MEND = "drive a joint, or name the driven joints: motors=[..], --motors, or motors = [..] in model.toml"
+MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..] in model.toml"
 
 
 def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
     """Add the list of motors, and what actuators add to their joints, to the robot.
 
+    Actuators that no motor expresses are left out, and noted.
+
     Raises:
         ModelError: A motor's damping depends on its speed.
     """
     names: list[str] = []
-    problem, line = "", None
+    reasons: dict[str, str] = {}
     limits: dict[str, float] = {}
     extra: dict[str, tuple[float, float]] = {}
     servos: list[str] = []
     for actuator in range(count(compiled)):
-        driven = driven_joint(compiled, actuator)
+        driven = driven_joint(robot, compiled, actuator)
         if isinstance(driven, str):
-            if not problem:
-                problem, line = driven, compiled.line("actuator", actuator)
+            reasons[compiled.name("actuator", actuator) or str(actuator)] = driven
             continue
         joint, gear = driven
         if nonzero(compiled.model, "actuator_dampingpoly", actuator):
@@ -57,8 +60,12 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
             f"actuators {listed(servos)} have a servo, a muscle or dynamics of their own, which are not "
             "read: motor efforts are inputs of the models"
         )
-    if names or problem:
-        robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file, line, problem))
+    if reasons:
+        stated = "; ".join(f"'{name}' {reason}" for name, reason in reasons.items())
+        robot.notes.append(f"actuators that are no motors here: {stated}. {MEND}")
+        robot.left_out = tuple(reasons)
+    if names or reasons:
+        robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file))
     robot.joints = [
         replace(
             joint,
@@ -75,24 +82,41 @@ def count(compiled: Compiled) -> int:
     return len(compiled.model.actuator_trntype)
 
 
-def driven_joint(compiled: Compiled, actuator: int) -> tuple[str, float] | str:
-    """Return the joint that an actuator drives and the gear between them, or why there is none."""
+def driven_joint(robot: RobotFile, compiled: Compiled, actuator: int) -> tuple[str, float] | str:
+    """Return the joint that an actuator drives and the gear between them, or why there is none.
+
+    A tendon over joints that couplings tie to one is a gear on that joint: the power is the same.
+    """
     model = compiled.model
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator][0])
-    label = f"actuator '{compiled.name('actuator', actuator) or actuator}'"
     gear = float(model.actuator_gear[actuator][0])
     if kind == compiled.code("mjTRN_TENDON"):
-        terms = fixed_terms(compiled, target) or {}
-        if len(terms) == 1:
-            ((joint, coefficient),) = terms.items()
-            return joint, gear * coefficient
-        return f"{label} pulls a tendon that is not fixed to one joint; {MEND}"
+        terms = fixed_terms(compiled, target)
+        if terms is None:
+            return "pulls a spatial tendon"
+        followers = {coupling.terms[0][0] for coupling in robot.couplings}
+        joint = next((name for name in terms if name not in followers), next(iter(terms)))
+        rates = rates_along(robot.couplings, joint)
+        if set(terms) <= set(rates):
+            return joint, gear * sum(coefficient * rates[name] for name, coefficient in terms.items())
+        return "pulls a tendon of joints that move apart"
     if kind not in (compiled.code("mjTRN_JOINT"), compiled.code("mjTRN_JOINTINPARENT")):
-        return f"{label} drives no joint; {MEND}"
+        return "drives no joint"
     single = (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE"))
     if model.jnt_type[target] not in single:
-        return f"{label} drives joint '{compiled.joints[target]}', which has several freedoms; {MEND}"
+        return f"drives joint '{compiled.joints[target]}', which has several freedoms"
     return compiled.joints[target], gear
+
+
+def rates_along(couplings: Sequence[Coupling], joint: str) -> dict[str, float]:
+    """Return the rate of each joint that couplings of two joints tie to one, where that has the rate 1."""
+    rates, waiting = {joint: 1.0}, [coupling for coupling in couplings if len(coupling.terms) == 2]
+    while tied := [c for c in waiting if len({name for name, _ in c.terms} & set(rates)) == 1]:
+        for coupling in tied:
+            (a, of_a), (b, of_b) = sorted(coupling.terms, key=lambda term: term[0] not in rates)
+            rates[b] = -of_a / of_b * rates[a]
+            waiting.remove(coupling)
+    return rates
 
 
 def effort_limit(compiled: Compiled, actuator: int, gear: float) -> float:

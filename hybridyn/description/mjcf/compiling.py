@@ -123,18 +123,26 @@ class Compiled:
 
 
 def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
-    """Compile an MJCF text.
+    """Compile an MJCF text and the models that it attaches.
+
+    The text of each file begins in a line that none before it has, so that a line names one element.
 
     Raises:
         ModelError: MuJoCo is not installed, or refuses the text.
     """
     file = document.root.file
     mujoco = _module(file)
-    text, places = document.text()
+    (main, *attached), texts, places = document.every(), dict[str, bytes](), list[Place]()
+    text, places = main.text()
+    names = {id(model): key for one in document.every() for key, model in one.models.items()}
+    for model in attached:
+        inner, lines = model.text()
+        texts[names[id(model)]] = b"\n" * len(places) + inner.encode()
+        places += lines
     refusals = (ValueError, TypeError, mujoco.FatalError)
     try:
         with _silent(mujoco):
-            spec = mujoco.MjSpec.from_string(text, assets=meshes)
+            spec = mujoco.MjSpec.from_string(text, include=texts, assets=meshes)
             spec.compiler.fusestatic = False
             spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # it would simulate muscles
             model = spec.compile()

@@ -1,4 +1,4 @@
-"""Merge an MJCF file with the files that it includes.
+"""Merge an MJCF file with the files that it includes, and open the models that it attaches.
 
 hybridyn opens these files, not MuJoCo: only in the robot's folders, and with the limits of all robot files.
 """
@@ -6,6 +6,7 @@ hybridyn opens these files, not MuJoCo: only in the robot's folders, and with th
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -49,32 +50,46 @@ class Document:
         root: Root element; included elements replace their `<include>`.
         folders: The folders that it may read.
         files: Paths of the files, the robot's own first.
-        notes: What is not well-formed in included files.
+        notes: What is not well-formed in included files, and what is read past.
+        models: The files of `<model>`, by the name that the tree now has for each.
     """
 
-    def __init__(self, root: Node, package_dirs: list[str]) -> None:
-        """Merge all included files.
+    def __init__(self, root: Node, package_dirs: list[str], within: Document | None = None) -> None:
+        """Merge all included files, and open all attached ones.
 
         Args:
             root: Root element; it is changed.
             package_dirs: Folders that the user allows.
+            within: The file that attaches this one: its folders and limits hold for both.
 
         Raises:
-            ModelError: An included file cannot be read, or is included twice.
+            ModelError: A file cannot be read, or is named twice.
         """
         self.root = root
         main = os.path.abspath(root.file.removesuffix(" (expanded)"))
         around = Path(main).parent
         granted = [str(around.parent)] if around.name in FILE_FOLDERS else []
-        self.folders = RobotFolders(main, package_dirs, [], LARGEST_FILE, granted)
-        self.files, self.notes = [root.file], list[str]()
+        own = RobotFolders(main, package_dirs, [], LARGEST_FILE, granted)
+        self.folders: RobotFolders = within.folders if within else own
+        self.files, self.notes = [root.file], [*root.notes] if within else list[str]()
         self._paths = [main]
-        self._seen = {os.path.realpath(main)}
-        self._size = self._count = 0
+        self._seen: set[str] = within._seen if within else {os.path.realpath(main)}
+        self._spent: Counter[str] = within._spent if within else Counter()
         waiting = [(xml, 0) for xml in root.xml.iter("include")]
         while waiting:
             xml, number = waiting.pop(0)
             waiting += self._include(Node(xml, self.files[number]), number)
+        self.models: dict[str, Document] = {}
+        for node in list(self.nodes()):
+            if node.tag == "model" and "file" in node.xml.attrib:
+                content, path = self._opened(node, node.text("file"), self.files.index(node.file))
+                key = f"model{len(self._seen)}.xml"  # unlike those of the other files
+                node.xml.set("file", key)
+                self.models[key] = Document(parse(content, shown(Path(path))), package_dirs, self)
+
+    def every(self) -> list[Document]:
+        """Return this file and all that it attaches."""
+        return [self, *(inner for model in self.models.values() for inner in model.every())]
 
     def nodes(self) -> Iterator[Node]:
         """Yield every element, a parent before its children, each with its own file."""
@@ -118,13 +133,12 @@ class Document:
         node.xml.attrib.pop(FILE, "")  # its number is known
         node.only(["file"], [])
         name = node.text("file")
-        content, path = self._read(node, name, number)
-        self._refuse_too_much(node, name, content, path)
+        content, path = self._opened(node, name, number)
         inner = parse(content, shown(Path(path)))
         if inner.tag not in INCLUDED_ROOTS:
             raise node.error(f"the root element of '{name}' is <{inner.tag}> instead of <mujocoinclude>")
-        self._count += sum(1 for _ in inner.xml.iter("*"))
-        if self._count > MOST_ELEMENTS:
+        self._spent["elements"] += sum(1 for _ in inner.xml.iter("*"))
+        if self._spent["elements"] > MOST_ELEMENTS:
             raise node.error(f"the included files have more than {MOST_ELEMENTS} elements")
         self.files.append(inner.file)
         self.notes += inner.notes
@@ -141,8 +155,14 @@ class Document:
         parent[at : at + 1] = children
         return includes
 
+    def _opened(self, node: Node, name: str, number: int) -> tuple[bytes, str]:
+        """Read a file that an element of file `number` names; refuse too many, and one that was read."""
+        content, path = self._read(node, name, number)
+        self._refuse_too_much(node, name, content, path)
+        return content, path
+
     def _read(self, node: Node, name: str, number: int) -> tuple[bytes, str]:
-        """Read an included file: its path starts at the robot's file, else at the file that includes it."""
+        """Read a file: its path starts at the robot's file, else at the file that names it."""
         wrong: OSError | ValueError | None = None
         for start in dict.fromkeys((self._paths[0], self._paths[number])):
             path = os.path.normpath(os.path.join(os.path.dirname(start), name))
@@ -160,8 +180,8 @@ class Document:
         if real in self._seen:
             raise node.error(f"file '{name}' is included twice; MuJoCo includes a file once")
         self._seen.add(real)
-        self._size += len(content)
-        if len(self._seen) > MOST_FILES or self._size > LARGEST_FILE:
+        self._spent["bytes"] += len(content)
+        if len(self._seen) > MOST_FILES or self._spent["bytes"] > LARGEST_FILE:
             raise node.error(f"more than {MOST_FILES} files or {LARGEST_FILE // 2**20} MiB are included")
 
 

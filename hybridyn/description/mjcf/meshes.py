@@ -21,21 +21,18 @@ MOST_SUBDIVISIONS = 100.0
 TRANSPARENT = ("frame", "replicate")
 
 
-def take_meshes(document: Document) -> dict[str, bytes]:
+def take_meshes(document: Document, contents: dict[str, bytes]) -> None:
     """Read the meshes that inertias need, and replace all others.
 
     Args:
-        document: The file; its tree is changed: paths become names of the returned contents.
-
-    Returns:
-        Content of each mesh by the name that the tree now has for it.
+        document: The file; its tree is changed: paths become names of contents.
+        contents: Content of each mesh by the name that the tree now has for it; filled in place.
 
     Raises:
         ModelError: A mesh that is needed cannot be read.
     """
     needed = _needed(document)
     folder = mesh_folder(document)
-    contents: dict[str, bytes] = {}
     for node in list(document.nodes()):
         above = node.xml.getparent()
         if node.tag != "mesh" or above is None or above.tag != "asset":
@@ -52,7 +49,6 @@ def take_meshes(document: Document) -> dict[str, bytes]:
             node.xml.set("file", key)
         elif "builtin" in node.xml.attrib and "params" in node.xml.attrib:
             _refuse_fine(node)
-    return contents
 
 
 def _needed(document: Document) -> dict[str, str]:

@@ -42,8 +42,11 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     document = Document(root, [os.fspath(folder) for folder in package_dirs])
     pairs = any(node.tag == "pair" for node in document.nodes())
     marks = read_marks(document)
-    screen(document)
-    compiled = compile_text(document, take_meshes(document))
+    meshes: dict[str, bytes] = {}
+    for one in document.every():
+        screen(one)
+        take_meshes(one, meshes)
+    compiled = compile_text(document, meshes)
     if compiled.model.nbody == 1:
         raise root.error("no <body> stands in <worldbody>; a robot has at least one")
     start = Root() if marks.fixed else find_root(compiled)
@@ -56,7 +59,8 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     add_home(robot, compiled, start)
     apply_marks(robot, marks)
     robot.gravity = _gravity(compiled)
-    robot.notes += document.notes + _notes(compiled, start.note, pairs or _can_touch(compiled))
+    robot.notes += [note for one in document.every() for note in one.notes]
+    robot.notes += _notes(compiled, start.note, pairs or _can_touch(compiled))
     return robot
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import ModelError
 from ..names import listed
 from ..records import Joint
 from ..robot_file import FREEDOMS, RobotFile
@@ -67,6 +66,8 @@ def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
         robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
     if still := [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)]:
         robot.notes.append(f"mocap bodies are read as fixed: {listed(still)}")
+    if fluid := [word for word in ("density", "viscosity") if getattr(model.opt, word)]:
+        robot.notes.append(f"forces of a fluid are not read: <option {' '.join(fluid)}>")
     if tendons := limited(compiled):
         robot.notes.append(f"limits of tendons are not read: {listed(tendons)}")
 
@@ -81,12 +82,6 @@ def _effort(model: Any, joint: int) -> float:
 def _refuse_others(compiled: Compiled) -> None:
     """Refuse forces that act on bodies and tendons."""
     model = compiled.model
-    for word in ("density", "viscosity"):
-        if getattr(model.opt, word):
-            raise ModelError(
-                f"<option {word}>: forces of a fluid are not read; remove it, or set it to 0",
-                file=compiled.file, element="option",
-            )  # fmt: skip
     for body in range(model.nbody):
         if model.body_gravcomp[body]:
             raise compiled.error("body", body, "gravcomp is not read; remove it, or state it as a wrench")

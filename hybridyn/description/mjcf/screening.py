@@ -9,13 +9,15 @@ from __future__ import annotations
 import os
 import re
 
+from lxml import etree
+
 from ..urdf.xml_node import LARGEST_NUMBER, Node
 from .document import Document
 
 #: Elements that do not change the dynamics that hybridyn computes.
 LEFT_OUT = {
     "visual", "statistic", "size", "sensor", "custom", "contact", "camera", "light", "texture", "material",
-    "skin", "pair", "exclude",
+    "skin", "pair", "exclude", "extension",
 }  # fmt: skip
 
 #: Elements that are refused, with a description and the correction.
@@ -24,8 +26,6 @@ REFUSED = {
     "flex": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
     "composite": "a body made of many; hybridyn does not read it: save the compiled model (mj_saveLastXML)",
     "plugin": "a plugin, whose forces hybridyn cannot know; remove it, and put springs and dampers on joints",
-    "attach": "a model of another file; use <include>, or save the compiled model (mj_saveLastXML)",
-    "model": "a model of another file; use <include>, or save the compiled model (mj_saveLastXML)",
 }
 
 #: Attributes that hold names, which may look like numbers.
@@ -34,6 +34,12 @@ NAMES = {
     "site2", "tendon", "tendon1", "tendon2", "mesh", "hfield", "material", "prefix", "file", "model", "geom",
     "geom1", "geom2", "jointinparent", "cranksite", "slidersite", "refsite", "target", "meshdir",
     "texturedir", "assetdir",
+}  # fmt: skip
+
+#: Attributes that `<plugin>` in `<actuator>` has in common with motors.
+OF_ACTUATORS = {
+    "name", "class", "joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite",
+    "gear", "forcerange", "forcelimited", "armature", "damping",
 }  # fmt: skip
 
 #: Most elements, replicas counted; the time of MuJoCo's compiler grows with the square of their number.
@@ -55,6 +61,8 @@ def screen(document: Document) -> None:
     for node in list(document.nodes()):
         if node.tag in LEFT_OUT:
             _take_out(node)
+        elif node.tag == "plugin":
+            _take_plugin(document, node)
     for node in document.nodes():
         if node.tag in REFUSED:
             raise node.error(REFUSED[node.tag])
@@ -65,6 +73,34 @@ def screen(document: Document) -> None:
         if node.tag == "hfield":
             _flatten(node)
     _refuse_too_many(document)
+
+
+def _take_plugin(document: Document, node: Node) -> None:
+    """Take a plugin out that only makes a shape; one in `<actuator>` becomes a servo, whose law is not read.
+
+    A geom of such a shape is taken out where the body states its inertia. Others are refused later.
+    """
+    above = node.xml.getparent()
+    assert above is not None
+    place = f"{node.file}:{node.line}: <plugin> in <{above.tag}>"
+    if above.tag == "actuator":
+        node.xml.tag = "general"
+        for name in set(node.attributes()) - OF_ACTUATORS:
+            del node.xml.attrib[name]
+        node.xml.set("biastype", "affine")
+        for child in list(node.xml):
+            node.xml.remove(child)
+    elif above.tag == "geom" and _has_mass(next(above.iterancestors())):
+        _take_out(Node(above, node.file))
+        document.notes.append(f"{place} is not read: it only makes a shape, without mass")
+    elif above.tag == "mesh":
+        _take_out(node)
+        document.notes.append(f"{place} is not read: it only makes a shape")
+
+
+def _has_mass(body: etree._Element) -> bool:
+    """Say whether a body needs no geom for its mass: it states it, or it is the world."""
+    return body.tag == "worldbody" or body.find("inertial") is not None
 
 
 def _take_out(node: Node) -> None:
@@ -105,12 +141,13 @@ def _refuse_too_many(document: Document) -> None:
     """Refuse a robot that would take MuJoCo minutes, or all memory."""
     factors: dict[object, float] = {}
     total = 0.0
+    attached = sum(1 for model in document.every()[1:] for _ in model.nodes())
     for node in document.nodes():
         factor = factors.get(node.xml.getparent(), 1.0)
         if node.tag == "replicate":
             factor *= max(1.0, abs(node.number("count")))
         factors[node.xml] = factor
-        total += factor
+        total += factor * (1 + attached if node.tag == "attach" else 1)
         if total > MOST_COMPILED:
             raise node.error(
                 f"with its replicas, the file has more than {MOST_COMPILED:,} elements up to here"
