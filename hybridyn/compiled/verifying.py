@@ -26,7 +26,8 @@ log = logging.getLogger("hybridyn.compiled")
 #: In single precision it is the rounding, 6e-8, amplified by conditioning.
 MODEL_AGREES = {"float64": 1e-10, "float32": 1e-2}
 
-#: Allowed difference between two orders of elimination, in multiples of the general path's rounding error.
+#: Allowed difference between two orders of elimination, in multiples of the general path's rounding error, or
+#: of what rounding in the file leaves open in redundant loops.
 ROUNDINGS = 100
 
 #: Number of random roundings that are tried: in two, terms may round alike, and their difference stays.
@@ -122,8 +123,10 @@ def _trusted_nowhere(robot: HybridRobot, drawn: int, reason: str) -> CompileErro
 
 def _reason(robot: HybridRobot) -> str:
     """Return why no sample can be trusted if the robot itself is the reason, else an empty text."""
+    from .equations.core import is_coarse
+
     for module in robot.modules:
-        if module.mechanism.reduction.rounded:
+        if is_coarse(module.mechanism):
             dropped = module.mechanism.reduction.report.dropped
             return (
                 f" (the redundant loops of module '{module.name}' agree with each other to {dropped:.1g} "
@@ -142,7 +145,9 @@ class _Comparison:
 
     def __init__(self, library: Built, robot: HybridRobot, effects: Effects) -> None:
         self._library, self._robot, self._effects = library, robot, effects
-        self._agree = MODEL_AGREES[str(library.dtype)]
+        loops = [module.mechanism for module in robot.modules if module.mechanism.reduction.rounded]
+        rounding = max((m.rounding for m in loops), default=0.0)
+        self._agree = max(MODEL_AGREES[str(library.dtype)], ROUNDINGS * rounding)
         self.computed, self.reason = {x: 0 for x in ("ddm", "idm") if x in library.programs}, ""
         self._lifted = "lift" not in library.programs
 

@@ -14,7 +14,7 @@ from ...structure.mechanism import Mechanism
 from .arguments.structure_guard import dependence
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, plain, symbols, zeros
-from .guards import GUARD_CLOSED, TINY_RATE, Scale, size_of, weighed
+from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, size_of, weighed
 from .legs import PlatformMotion, leg_pivots
 from .links import units_of
 from .loops import Rows, write_rows
@@ -86,6 +86,7 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
         rows = np.array([1 / m.length] * 3 + [1.0] * (len(leg.tree_v) - 3))
         groups.append(leg_pivots(group, postures, (rows, col_scale[leg.tree_v])))
     loops = _loop_pivots(parts, m.postures, row_scale[list(parts.closure_rows)], col_scale[parts.tree_v])
+    closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(path, positions[:, path.q], m.length) for path in paths]
     return Plan(
         parts,
@@ -93,7 +94,7 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
         loops,
         tuple(groups),
         tuple(wrists),
-        Scale(m.length, GUARD_CLOSED[dtype], TINY_RATE[dtype], compared),
+        Scale(m.length, closed, TINY_RATE[dtype], compared),
     )
 
 
@@ -164,6 +165,11 @@ class Core:
     units: Array
 
 
+def is_coarse(m: Mechanism) -> bool:
+    """Return whether redundant loops contradict each other by more than `COARSE_FILE`."""
+    return m.reduction.rounded and m.rounding > COARSE_FILE
+
+
 def write_core(
     plan: Plan,
     q: Expression,
@@ -214,7 +220,7 @@ def write_core(
     if plan.column is not None:
         rows.guard = rows.guard + _spin_guard(plan, rows)
     _leave_out_spins(parts, rows)
-    if plan.mechanism.reduction.rounded:  # the choice of dependent rows differs from posture to posture
+    if is_coarse(plan.mechanism):
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
     return Core(chain, platforms, rows, paths, outputs, tree_v, units)

@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...dynamics.guards import FORCED
 from ...spatial import Index
 from .chains import motion_map, sweep
 from .core import Core, Plan, core_body, motions_of, own_inertia, rank_guard, whole, write_core
@@ -211,7 +212,8 @@ def _hold_thin(
     if not thin:
         return 0.0
     size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[plan.parts.tree_v], [], 1.0)
-    guard = weighed([(Q_0[thin], 1.0)], plan.scale.weight(size))
+    limits = replace(plan.scale, closed=min(plan.scale.closed, FORCED))
+    guard = weighed([(Q_0[thin], 1.0)], limits.weight(size))
     E[thin], Q_0[thin], A_t[thin], A_t[:, thin] = 0.0, 0.0, 0.0, 0.0
     A_t[thin, thin] = 1.0
     return guard

@@ -21,6 +21,11 @@ from .static_elimination import TRUSTED_PIVOT, Trust
 #: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
 #: size: ten thousand roundings of the model's arithmetic.
 GUARD_CLOSED = {"float64": 1e-11, "float32": 3e-3}
+#: Largest closure residual, as part of what rounding in the file leaves in redundant loops.
+OF_ROUNDED = 10.0
+#: Largest such rounding. The models meet some rows and leave the others open by it, the general path balances
+#: all of them: where loops contradict each other by more, the difference is no longer rounding of the file.
+COARSE_FILE = 1e-6
 #: Added to rates to avoid 0 / 0; smaller than any rate that matters, and squares of limits stay numbers.
 TINY_RATE = {"float64": 1e-140, "float32": 1e-16}
 

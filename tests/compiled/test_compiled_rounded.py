@@ -1,0 +1,57 @@
+"""Redundant loops that agree up to the rounding of their file are compiled, with the rank decided at load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import HybridRobot
+from hybridyn.compiled.code.scalars import GUARD_LIMIT
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.verifying import difference, verify
+from hybridyn.effects.choice import choose
+from hybridyn.structure.building import build_robot
+from tests.mechanisms import random_mechanism
+from tests.samples import slow
+from tests.written_out import Interpreted
+
+#: Both paths meet the loops to the file's rounding, through the condition of their rows (10 here).
+FILES = 20.0
+
+
+def rounded(kind: str, seed: int, digits: int) -> HybridRobot:
+    """Draw a mechanism with redundant loops whose file has so many digits."""
+    exact = random_mechanism(seed, kind=kind)
+    joints = tuple(replace(j, placement=np.round(j.placement, digits)) for j in exact.joints)
+    closures = tuple(
+        replace(c, frame_a=np.round(c.frame_a, digits), frame_b=np.round(c.frame_b, digits))
+        for c in exact.closures
+    )
+    return build_robot(replace(exact, joints=joints, closures=closures))
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "digits"),
+    [
+        ("four_bar", 0, 7),
+        *(slow("delta_bars", seed, 7 + seed) for seed in range(3)),
+        slow("scara_delta", 0, 8),
+    ],
+)
+def test_models_are_those_of_the_general_path_to_the_rounding(kind: str, seed: int, digits: int) -> None:
+    robot = rounded(kind, seed, digits)
+    rounding = max(m.mechanism.rounding for m in robot.modules if m.mechanism.reduction.rounded)
+    assert 10.0**-digits / 4 < rounding < 10.0 ** (2 - digits)
+    models = Interpreted(robot, ("idm", "ddm"))
+    verify(models, robot, choose(robot, None))
+    q, v, a, tau = random_states(robot, 8)
+    for name, last, wanted in (("idm", a, hybridyn.idm(robot, q, v, a)), ("ddm", tau, a)):
+        (found,), guard = models.batch(name, q, v, last)
+        assert (guard <= GUARD_LIMIT).all()
+        assert difference(found, wanted).max() <= FILES * rounding
+    open_by = q + 1e-4 * np.random.default_rng(0).choice([-1.0, 1.0], size=q.shape)
+    _, guard = models.batch("idm", open_by, v, a)
+    assert not (guard <= GUARD_LIMIT).any()
