@@ -1,16 +1,15 @@
 """Make a tree with closures of bodies and joints that a file states in any order.
 
-    tree = span(bodies, joints)           which joints carry bodies, and which close loops
-    graph = JointGraph(robot, links, ...) the record that they fill
-    graph.stand(tree, poses, fixed)       the root link, and bodies that float
-    graph.carry(...), graph.close(...)    joints of the tree as chains, the others as closures
+    tree = span(bodies, joints)            which joints carry bodies, and which close loops
+    graph = JointGraph(robot, links, ...)  the record that they fill
+    graph.fill(tree, poses, welds, ...)    the root link, joints of the tree as chains, others as closures
 
 Bodies have keys; the key of the world is "".
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -40,12 +39,14 @@ class StatedJoint:
         ends: Keys of the two bodies that it joins; its position moves the second against the first.
         rank: Place in the order in which the tree takes joints, the least first.
         line: Line in the robot's file, or None.
+        needed: Whether something needs its position: it stays a joint where it closes a loop.
     """
 
     name: str
     ends: tuple[str, str]
     rank: tuple[float, ...]
     line: int | None
+    needed: bool
 
 
 J = TypeVar("J", bound=StatedJoint)
@@ -125,13 +126,35 @@ class Step:
     numbers: Mapping[str, float] = field(default_factory=dict)
 
 
+#: Joints from a parent link to a child link, and the stated joint's frame in both, shapes (4, 4).
+Chain = tuple[Sequence[Step], tuple[Array, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """What a joint locks that closes a loop.
+
+    Attributes:
+        kind: The author's word for its kind.
+        frames: Its frames in its two bodies, shapes (4, 4).
+        translations, rotation: What it locks, as in `records.Closure`.
+        turns: Axes of the closure's frames in those of the joint, shapes (3, 3).
+    """
+
+    kind: str
+    frames: Sequence[Array]
+    translations: tuple[int, ...]
+    rotation: RotationKind
+    turns: Sequence[Array]
+
+
 @dataclass
 class JointGraph:
     """The record of a robot whose joints become chains and closures.
 
     Attributes:
         robot: The record.
-        links: Name of the link of each body by key, and of the world once `stand` has chosen it.
+        links: Name of the link of each body by key, and of the world once it is chosen.
         joints: Taken names of joints.
         weld: Name of the fixed joint behind a chain, made of "{child}" and "{joint}".
     """
@@ -144,16 +167,39 @@ class JointGraph:
     def __post_init__(self) -> None:
         self._taken = set(self.links.values())
 
-    def stand(self, tree: Tree[J], poses: Mapping[str, Array], welds: Iterable[J]) -> list[tuple[J, bool]]:
-        """Choose the root link, let bodies float that nothing holds, and return the joints that are left.
-
-        A body is the root if everything hangs on it and nothing on the world, or if one of the joints that
-        weld a body where the world is holds it, and no other body.
+    def fill(
+        self,
+        tree: Tree[J],
+        poses: Mapping[str, Array],
+        welds: Iterable[J],
+        chain: Callable[[J, bool], Chain],
+        closing: Callable[[J], Closing],
+    ) -> None:
+        """Add the joints to the record, and choose its root.
 
         Args:
             tree: The tree.
             poses: Pose of each body in the world, shapes (4, 4).
             welds: Joints that hold a body with the frame of the world.
+            chain: Returns a joint as a chain; its second argument says whether the second body is the child.
+            closing: Returns what a joint locks.
+        """
+        for joint, forward in self._stand(tree, poses, welds):
+            steps, frames = chain(joint, forward)
+            parent, child = self._ends(joint, forward)
+            self._carry(steps, (parent, child), frames, joint, forward)
+        for joint in tree.cut:
+            if joint.needed:
+                forward = joint.ends[1] != WORLD
+                self._carry_and_weld(*chain(joint, forward), joint, forward)
+            else:
+                self._close(joint, closing(joint))
+
+    def _stand(self, tree: Tree[J], poses: Mapping[str, Array], welds: Iterable[J]) -> list[tuple[J, bool]]:
+        """Choose the root link, let bodies float that nothing holds, and return the joints that are left.
+
+        A body is the root if everything hangs on it and nothing on the world, or if one of the joints that
+        weld a body where the world is holds it, and no other body.
         """
         robot = self.robot
         if len(tree.roots) == 1 and not tree.held:
@@ -172,25 +218,23 @@ class JointGraph:
             robot.home[name] = pose_coordinates(poses[root])
         return tree.branches
 
-    def carry(
+    def _ends(self, stated: StatedJoint, forward: bool) -> tuple[str, str]:
+        """Return the names of a joint's parent and child link."""
+        first, second = (self.links[end] for end in stated.ends)
+        return (first, second) if forward else (second, first)
+
+    def _carry(
         self,
         steps: Sequence[Step],
         ends: tuple[str, str],
         frames: tuple[Array, Array],
         stated: StatedJoint,
-        forward: bool = True,
+        forward: bool,
     ) -> None:
         """Add a joint of the tree as a chain of joints, with massless links between them.
 
         If an axis does not pass through the origin of the child link, the chain ends in a massless link at
         the joint, to which the child is welded.
-
-        Args:
-            steps: The joints of the chain from its parent link to its child link; none for a fixed joint.
-            ends: Names of the parent and the child link.
-            frames: Frame of the stated joint in each, shapes (4, 4); they coincide at position zero.
-            stated: The stated joint.
-            forward: Whether the steps move the child against the parent, or the parent against the child.
         """
         (parent, child), (at, far) = ends, frames
         for step in steps[:-1]:
@@ -205,44 +249,23 @@ class JointGraph:
             parent, at, last = link, np.eye(4), Step(name, "fixed")
         self.robot.joints.append(_joint(last, parent, child, stated.line, at, far, forward))
 
-    def close(
-        self,
-        stated: StatedJoint,
-        kind: str,
-        frames: Sequence[Array],
-        form: tuple[tuple[int, ...], RotationKind],
-        turns: Sequence[Array],
-    ) -> None:
-        """Add a joint as a closure.
-
-        Args:
-            stated: The joint.
-            kind: The author's word for its kind.
-            frames: Its frames in its two bodies, shapes (4, 4).
-            form: The translations and the rotation that it locks, as in `records.Closure`.
-            turns: Axes of the closure's frames in those of the joint, shapes (3, 3).
-        """
-        (link_a, link_b), (first, second) = (self.links[end] for end in stated.ends), turns
+    def _close(self, stated: StatedJoint, closing: Closing) -> None:
+        """Add a joint as a closure."""
+        (link_a, link_b), (first, second) = self._ends(stated, True), closing.turns
+        frame_a, frame_b = closing.frames
         self.robot.closures.append(Closure(
-            stated.name, kind, link_a, turned(frames[0], first), link_b, turned(frames[1], second), *form,
-            stated.line, first,
+            stated.name, closing.kind, link_a, turned(frame_a, first), link_b, turned(frame_b, second),
+            closing.translations, closing.rotation, stated.line, first,
         ))  # fmt: skip
 
-    def carry_and_weld(
+    def _carry_and_weld(
         self, steps: Sequence[Step], frames: tuple[Array, Array], stated: StatedJoint, forward: bool
     ) -> None:
-        """Add a joint whose position is needed and that closes a loop: its massless child is welded on.
-
-        Args:
-            steps: As for `carry`.
-            frames: Frame of the joint in its parent and in its child, shapes (4, 4).
-            stated: The joint.
-            forward: Whether its second body is the child.
-        """
-        parent, child = (self.links[end] for end in (stated.ends if forward else stated.ends[::-1]))
+        """Add a joint whose position is needed and that closes a loop: its massless child is welded on."""
+        parent, child = self._ends(stated, forward)
         name = unique(f"{child}_at_{stated.name}", self._taken)
         self._taken.add(name)
-        self.carry(steps, (parent, name), frames, stated, forward)
+        self._carry(steps, (parent, name), frames, stated, forward)
         self._massless(name, stated.line)
         taken = {closure.name for closure in self.robot.closures}
         self.robot.closures.append(Closure(

@@ -334,12 +334,17 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
 
 
 def test_an_empty_element_is_the_default(tmp_path: Path) -> None:
-    axis = "<axis><xyz>0 0 1</xyz><limit><effort/></limit><dynamics><damping/></dynamics></axis>"
+    axis = "<axis><xyz>0 0 1</xyz><limit><effort/></limit><dynamics><damping/></dynamics><initial_position/>"
+    axis += "</axis>"
+    cut = "<physics><simbody><must_be_loop_joint/></simbody></physics>"
+    light = "<link name='a'><gravity/><kinematic/><pose/><inertial><mass/><inertia/><pose/></inertial></link>"
     file = written(
-        tmp_path, link("base"), link("a"), WORLD, joint("j", "revolute", "base", "a", axis, axis="")
+        tmp_path, link("base"), light, WORLD, joint("j", "revolute", "base", "a", axis, cut, axis="")
     )
-    found = next(one for one in read(file).joints if one.name == "j")
-    assert (found.damping, found.effort) == (0.0, np.inf)
+    found = read(file)
+    hinge = next(one for one in found.joints if one.name == "j")
+    assert (hinge.damping, hinge.effort, found.home, found.links[1].mass) == (0.0, np.inf, {}, 1.0)
+    assert any("'a': no mass" in note for note in found.notes)
 
 
 def test_an_initial_position_is_home(tmp_path: Path) -> None:

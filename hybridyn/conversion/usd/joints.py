@@ -61,9 +61,7 @@ def add_joint(
         lock(out, [axis for axis in AXES if axis not in PLANE])
     if single:
         out.line(f'uniform token physics:axis = "{token}"')
-        _add_numbers(out, joint, driven, losses)
-        if home is not None:
-            _add_state(out, joint, angle_of(home))
+        _add_numbers(out, joint, driven, home, losses)
     return out
 
 
@@ -103,45 +101,35 @@ def lock(prim: Prim, axes: list[str]) -> None:
         prim.line(f"float limit:{axis}:physics:high = -1")
 
 
-def _add_numbers(prim: Prim, joint: Joint, driven: bool, losses: Losses) -> None:
-    """Add limits, drive, armature and friction of a joint with one freedom."""
-    angular = joint.kind != "prismatic"
-    name, unit = ("angular", DEGREES) if angular else ("linear", 1.0)
-    for word, bound in (("lower", joint.lower), ("upper", joint.upper)):
-        if np.isfinite(bound):
-            prim.numbers("float", f"physics:{word}Limit", bound / unit)
+def _add_numbers(
+    prim: Prim, joint: Joint, driven: bool, home: tuple[float, ...] | None, losses: Losses
+) -> None:
+    """Add limits, drive, armature, friction and position of a joint with one freedom."""
+    name, unit = ("linear", 1.0) if joint.kind == "prismatic" else ("angular", DEGREES)
     if driven:
         prim.apply(f"PhysicsDriveAPI:{name}")
         prim.line(f'uniform token drive:{name}:physics:type = "force"')
         for word in ("stiffness", "damping"):
             prim.line(f"float drive:{name}:physics:{word} = 0")
-    if np.isfinite(joint.effort) and driven:
-        prim.numbers("float", f"drive:{name}:physics:maxForce", joint.effort)
     elif np.isfinite(joint.effort_limit):
         losses.add("effort limits of joints without a motor", joint.name)
-    armature = joint.rotor_inertia * joint.gear_ratio**2
-    if armature or np.isfinite(joint.velocity):
-        prim.apply("PhysxJointAPI")
-    if np.isfinite(joint.velocity):
-        prim.numbers("float", "physxJoint:maxJointVelocity", joint.velocity / unit)
-    if armature:
-        prim.numbers("float", "physxJoint:armature", armature)
-    _add_friction(prim, joint, name, unit)
-
-
-def _add_friction(prim: Prim, joint: Joint, name: str, unit: float) -> None:
-    if not (joint.friction or joint.damping):
-        return
-    prim.apply(f"PhysxJointAxisAPI:{name}")
-    if joint.friction:
-        for word in ("static", "dynamic"):
-            prim.numbers("float", f"physxJointAxis:{name}:{word}FrictionEffort", joint.friction)
-    if joint.damping:
-        prim.numbers("float", f"physxJointAxis:{name}:viscousFrictionCoefficient", joint.damping * unit)
-
-
-def _add_state(prim: Prim, joint: Joint, position: float) -> None:
-    """Add the position at home as the state of a joint."""
-    name, unit = ("linear", 1.0) if joint.kind == "prismatic" else ("angular", DEGREES)
-    prim.apply(f"PhysicsJointStateAPI:{name}")
-    prim.numbers("float", f"state:{name}:physics:position", position / unit)
+    drive, engine, axis = f"PhysicsDriveAPI:{name}", "PhysxJointAPI", f"PhysxJointAxisAPI:{name}"
+    rows = (
+        (joint.lower, "", "physics:lowerLimit", unit),
+        (joint.upper, "", "physics:upperLimit", unit),
+        (joint.effort if driven else np.inf, drive, f"drive:{name}:physics:maxForce", 1.0),
+        (joint.velocity, engine, "physxJoint:maxJointVelocity", unit),
+        (joint.rotor_inertia * joint.gear_ratio**2 or np.inf, engine, "physxJoint:armature", 1.0),
+        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:staticFrictionEffort", 1.0),
+        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:dynamicFrictionEffort", 1.0),
+        (joint.damping or np.inf, axis, f"physxJointAxis:{name}:viscousFrictionCoefficient", 1 / unit),
+        (
+            np.inf if home is None else angle_of(home), f"PhysicsJointStateAPI:{name}",
+            f"state:{name}:physics:position", unit,
+        ),
+    )  # fmt: skip
+    for value, schema, attribute, of_file in rows:
+        if np.isfinite(value):
+            if schema:
+                prim.apply(schema)
+            prim.numbers("float", attribute, value / of_file)

@@ -44,13 +44,13 @@ def number(node: Node | None, tag: str, default: float = 0.0, *, infinite: bool 
 
 
 def flag(node: Node, tag: str, default: bool = False) -> bool:
-    """Return a child as true or false.
+    """Return a child as true or false; the default if it is absent or empty.
 
     Raises:
         ModelError: The text is neither, or the child is stated twice.
     """
     child = node.child(tag)
-    if child is None:
+    if child is None or not child.content():
         return default
     text = child.content().lower()
     if text not in ("true", "false", "1", "0"):

@@ -28,8 +28,8 @@ UNREAD = {
     "piston": "a revolute and a prismatic joint; programs never agreed on its meaning",
 }
 
-#: Importance from which a joint keeps its position: a loop is cut beside it, not at it.
-KEPT = 4
+#: Importance of a joint whose position something needs: a loop is cut beside it, not at it.
+NEEDED = 4
 
 #: What is noted of joints, each once for all of them.
 STOPS = "stiffness and dissipation of joint stops are not read (the effect stop has them)"
@@ -102,7 +102,6 @@ class Stated(StatedJoint):
         axes: Its axes.
         must_close: Whether the file asks that it closes a loop.
         rotor: Rotor inertia [kg m^2] and gear ratio, as in `records.Joint`.
-        importance: How much would be lost if it were only a closure.
     """
 
     item: Item
@@ -112,7 +111,6 @@ class Stated(StatedJoint):
     axes: tuple[Axis, ...]
     must_close: bool
     rotor: dict[str, float]
-    importance: int = 0
 
 
 @dataclass
@@ -143,21 +141,23 @@ def read_joints(models: Models, file: str, remarks: Remarks) -> list[Stated]:
     """
     joints = [_read_joint(item, models, file, remarks) for item in models.every("joint")]
     leaders = {axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None}
-    joints = [replace(joint, importance=_importance(joint, leaders)) for joint in joints]
-    children: set[str] = set()
-    out = {}
-    for joint in sorted(joints, key=lambda joint: (joint.must_close, -joint.importance)):
-        again = joint.ends[1] in children or joint.ends[1] == WORLD
-        out[joint.item] = replace(joint, rank=(joint.must_close, -joint.importance, again))
+    importance = {joint.item: _importance(joint, leaders) for joint in joints}
+    children, out = {WORLD}, {}
+    for joint in sorted(joints, key=lambda joint: (joint.must_close, -importance[joint.item])):
+        weight = importance[joint.item]
+        rank = joint.must_close, -weight, joint.ends[1] in children
+        needed = weight == NEEDED or joint.kind == "revolute2"
+        out[joint.item] = replace(joint, rank=rank, needed=needed)
         children.add(joint.ends[1])
     return [out[joint.item] for joint in joints]
 
 
 def _importance(joint: Stated, leaders: Collection[Item]) -> int:
+    """Return how much would be lost if a joint were only a closure."""
     if joint.kind == "fixed":
-        return KEPT + 1
+        return NEEDED + 1
     if joint.rotor["rotor_inertia"] or joint.item in leaders or any(axis.needed for axis in joint.axes):
-        return KEPT
+        return NEEDED
     if any(axis.limited for axis in joint.axes):
         return 3
     return 1 if joint.kind == "ball" else 2
@@ -186,7 +186,7 @@ def _read_joint(item: Item, models: Models, file: str, remarks: Remarks) -> Stat
     first, second = (WORLD if end is None else end.full_name for end in (parent, child))
     line = node.line if node.file == file else None
     return Stated(
-        item.full_name, (first, second), (), line, item, kind, (parent, child), models.pose(item),
+        item.full_name, (first, second), (), line, False, item, kind, (parent, child), models.pose(item),
         tuple(axes), _must_close(node, item, remarks), _rotor(node, kind),
     )  # fmt: skip
 
@@ -247,11 +247,11 @@ def _read_axis(node: Node, item: Item, models: Models, remarks: Remarks) -> Axis
         if dynamics is not None and value < 0:
             raise dynamics.error(f"negative {tag} {value:g}")
     stiffness = forces.pop("spring_stiffness")
-    start = node.child("initial_position")
+    start = fields.word(node, "initial_position")
     return Axis(
         models.pose(place)[:3, :3] @ local, _limits(node.child("limit"), item, remarks) | forces, stiffness,
         fields.number(dynamics, "spring_reference"),
-        None if start is None else fields.number(node, "initial_position"), _mimic(node, item, models),
+        fields.number(node, "initial_position") if start else None, _mimic(node, item, models),
     )  # fmt: skip
 
 

@@ -42,8 +42,8 @@ def _link(item: Item, robot: RobotFile, assumed: list[str]) -> Link:
         assumed.append(item.full_name)
         return Link(item.full_name, 1.0, np.zeros(3), np.eye(3), line)
     _refuse_unread(inertial)
-    mass, tensor = inertial.child("mass"), inertial.child("inertia")
-    if mass is None or tensor is None:
+    tensor = inertial.child("inertia")
+    if tensor is None or not fields.word(inertial, "mass"):
         assumed.append(item.full_name)
     weight = fields.number(inertial, "mass", 1.0)
     if weight < 0:
@@ -70,7 +70,7 @@ def _refuse_unread(inertial: Node) -> None:
     if frame:
         raise inertial.error(f"its pose is relative to '{frame}'; SDFormat has it in the link's frame")
     added = inertial.child("fluid_added_mass")
-    if added is not None and any(entry.content_number() for entry in added.children()):
+    if added is not None and any(fields.number(added, entry.tag) for entry in added.children()):
         raise added.error("the inertia of displaced fluid is not read; remove it")
 
 

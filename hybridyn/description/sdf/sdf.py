@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..closure_forms import FORMS
-from ..joint_graph import WORLD, JointGraph, Step, span
+from ..joint_graph import WORLD, Chain, Closing, JointGraph, Step, span
 from ..names import listed
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..records import Array, Coupling, JointKind
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
-from .joints import AXES, KEPT, Axis, Mimic, Remarks, Stated, read_joints
+from .joints import AXES, Axis, Mimic, Remarks, Stated, read_joints
 from .library import Library
 from .links import add_links
 from .models import Item, Models
@@ -85,19 +85,18 @@ class _Builder:
             joint for joint in joints if joint.kind == "fixed" and WORLD in joint.ends
             and np.array_equal(self.models.pose(joint.links[joint.ends[0] == WORLD]), np.eye(4))
         ]  # fmt: skip
-        branches = self.graph.stand(tree, poses, welds)
+        self.graph.fill(tree, poses, welds, self._chain, self._closing)
         if self.robot.base == "floating":
             self.robot.notes.append(
                 "nothing joins the model to the world, so its base floats; to hold it, load it with "
                 "base='fixed', or write a fixed joint with <parent>world</parent>"
             )
-        for joint, forward in branches:
-            ends = joint.ends if forward else joint.ends[::-1]
-            steps, frames = self._chain(joint, forward)
-            self.graph.carry(
-                steps, (self.graph.links[ends[0]], self.graph.links[ends[1]]), frames, joint, forward
+        whole = [joint for joint in tree.cut if not joint.needed]
+        if limited := [joint.name for joint in whole if any(axis.limited for axis in joint.axes)]:
+            self.robot.notes.append(
+                f"limits of closures are not read: {listed(limited)}; to keep them, cut another joint of the "
+                "loop (<physics><simbody><must_be_loop_joint>true)"
             )
-        self._close(tree.cut)
         for joint in joints:
             for number, axis in enumerate(joint.axes):
                 if axis.mimic is not None:
@@ -118,7 +117,7 @@ class _Builder:
             *names,
         ]
 
-    def _chain(self, joint: Stated, forward: bool) -> tuple[list[Step], tuple[Array, Array]]:
+    def _chain(self, joint: Stated, forward: bool) -> Chain:
         """Return a joint as a chain from the link above to that below, and its frame in both.
 
         The frame has the axes of the link below.
@@ -141,31 +140,15 @@ class _Builder:
         self.steps[joint.item] = names
         return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
 
-    def _close(self, cut: list[Stated]) -> None:
-        """Add the joints that close loops.
-
-        A joint with a position that something needs (a motor, a spring, a coupling) stays a joint: it carries
-        a massless link, and a fixed closure welds that to its child.
-        """
-        whole = [joint for joint in cut if joint.kind in CLOSURES and joint.importance != KEPT]
-        for joint in cut:
-            if joint in whole:
-                kind = CLOSURES[joint.kind]
-                form, turns = FORMS[kind], [np.eye(3)] * 2
-                if form.has_axis:
-                    along = [tidy(joint.at[:3, :3].T @ axis.direction) for axis in joint.axes]
-                    turns = [rotation_to_axis(along[0]), rotation_to_axis(along[-1])]
-                frames = [inverse(self.models.pose(link)) @ joint.at for link in joint.links]
-                self.graph.close(joint, kind, frames, (form.translations, form.rotation), turns)
-            else:
-                forward = joint.links[1] is not None
-                steps, frames_of_ends = self._chain(joint, forward)
-                self.graph.carry_and_weld(steps, frames_of_ends, joint, forward)
-        if limited := [joint.name for joint in whole if any(axis.limited for axis in joint.axes)]:
-            self.robot.notes.append(
-                f"limits of closures are not read: {listed(limited)}; to keep them, cut another joint of the "
-                "loop (<physics><simbody><must_be_loop_joint>true)"
-            )
+    def _closing(self, joint: Stated) -> Closing:
+        """Return a joint as a closure."""
+        kind = CLOSURES[joint.kind]
+        form, turns = FORMS[kind], [np.eye(3)] * 2
+        if form.has_axis:
+            along = [tidy(joint.at[:3, :3].T @ axis.direction) for axis in joint.axes]
+            turns = [rotation_to_axis(along[0]), rotation_to_axis(along[-1])]
+        frames = [inverse(self.models.pose(link)) @ joint.at for link in joint.links]
+        return Closing(kind, frames, form.translations, form.rotation, turns)
 
     def _coupling(self, follower: str, mimic: Mimic, line: int | None) -> Coupling:
         kind = mimic.joint.node.text("type")

@@ -127,7 +127,7 @@ def gravity_of(world: Node | None) -> tuple[float, float, float] | None:
     node = world.child("gravity")
     for physics in world.children("physics"):  # SDFormat 1.4
         node = node or physics.child("gravity")
-    if node is None:
+    if node is None or not node.content():
         return GRAVITY
     x, y, z = (float(number) for number in node.content_numbers(3))
     return x, y, z

@@ -103,7 +103,7 @@ def actuated(stage: Stage) -> set[str]:
     return {path for prim in actuators for path in prim.targets.get("mjc:target", ())}
 
 
-def needs_position(prim: Prim, axes: list[str]) -> bool:
+def is_heavy(prim: Prim, axes: list[str]) -> bool:
     """Return whether a joint has armature or friction about one of its axes ("angular")."""
     stated = [name.format(axis) for word, name, _ in ROWS for axis in axes if word in WEIGHTS]
     return any(prim.states(name) and prim.values[name] for name in stated)

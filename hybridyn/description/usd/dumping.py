@@ -6,7 +6,7 @@ import math
 import struct
 from typing import Any
 
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from .layers import RefusedError
 
@@ -86,10 +86,6 @@ def _prim(prim: Any) -> dict[str, Any]:
             out["matrix"] = [list(row) for row in matrix]
         if place.GetResetXformStack():
             out["resets"] = True
-    if prim.HasAPI(UsdPhysics.CollisionAPI):
-        material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
-        if material:
-            out["material"] = str(material.GetPath())
     return out
 
 

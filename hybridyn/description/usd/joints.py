@@ -15,7 +15,7 @@ from ..joint_graph import WORLD, StatedJoint, neighbours
 from ..placement import inverse, placement_from
 from ..records import Array
 from .bodies import Bodies
-from .driving import DEGREES, is_limited, needs_position
+from .driving import DEGREES, is_heavy, is_limited
 from .naming import names_of
 from .stage import Prim
 
@@ -54,9 +54,10 @@ class UsdJoint(StatedJoint):
             return "angular"
         return "linear" if self.prim.kind == "PhysicsPrismaticJoint" else axis
 
-    def needs_position(self) -> bool:
-        """Return whether it has armature or friction."""
-        return needs_position(self.prim, [self.instance(axis) for axis in self.free])
+    @property
+    def heavy(self) -> bool:
+        """Whether it has armature or friction."""
+        return is_heavy(self.prim, [self.instance(axis) for axis in self.free])
 
     def chain(self) -> list[str]:
         """Return its axes as joints one after the other; "ball" has three freedoms."""
@@ -99,10 +100,9 @@ def read_joints(bodies: Bodies, bound: Collection[str], notes: list[str]) -> lis
     joints = [joint for joint in joints if len(joint.free) < len(AXES)]
     depths = _depths([WORLD, *starts(bodies, joints)], joints)
     return [
-        replace(joint, rank=(
-            joint.prim.path not in bound, joint.excluded,
-            not (joint.needs_position() or is_limited(joint.prim)), joint.free == AXES[3:],
-            sum(depths[end] for end in joint.ends),
+        replace(joint, needed=joint.prim.path in bound or joint.heavy, rank=(
+            joint.prim.path not in bound, joint.excluded, not (joint.heavy or is_limited(joint.prim)),
+            joint.free == AXES[3:], sum(depths[end] for end in joint.ends),
         ))
         for joint in joints
     ]  # fmt: skip
@@ -148,7 +148,7 @@ def _joint(bodies: Bodies, prim: Prim, name: str) -> UsdJoint:
     ends = (WORLD if first is None else first.path, WORLD if second is None else second.path)
     free, limits = _freedoms(prim)
     joint = UsdJoint(
-        name, ends, (), None, prim, (first, second), (first_frame, second_frame), free, limits,
+        name, ends, (), None, False, prim, (first, second), (first_frame, second_frame), free, limits,
         prim.flag("physics:excludeFromArticulation", False),
     )  # fmt: skip
     _check_instances(joint)

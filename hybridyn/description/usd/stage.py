@@ -30,7 +30,6 @@ class Prim:
         targets: Paths that its relationships name.
         matrix: Its transform in its parent as USD writes it (rows are images of axes), shape (4, 4), or None.
         resets: Whether its transform is one in the world.
-        material: Path of the physics material, or None.
         parent: The prim above it, or None.
     """
 
@@ -43,7 +42,6 @@ class Prim:
     targets: dict[str, list[str]]
     matrix: Array | None
     resets: bool
-    material: str | None
     parent: Prim | None
 
     @property
@@ -84,9 +82,7 @@ class Prim:
         """Return a number, infinite where its size is beyond `UNBOUNDED`."""
         if not self.states(name):
             return default
-        value = self.values[name]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(f"'{name}' is not a number")
+        value = self._value(name, (int, float), "a number")
         if np.isnan(value):
             raise self.error(f"'{name}' is not a number (nan)")
         return float(np.copysign(np.inf, value)) if abs(value) > UNBOUNDED else float(value)
@@ -103,40 +99,28 @@ class Prim:
             raise self.error(f"'{name}' is not finite, or too large")
         return out
 
-    def quaternion(self, name: str) -> Array | None:
-        """Return a unit quaternion w, x, y, z, shape (4,), or None if none is authored."""
-        if not self.states(name):
-            return None
-        out = self.vector(name, (1.0, 0.0, 0.0, 0.0))
-        length = float(np.linalg.norm(out))
+    def rotation(self, name: str) -> Array:
+        """Return the rotation matrix of a quaternion w, x, y, z, shape (3, 3); identity without one."""
+        stated = self.vector(name, (1.0, 0.0, 0.0, 0.0))
+        length = float(np.linalg.norm(stated))
         if not length:
             raise self.error(f"'{name}' is the zero quaternion, which is no rotation")
-        return out / length
-
-    def rotation(self, name: str) -> Array:
-        """Return the rotation matrix of a quaternion, identity if none is authored, shape (3, 3)."""
-        found = self.quaternion(name)
-        if found is None:
-            return np.eye(3)
-        w, x, y, z = (float(part) for part in found)
+        w, x, y, z = (float(part) for part in stated / length)
         return rotation_from_quaternion(x, y, z, w)
 
     def flag(self, name: str, default: bool) -> bool:
         """Return a truth value."""
-        if not self.states(name):
-            return default
-        value = self.values[name]
-        if not isinstance(value, bool | int):
-            raise self.error(f"'{name}' is not true or false")
-        return bool(value)
+        return bool(self._value(name, (bool, int), "true or false")) if self.states(name) else default
 
     def word(self, name: str, default: str) -> str:
         """Return a text."""
-        if not self.states(name):
-            return default
+        return str(self._value(name, (str,), "a word")) if self.states(name) else default
+
+    def _value(self, name: str, kinds: tuple[type, ...], what: str) -> Any:
+        """Return the value of an attribute, which has to be of some kind."""
         value = self.values[name]
-        if not isinstance(value, str):
-            raise self.error(f"'{name}' is not a word")
+        if not isinstance(value, kinds) or (bool not in kinds and isinstance(value, bool)):
+            raise self.error(f"'{name}' is not {what}")
         return value
 
 
@@ -179,6 +163,6 @@ class Stage:
             self.prims[path] = Prim(
                 self, path, str(one["type"]), tuple(one["schemas"]), one.get("values", {}),
                 frozenset(one.get("animated", ())), one.get("targets", {}), matrix,
-                bool(one.get("resets")), one.get("material"), self.prims.get(path.rpartition("/")[0]),
+                bool(one.get("resets")), self.prims.get(path.rpartition("/")[0]),
             )  # fmt: skip
         self.default = self.prims.get(dump["default"])

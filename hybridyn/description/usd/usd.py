@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import ModelError
 from ..closure_forms import ROWS, form_of_rows
-from ..joint_graph import WORLD, JointGraph, Step, Tree, span
+from ..joint_graph import Chain, Closing, JointGraph, Step, Tree, span
 from ..names import listed
 from ..records import JointKind, Link
 from ..robot_file import RobotFile
@@ -86,20 +86,15 @@ class _Builder:
         ]  # fmt: skip
         for path, mass in masses(bodies).items():
             robot.links.append(Link(self.graph.links[path], mass.mass, mass.com, mass.inertia))
-        for joint, forward in self.graph.stand(tree, poses, welds):
-            near, far = (self.graph.links[end] for end in (joint.ends if forward else joint.ends[::-1]))
-            frames = joint.frames if forward else joint.frames[::-1]
-            self.graph.carry(self._steps(joint, forward), (near, far), frames, joint, forward)
-        for joint in tree.cut:
-            self._close(joint)
+        self.graph.fill(tree, poses, welds, self._chain, _closing)
         robot.couplings += couplings(
             self.stage, {joint.prim.path: joint for joint in self.joints}, self.names, robot.notes
         )
         self.motors.state(robot)
         add_home(robot, bodies, self.made, self.names)
 
-    def _steps(self, joint: UsdJoint, forward: bool) -> list[Step]:
-        """Return the chain of a joint from its parent to its child; add its motors."""
+    def _chain(self, joint: UsdJoint, forward: bool) -> Chain:
+        """Return a joint as a chain from its parent to its child; add its motors."""
         chain, prim, steps = joint.chain(), joint.prim, []
         names = self.names[prim.path] = {}
         for axis in chain:
@@ -117,21 +112,7 @@ class _Builder:
             steps.append(Step(name, kind, direction(axis), numbers))
             self.motors.add(prim, instance, name, prim.path in self.actuated and len(chain) == 1)
         self.made.append((joint, forward))
-        return steps if forward else steps[::-1]
-
-    def _close(self, joint: UsdJoint) -> None:
-        """Add a joint that closes a loop; one whose position something needs stays a joint."""
-        if joint.prim.path in self.bound or joint.needs_position():
-            forward = joint.ends[1] != WORLD
-            frames = joint.frames if forward else joint.frames[::-1]
-            self.graph.carry_and_weld(self._steps(joint, forward), frames, joint, forward)
-            return
-        form = form_of_rows(
-            " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.free)
-        )
-        kind = joint.prim.kind.removeprefix("Physics").removesuffix("Joint").lower() or "rows"
-        turn = form.rotation_of_frames
-        self.graph.close(joint, kind, joint.frames, (form.translations, form.rotation), (turn, turn))
+        return (steps, joint.frames) if forward else (steps[::-1], joint.frames[::-1])
 
     def _note(self, tree: Tree[UsdJoint]) -> None:
         """Add remarks where the cuts are not those of the file."""
@@ -147,9 +128,22 @@ class _Builder:
                 f"joints {listed(kept)} are excluded from the articulation, but are driven or coupled, or "
                 "are the only joint of a body: they are joints of the tree"
             )
-        limited = [joint.prim.path for joint in tree.cut if np.isfinite([*joint.limits.values()]).any()]
+        limited = [
+            joint.prim.path
+            for joint in tree.cut
+            if np.isfinite([*joint.limits.values()]).any() and not joint.needed
+        ]
         if limited:
             self.robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
+
+
+def _closing(joint: UsdJoint) -> Closing:
+    """Return a joint as a closure."""
+    rows = [row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.free]
+    form = form_of_rows(" ".join(rows))
+    kind = joint.prim.kind.removeprefix("Physics").removesuffix("Joint").lower() or "rows"
+    turn = form.rotation_of_frames
+    return Closing(kind, joint.frames, form.translations, form.rotation, (turn, turn))
 
 
 def _add_notes(robot: RobotFile, bodies: Bodies) -> None:
