@@ -1,6 +1,7 @@
 """What a study measures: loads of the motors, columns of the motion, workspaces, functions in Python.
 
 peak_effort, rms_effort, ...      of the motor with the largest one
+peak_effort[N m]                  the same of the motors with this unit
 max m1_left_elbow/position        a statistic (peak, max, min, mean, rms) of a column
 cost.py:cost                      a function of (robot, motion) in a file beside the study
 """
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -75,6 +76,25 @@ OF_MOTORS: dict[str, Callable[[Loads], float]] = {
     "stroke_margin": _margin(_stroke),
 }
 
+#: Measures whose unit is that of the motor, with the units of slides and of joints that turn.
+OF_KIND = {
+    f"{what}_{of}": units
+    for of, units in {"effort": ("N", "N m"), "speed": ("m/s", "rad/s")}.items()
+    for what in ("peak", "rms")
+}
+
+
+def _of_slides(word: str, linear: bool) -> Callable[[Loads], float]:
+    """Return a measure of the motors that are slides, or of the others."""
+    return lambda loads: OF_MOTORS[word]([load for load in loads if load.linear == linear])
+
+
+OF_MOTORS |= {
+    f"{word}[{unit}]": _of_slides(word, linear)
+    for word, units in OF_KIND.items()
+    for unit, linear in zip(units, (True, False), strict=True)
+}
+
 #: Measures of a workspace.
 OF_WORKSPACE: dict[str, Callable[[Workspace], float]] = {
     "poses": lambda found: float(len(found.index)),
@@ -123,9 +143,9 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
     statistic, _, column = word.partition(" ")
     statistics = {"trajectory": [*STATISTICS], "scene": [*STATISTICS, EVENT], "workspace": []}[kind]
     of_column = statistic in statistics and column
-    if word in known:
+    if word in known and (named or "[" not in word):
         return
-    if PYTHON not in word and not of_column:
+    if word not in known and PYTHON not in word and not of_column:
         more = f", '{'|'.join(STATISTICS)} COLUMN'" if statistics else ""
         more += f", '{EVENT} NAME'" if EVENT in statistics else ""
         hint = did_you_mean(word, known)
@@ -135,6 +155,26 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
         )
     if not named:
         raise source.error(keys, f"'{word}' needs a name: measure = {{ name = \"{word}\" }}")
+
+
+def check_units(robot: HybridRobot, words: Iterable[str]) -> None:
+    """Check that a largest effort or speed is one of motors with the same unit.
+
+    Raises:
+        ModelError: The motors have different units, or none has the unit of a measure.
+    """
+    slides = {unit == "N" for unit in robot.effort_units}
+    for word in words:
+        name, _, unit = word.partition("[")
+        if name in OF_KIND and not unit and len(slides) > 1:
+            of_slides, others = (f"'{name}[{unit}]'" for unit in OF_KIND[name])
+            raise ModelError(
+                f"measure '{word}': the motors are slides and joints that turn, whose {name} do not compare; "
+                f"write {of_slides}, {others} or 'peak MOTOR/effort'",
+                element=word,
+            )
+        if name in OF_KIND and unit and (unit == f"{OF_KIND[name][0]}]") not in slides:
+            raise ModelError(f"measure '{word}': no motor has this unit", element=word)
 
 
 @dataclass(eq=False)
@@ -176,9 +216,11 @@ class Gauge:
     _blocks: list[tuple[Postures, Array]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        check_units(self.robot, self.wanted.values())
         of_motors = any(word in OF_MOTORS for word in self.wanted.values())
         self._sizing = Sizing(self.robot) if of_motors else None
-        asked = [word.partition(" ")[2] for word in self.wanted.values() if PYTHON not in word]
+        columns = [word for word in self.wanted.values() if PYTHON not in word and word not in OF_MOTORS]
+        asked = [word.partition(" ")[2] for word in columns]
         self._columns = {column: [] for column in asked if column}
 
     def add(self, block: Postures, tau: Array) -> None:

@@ -1,0 +1,92 @@
+"""Peaks of motors with different units do not compare: a study names the unit, or is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.errors import HybridynError, ModelError
+from hybridyn.studies.sweep.measures import OF_KIND, check_units
+from hybridyn.studies.sweep.shards import read_shards
+from tests.command_line import table_text
+from tests.files import save
+from tests.robot_texts import INERTIAL
+
+#: A slide that carries a joint that turns: their efforts are in N and in N m.
+ARM = (
+    f'<robot name="arm"><link name="base"/><link name="slider">{INERTIAL}</link><link name="tool">{INERTIAL}'
+    '</link><joint name="lift" type="prismatic"><parent link="base"/><child link="slider"/>'
+    '<axis xyz="0 0 1"/>'
+    '<limit lower="-1" upper="1" effort="100" velocity="1"/></joint>'
+    '<joint name="turn" type="revolute"><parent link="slider"/><child link="tool"/><axis xyz="0 1 0"/>'
+    '<limit lower="-3" upper="3" effort="100" velocity="1"/></joint></robot>'
+)
+STUDY = """[robot]
+file = "arm.urdf"
+[designs]
+method = "grid"
+[parameters]
+mass = {{ values = [1.0, 2.0] }}
+[numbers]
+"mass:tool" = "mass"
+[tasks.follow]
+trajectory = "traj.csv"
+measure = {measure}
+"""
+TIME = 0.1 * np.arange(6)
+COLUMNS = ["time", *(f"{joint}/{what}" for joint in ("lift", "turn") for what in ("position", "velocity"))]
+MOTION = np.column_stack([TIME, 0.1 * TIME**2, 0.2 * TIME, 0.3 * TIME, 0.3 + 0 * TIME])
+
+
+def study(folder: Path, measure: str) -> Path:
+    save(folder, ARM, "arm.urdf")
+    save(folder, table_text(COLUMNS, MOTION), "traj.csv")
+    return save(folder, STUDY.format(measure=measure), "study.toml")
+
+
+@pytest.mark.parametrize("word", OF_KIND)
+def test_a_peak_of_different_units_is_refused(word: str, tmp_path: Path) -> None:
+    robot = hybridyn.load(save(tmp_path, ARM, "arm.urdf"))
+    with pytest.raises(ModelError, match=rf"'{word}': the motors are slides and joints that turn") as error:
+        check_units(robot, [word])
+    for unit in OF_KIND[word]:
+        assert f"'{word}[{unit}]'" in str(error.value)
+        check_units(robot, [f"{word}[{unit}]"])
+
+
+def test_a_study_names_the_unit(tmp_path: Path) -> None:
+    """Each number is the peak of the one motor with its unit."""
+    measure = "{ force = 'peak_effort[N]', torque = 'peak_effort[N m]', rise = 'peak_speed[m/s]' }"
+    hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", format="csv", jobs=1)
+    (rows,) = read_shards(str(tmp_path / "out"))
+    for i, mass in enumerate((1.0, 2.0)):
+        robot = hybridyn.load(tmp_path / "arm.urdf").with_parameters({"mass:tool": mass})
+        motion = hybridyn.idm(robot, MOTION[:, 1::2], MOTION[:, 2::2], np.tile([0.2, 0.0], (len(TIME), 1)))
+        np.testing.assert_allclose(
+            [rows["force"][i], rows["torque"][i]], np.abs(motion).max(axis=0), rtol=1e-9
+        )
+        assert rows["rise"][i] == pytest.approx(0.2 * TIME[-1])
+
+
+@pytest.mark.parametrize(
+    ("measure", "said"),
+    [
+        ('["peak_effort"]', "write 'peak_effort[N]', 'peak_effort[N m]' or 'peak MOTOR/effort'"),
+        ("['peak_effort[N]']", "needs a name"),
+        ("{ a = 'peak_effort[kN]' }", "there is no measure"),
+    ],
+)
+def test_studies_that_compare_different_units_are_one_line(measure: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(HybridynError) as error:
+        hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", jobs=1)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_unit_that_no_motor_has_is_refused(tmp_path: Path) -> None:
+    one = ARM.replace('type="prismatic"', 'type="revolute"')
+    robot = hybridyn.load(save(tmp_path, one, "one.urdf"))
+    with pytest.raises(ModelError, match="no motor has this unit"):
+        check_units(robot, ["peak_speed[m/s]"])
+    check_units(robot, ["peak_speed", "peak_speed[rad/s]"])
