@@ -15,7 +15,6 @@ from tests.command_line import call
 from tests.comparing import refused
 from tests.conversion.facts import SINGLE
 from tests.conversion.features import coupled
-from tests.conversion.judge import written
 from tests.extras import needs
 from tests.robot_texts import CLOSED_FOUR_BAR, FOUR_BAR, save
 from tests.snippets import blocks
@@ -175,30 +174,6 @@ def test_names_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
         ModelError,
         r"the name 'four.x00bar' is empty, or has characters",
     )
-
-
-def test_numbers_of_balls_that_are_lost_are_listed(tmp_path: Path) -> None:
-    ball = Joint("ball", "spherical", "base", "arm", np.eye(4), np.array([0.0, 0.0, 1.0]))
-    ball = replace(ball, damping=0.1, friction=0.2, rotor_inertia=0.3, velocity=4.0, effort=5.0)
-    links = tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in ("base", "arm"))
-    d = Description("ball", links, (ball,))
-    limits = "limits of joints with several freedoms: 'ball'"
-    expected = {
-        ".sdf": {"damping, friction and rotors of joints with several freedoms: 'ball'", limits},
-        ".xml": {
-            "dry friction and rotors of joints with several freedoms: 'ball'",
-            limits,
-            "speed limits, which MuJoCo does not have: 'ball'",
-        },
-        ".usda": {limits},
-        ".urdf": {limits},
-    }
-    for ending, lines in expected.items():
-        assert set(written(d, tmp_path / f"ball{ending}").losses) == lines
-        if ending == ".urdf":
-            (found,) = read(tmp_path / "ball.urdf").joints
-            assert (found.kind, found.damping, found.friction) == ("spherical", 0.1, 0.2)
-            assert found.rotor_inertia == 0.3
 
 
 # -------------------- loops that are open at home

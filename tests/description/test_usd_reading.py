@@ -210,15 +210,6 @@ def test_an_excluded_joint_carries_what_hangs_on_nothing_else(tmp_path: Path) ->
     assert any("/robot/k" in note for note in found.notes)
 
 
-def test_joints_may_be_written_backwards(tmp_path: Path) -> None:
-    frames = at(0, "1, 2, 3", ".5, .5, .5, .5"), at(1, "3, 2, 1", ".8, 0, .6, 0")
-    swapped = at(1, "1, 2, 3", ".5, .5, .5, .5"), at(0, "3, 2, 1", ".8, 0, .6, 0")
-    forth = hybridyn.load(save(tmp_path, usda(body("a"), joint("Revolute", "j", "", "a", *frames))))
-    back = hybridyn.load(save(tmp_path, usda(body("a"), joint("Revolute", "j", "a", "", *swapped))))
-    q, v, a = np.array([0.3]), np.array([0.7]), np.array([1.1])
-    np.testing.assert_allclose(hybridyn.idm(back, -q, -v, -a), -hybridyn.idm(forth, q, v, a), rtol=1e-12)
-
-
 def test_names_are_unique_and_short(tmp_path: Path) -> None:
     def side(name: str) -> str:
         arm = prim(

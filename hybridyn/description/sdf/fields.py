@@ -110,8 +110,3 @@ def relative_to(node: Node | None) -> str:
             f'relative_to="{frame}" and version="1.7", or remove it'
         )
     return str(node.xml.get("relative_to", "")).strip()
-
-
-def unlimited(value: float) -> bool:
-    """Check whether a limit [m or rad] means that there is none."""
-    return abs(value) >= UNLIMITED

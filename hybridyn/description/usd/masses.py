@@ -5,11 +5,11 @@ USD computes what a body does not state from the shapes of its colliders; this i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
-from ..records import Array
+from ..records import Array, Link
 from .bodies import Bodies
 from .stage import Prim
 
@@ -20,23 +20,12 @@ INERTIA, AXES, PER_VOLUME = "physics:diagonalInertia", "physics:principalAxes", 
 MASS_SCHEMAS = ("PhysicsMassAPI", "NewtonMassAPI", "PhysicsMaterialAPI")
 
 
-@dataclass(frozen=True, eq=False)
-class Mass:
-    """Mass properties in the axes of a body.
+def links_of(bodies: Bodies, names: Mapping[str, str]) -> list[Link]:
+    """Return the moving bodies as links.
 
-    Attributes:
-        mass: Mass [kg].
-        com: Centre of mass, shape (3,), [m].
-        inertia: Inertia about it, shape (3, 3), [kg m^2].
-    """
-
-    mass: float
-    com: Array
-    inertia: Array
-
-
-def masses(bodies: Bodies) -> dict[str, Mass]:
-    """Return the mass properties of the moving bodies by path.
+    Args:
+        bodies: The bodies.
+        names: Names of the links by path.
 
     Raises:
         ModelError: A mass is negative, or would follow from shapes.
@@ -51,16 +40,16 @@ def masses(bodies: Bodies) -> dict[str, Mass]:
                 "states a mass but is neither a body nor a collider; apply PhysicsRigidBodyAPI to it, or "
                 "state the mass on its body"
             )
-    return {path: _mass(bodies, prim, colliders.get(path)) for path, prim in bodies.moving.items()}
+    return [_link(bodies, prim, colliders.get(path), names[path]) for path, prim in bodies.moving.items()]
 
 
-def _mass(bodies: Bodies, body: Prim, collider: Prim | None) -> Mass:
+def _link(bodies: Bodies, body: Prim, collider: Prim | None, name: str) -> Link:
     if body.states("newton:inertia") or body.states("newton:massModel"):
         raise body.error("newton:inertia and newton:massModel are not read; author physics:diagonalInertia")
     mass = _stated(body, MASS) * bodies.stage.kilograms
     com, inertia = _centre(bodies, body), _inertia(body)
     missing = [
-        name for name, value in ((MASS, mass or None), (CENTRE, com), (INERTIA, inertia)) if value is None
+        word for word, value in ((MASS, mass or None), (CENTRE, com), (INERTIA, inertia)) if value is None
     ]
     if collider is not None and missing:
         raise body.error(
@@ -71,7 +60,8 @@ def _mass(bodies: Bodies, body: Prim, collider: Prim | None) -> Mass:
         raise body.error(f"states a mass but no inertia, and has no collider; author {INERTIA}")
     if not mass and _stated(body, PER_VOLUME):
         raise body.error(f"states a density but has no collider; author {MASS} and {INERTIA}")
-    return Mass(mass, np.zeros(3) if com is None else com, np.zeros((3, 3)) if inertia is None else inertia)
+    com = np.zeros(3) if com is None else com
+    return Link(name, mass, com, np.zeros((3, 3)) if inertia is None else inertia)
 
 
 def _states_masses(prim: Prim) -> bool:

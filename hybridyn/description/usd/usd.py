@@ -16,14 +16,14 @@ from ...errors import ModelError
 from ..closure_forms import ROWS, form_of_rows
 from ..joint_graph import Chain, Closing, JointGraph, Step, Tree, span
 from ..names import listed
-from ..records import JointKind, Link
+from ..records import JointKind
 from ..robot_file import RobotFile
 from .bodies import Bodies
 from .couplings import coupled, couplings
 from .driving import Motors, actuated, is_driven, numbers_of, refuse_on_several
 from .homes import add_home
 from .joints import AXES, UsdJoint, direction, read_joints, starts
-from .masses import masses
+from .masses import links_of
 from .naming import names_of
 from .opening import open_usd
 from .scenes import gravity_of
@@ -84,8 +84,7 @@ class _Builder:
             joint for joint in self.joints
             if not joint.free and all(np.array_equal(frame, np.eye(4)) for frame in joint.frames)
         ]  # fmt: skip
-        for path, mass in masses(bodies).items():
-            robot.links.append(Link(self.graph.links[path], mass.mass, mass.com, mass.inertia))
+        robot.links += links_of(bodies, self.graph.links)
         self.graph.fill(tree, poses, welds, self._chain, _closing)
         robot.couplings += couplings(
             self.stage, {joint.prim.path: joint for joint in self.joints}, self.names, robot.notes
