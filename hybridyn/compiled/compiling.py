@@ -23,7 +23,7 @@ from .library.replacing import Replacement, check_bits, receive, run_in_turn
 from .model import CompiledRobot
 from .programs.designs import AtDesign, designs_to_verify
 from .programs.sources import MODELS, library_key, library_of
-from .verifying import verify
+from .verifying import verify, warn_of_handed_over
 
 #: Models that a quick build may begin with, the default first.
 FIRST = ("idm", "ddm")
@@ -143,6 +143,8 @@ class _Asked:
                 at_robot(self.effects, like) if self.parameters.size else self.effects,
                 required=required,
             )
+        if not self.parameters.size:
+            warn_of_handed_over(library, self.robot, self.effects)
 
 
 def build_optimised() -> None:

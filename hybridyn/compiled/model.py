@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,15 @@ from .library.current import Current
 from .library.replacing import Replacement
 from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
-from .programs.general import as_batches, check_batches, everywhere, general, general_rows, named
+from .programs.general import (
+    as_batches,
+    check_batches,
+    everywhere,
+    general,
+    general_rows,
+    named,
+    reasons,
+)
 from .programs.postures import refuse
 from .programs.quantities.link_calls import LinkQuantities
 from .programs.sources import library_of, write_programs
@@ -48,7 +57,7 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         parameters: Numbers that calls may change.
         dtype: Type of the arithmetic and of the results.
         threads: Number of threads that share a batch.
-        recomputed: Number of samples that the general path has computed so far.
+        handed_over: How many samples the general path has computed so far, by call and reason.
     """
 
     def __init__(
@@ -62,16 +71,29 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         self.robot, self.effects, self.threads = robot, effects, threads
         self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
         self._designs = DesignsInSlots(robot, self.parameters)
-        self.recomputed, self._followings = 0, {}
+        self.handed_over: Counter[str] = Counter()
+        self._followings = {}
         self._begin_postures()
         self._moving = robot.base == "moving"
         self._motors, self._rates = len(robot.motors), robot.nv
         self._current = Current(library, self._use)
 
     def __repr__(self) -> str:
-        """Describe the models in two lines: the robot and what is computed, and its coordinates."""
+        """Describe the models: the robot and what is computed, its coordinates, and what was handed over."""
         robot, coordinates = repr(self.robot).split("\n")
-        return f"Compiled models ({self.dtype}; {', '.join(self.effects.names)}) of {robot}\n{coordinates}"
+        text = f"Compiled models ({self.dtype}; {', '.join(self.effects.names)}) of {robot}\n{coordinates}"
+        handed = [f"{count} of {what}" for what, count in self.handed_over.most_common()]
+        return text + (f"\nhanded to the general path: {', '.join(handed)}" if handed else "")
+
+    @property
+    def recomputed(self) -> int:
+        """Number of samples that the general path has computed so far."""
+        return self.handed_over.total()
+
+    def hand_over(self, call: str, count: int, why: str = "") -> None:
+        """Count samples that the general path computes."""
+        if count:
+            self.handed_over[f"{call} ({why})" if why else call] += count
 
     def _use(self, library: Library) -> None:
         """Take the programs of a library; another thread may do this between two calls."""
@@ -183,7 +205,7 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         states = [q, v, tau, base] if self._moving else [q, v, tau]
         (result,), guard = calls.batch([*states, *arguments.values()], self.threads)
         doubtful = np.count_nonzero(~(guard <= calls.trusted))
-        self.recomputed += len(q) if doubtful else 0
+        self.hand_over("simulate", len(q) if doubtful else 0)
         return None if doubtful else result
 
     @property
@@ -232,7 +254,8 @@ class CompiledRobot(ControlSteps, LinkQuantities):
         doubtful = np.flatnonzero(~(guard <= calls.trusted))
         if len(doubtful):
             check_batches(batches, sizes)
-            self.recomputed += len(doubtful)
+            for why, count in reasons(self.robot, many["q"][doubtful], guard[doubtful]).items():
+                self.hand_over(name, count, why)
             log.info(
                 "%s: %d of %d samples computed by the general path (first: %d)",
                 name, len(doubtful), len(result), doubtful[0],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Callable
 from dataclasses import replace
@@ -87,6 +88,36 @@ def verify(library: Built, robot: HybridRobot, effects: Effects, *, required: bo
             "robot '%s': the compiled '%s' hands every one of %d random states to the general path%s",
             robot.description.name, name, drawn, comparison.reason or _reason(robot),
         )  # fmt: skip
+
+
+def warn_of_handed_over(library: Built, robot: HybridRobot, effects: Effects) -> None:
+    """Log a warning for each new model that hands most of `SAMPLES` random states to the general path.
+
+    The accelerations are any that keep the loops closed, as tables have them. States that the general path
+    refuses, for example since no motor drives a motion, do not count.
+    """
+    from .equations.states import any_accelerations, moving_states
+
+    if robot.base == "moving":
+        return
+    q, v, tau = moving_states(robot, SAMPLES)
+    a = any_accelerations(robot, q, v)
+    for name, model, last in (("idm", idm, a), ("ddm", ddm, tau)):
+        if name not in library.programs:
+            continue
+        doubtful = np.flatnonzero(~(library.batch(name, q, v, last)[1] <= GUARD_LIMIT))
+        if len(doubtful) <= SAMPLES // 2:
+            continue
+        good = 0
+        for t in doubtful:
+            with contextlib.suppress(HybridynError):
+                model(robot, q[t], v[t], last[t], effects=replace(effects, limits=None))
+                good += 1
+        if good > SAMPLES // 2:
+            log.warning(
+                "robot '%s': the compiled '%s' hands %d of %d random states to the general path%s",
+                robot.description.name, name, good, SAMPLES, _reason(robot),
+            )  # fmt: skip
 
 
 def check_trusted(guards: Callable[..., dict[str, Array]], robot: HybridRobot, effects: Effects) -> None:

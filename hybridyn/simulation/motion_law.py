@@ -131,7 +131,8 @@ class MotionLaw:
             yield
         finally:
             if compiled is not None:
-                compiled.recomputed = earlier + self.evaluations - before
+                left = earlier + self.evaluations - before - compiled.recomputed
+                compiled.hand_over("simulate", left)
 
     def closure_residual(self, q: Array) -> Array:
         """Compute the worst relative closure residual of assembled postures, shapes (T, nq) and (T,)."""
@@ -187,7 +188,7 @@ class MotionLaw:
         if self._compiled is not None:
             quick = self._compiled.accelerations(q, v, tau, base)
             if quick is not None:
-                self._compiled.recomputed += len(t) if fell_back else 0
+                self._compiled.hand_over("simulate", len(t) if fell_back else 0)
                 return quick, tau
         loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
         a = np.zeros_like(v)

@@ -152,7 +152,7 @@ def test_samples_by_the_general_path_are_counted_in_every_process(
     if command == "ddm":
         q = q.copy()
         q[::20] += SLIGHTLY_OPEN  # what motors cannot hold is no obstacle for the direct model
-        compiled.recomputed = 0
+        compiled.handed_over.clear()
         compiled.ddm(q, v, tau)
         assert compiled.recomputed == len(q[::20])
         open_loops = near_singular._replace(q=q)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...assembly.assemble import spanning_positions
 from ...dynamics.direct import ddm
+from ...dynamics.forward import forward
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
@@ -71,6 +72,23 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         v[:, module.v_index] = out
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
     return q, v, tau
+
+
+def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0) -> Array:
+    """Draw accelerations that keep the loops closed, whatever forces they need, shape (count, nv)."""
+    rng, out = np.random.default_rng(seed), np.zeros_like(v)
+    for state in forward(robot, q, v, out):
+        m, at = state.mechanism, state.module.v_index
+        basis = m.basis(state.K, m.closures.rates(m.tree.sweep(state.q, state.v), state.v)[1])
+        u_dot = rng.normal(size=basis.Psi.shape[::2])
+        x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
+        own = np.zeros((len(q), len(at)))
+        m.cut.to_spanning(x_ddot, own)
+        if m.spec.wrists:
+            target = m.tree.sweep(state.q, state.v, x_ddot)
+            m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)
+        out[:, at] = own
+    return out
 
 
 def _weight(robot: HybridRobot) -> Array:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...assembly.task import closure_residual
 from ...dynamics.direct import ddm
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
@@ -20,6 +22,11 @@ from .body_rows import body_rows
 
 #: Quantity of the columns of a table that stands for an argument.
 QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration", "tau": "effort"}
+#: Reasons for which a guard hands a sample over.
+NOT_FINITE, OPEN = "not finite", "loops open by more than rounding"
+SMALL = "a pivot nearly vanishes, rates leave the loops, or no motor gives a force"
+#: Closure residual from which on open loops are the reason, as `equations.guards.GUARD_CLOSED`.
+OPEN_LOOPS = 1e-11
 GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 
 
@@ -101,6 +108,20 @@ def general_rows(
         if len(rows) == len(given["q"]):
             raise
         return np.asarray(general(robot, effects, name, given)[rows])
+
+
+def reasons(robot: HybridRobot, q: Array, guard: Array) -> Counter[str]:
+    """Count why guards hand samples over: the numbers, the loops, or what the guard cannot tell apart.
+
+    Args:
+        q: Positions, shape (T, nq).
+        guard: Guards above their limit, shape (T,).
+    """
+    known = np.isfinite(q).all(axis=1)
+    opened = np.zeros(len(q), dtype=bool)
+    opened[known] = closure_residual(robot, q[known]) > OPEN_LOOPS
+    words = np.where(np.isnan(guard), NOT_FINITE, np.where(opened, OPEN, SMALL))
+    return Counter(words.tolist())
 
 
 def general(robot: HybridRobot, effects: Effects, name: str, given: Mapping[str, Any]) -> Array:

@@ -34,7 +34,7 @@ class Postures:
     robot: HybridRobot
     effects: Effects
     threads: int
-    recomputed: int
+    hand_over: Callable[..., None]
     _designs: DesignsInSlots
     _current: Current
 
@@ -79,7 +79,7 @@ class Postures:
         if parameters is None:
             return self._assemble(requests, guess)
         q, v, a, others = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
-        self.recomputed += others
+        self.hand_over("assemble", others)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
     def designs(
@@ -106,7 +106,7 @@ class Postures:
             TrajectoryError: The table or the parameters are wrong.
         """
         found = self._evaluator.table(parameters, by_name(motors), by_name(platforms))
-        self.recomputed += found.recomputed * found.q.shape[1]
+        self.hand_over("designs", found.recomputed * found.q.shape[1])
         return found
 
     def close(
@@ -193,7 +193,7 @@ class Postures:
         guess = start if each and start.ndim == 2 else first_guess(self.robot, last)
         close = self._evaluator.each if each else self._evaluator.assemble
         q, v, a, others = close(numbers, requests, guess)
-        self.recomputed += others
+        self.hand_over("assemble", others)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
     @cached_property
@@ -222,7 +222,7 @@ class Postures:
         before = assembler.recomputed
         requests = replace(requests, strict=guess is not None)
         q, v, a = assembler.assemble(requests, first_guess(assembler.robot, guess))
-        self.recomputed += assembler.recomputed - before
+        self.hand_over("assemble", assembler.recomputed - before)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 

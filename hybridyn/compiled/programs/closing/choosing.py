@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from ....linkage.tree import Motion
 from ....spatial import Array, cross
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
-from ...equations.spins import UNFELT, Spin, spins_of
 from .given import given_of, numbers_of
 from .part import CONTRADICTING_FILE, MOST_FREEDOMS, Part
+
+if TYPE_CHECKING:
+    from ...equations.spins import Spin
 
 
 class Placed(Mapping[int, Motion]):
@@ -137,6 +140,8 @@ def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | No
 
 def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
     """Return the idle spins of a module that neither loops nor targets determine."""
+    from ...equations.spins import UNFELT, spins_of
+
     m = module.mechanism
     K = problem.matrix(m.tree.sweep(m.postures))
     return tuple(

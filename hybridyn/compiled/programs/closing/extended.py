@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,8 +18,9 @@ from ....linkage.tree import Tree
 from ....spatial import Array
 from ....structure.mechanism import Mechanism
 from ....structure.module_spec import ModuleSpec
-from ...equations.links import links_of
-from ...equations.spins import Rod, rods_of, spins_of
+
+if TYPE_CHECKING:
+    from ...equations.spins import Rod
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,9 @@ def _along_rods(closures: Sequence[TreeClosure], rods: dict[int, Rod]) -> tuple[
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
+    from ...equations.links import links_of
+    from ...equations.spins import rods_of, spins_of
+
     joints, source = list(m.tree.joints), list(m.spec.tree_joint)
     unit, welds = [m.reduction.col_scale], []
     for number, wrist in enumerate(m.spec.wrists):

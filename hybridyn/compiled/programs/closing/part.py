@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from ....linkage.reduction import Block
 from ....spatial import Array
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
-from ...equations.spins import Spin
 from .extended import extended
 from .given import Given
+
+if TYPE_CHECKING:
+    from ...equations.spins import Spin
 
 #: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
 #: the general path.

@@ -47,7 +47,7 @@ class Quantities:
     effects: Effects
     threads: int
     dtype: np.dtype[Any]
-    recomputed: int
+    hand_over: Callable[..., None]
     _current: Current
     _followings: dict[tuple[str, ...], Following | None]
     _arguments: Callable[[Calls, ArrayLike | None, tuple[int, ...]], dict[str, Array]]
@@ -221,13 +221,13 @@ class Quantities:
             HybridynError: As the general path raises.
         """
         if compute is None or not len(arrays[0]):  # no samples: the general path knows the result's shape
-            self.recomputed += len(arrays[0])
+            self.hand_over(name, len(arrays[0]), "which it alone computes")
             out = general(*arrays).astype(self.dtype)
             return out[0] if single else out
         out, good = in_parts(compute, lanes, *arrays)
         doubtful = np.flatnonzero(~good)
         if len(doubtful):
-            self.recomputed += len(doubtful)
+            self.hand_over(name, len(doubtful))
             log.info("%s: %d of %d samples computed by the general path", name, len(doubtful), len(out))
             try:
                 out[doubtful] = general(*(x[doubtful] for x in arrays))

@@ -93,7 +93,7 @@ class LinkQuantities(Quantities):
         try:
             out = inverse_of(self.robot, np.reshape(D, (-1, *D.shape[-2:])), links, limit)
         except SingularityError:  # the general path decides, with its message
-            self.recomputed += len(D) if D.ndim == 3 else 1
+            self.hand_over("operational_inertia", len(D) if D.ndim == 3 else 1)
             out = operational_inertia(self.robot, q, links, axes=axes, effects=self.effects)
         return out.reshape(D.shape).astype(self.dtype, copy=False)
 

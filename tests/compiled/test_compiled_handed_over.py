@@ -1,0 +1,80 @@
+"""What the general path computes is counted with its reason, and told where it would be most samples."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.programs.general import NOT_FINITE, OPEN, SMALL, reasons
+from hybridyn.compiled.verifying import SAMPLES, warn_of_handed_over
+from hybridyn.effects.choice import choose
+from hybridyn.structure.building import build_robot
+from tests import rods
+from tests.shipped import shipped
+from tests.written_out import Interpreted
+
+
+class Doubtful(Interpreted):
+    """A library that trusts no sample of its inverse model."""
+
+    def batch(self, name: str, *inputs: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """Run one model; guards of "idm" are above their limit."""
+        parts, guard = super().batch(name, *inputs)
+        return parts, guard + 2.0 * (name == "idm")
+
+
+def test_a_model_that_hands_most_samples_over_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    robot = build_robot(shipped("five_bar"))
+    effects = choose(robot, None)
+    with caplog.at_level(logging.WARNING):
+        warn_of_handed_over(Interpreted(robot, ("idm", "ddm")), robot, effects)
+        assert not caplog.text
+        warn_of_handed_over(Doubtful(robot, ("idm", "ddm")), robot, effects)
+    assert f"the compiled 'idm' hands {SAMPLES} of {SAMPLES} random states to the general path" in caplog.text
+    assert "'ddm'" not in caplog.text
+
+
+def test_states_that_the_general_path_refuses_do_not_count(caplog: pytest.LogCaptureFixture) -> None:
+    """No motor drives a rod whose mass is beside its line: that is the robot's, and not the model's fault."""
+    robot = build_robot(rods.crank(3, beside=0.02))
+    with caplog.at_level(logging.WARNING):
+        warn_of_handed_over(Doubtful(robot, ("idm", "ddm")), robot, choose(robot, None))
+    assert not caplog.text
+
+
+def test_the_reasons_are_told_apart() -> None:
+    robot = build_robot(shipped("five_bar"))
+    q = np.tile(robot.home, (3, 1))
+    q[1, 0] += 1e-3
+    q[2, 0] = np.nan
+    assert reasons(robot, q, np.array([2.0, 1e9, np.nan])) == {SMALL: 1, OPEN: 1, NOT_FINITE: 1}
+
+
+def test_a_model_shows_what_it_handed_over() -> None:
+    robot = build_robot(shipped("five_bar"))
+    model = hybridyn.compile(robot)
+    assert "handed" not in repr(model)
+    q, still = np.tile(robot.home, (3, 1)), np.zeros((3, robot.nv))
+    q[1, 0] += 1e-7
+    model.idm(q, still, still)
+    assert model.recomputed == 1
+    assert repr(model).endswith(f"\nhanded to the general path: 1 of idm ({OPEN})")
+
+
+@pytest.mark.slow
+def test_a_new_model_is_asked(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """`compile` asks when it builds; a library from the cache was asked before."""
+    asked: list[str] = []
+    monkeypatch.setattr(
+        "hybridyn.compiled.compiling.warn_of_handed_over", lambda library, robot, on: asked.append(robot.name)
+    )
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
+    robot = build_robot(shipped("five_bar"))
+    for _ in range(2):
+        hybridyn.compile(robot)
+    assert asked == [robot.name]
