@@ -8,6 +8,7 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from tests.comparing import close_to
+from tests.description.reading import refused
 from tests.extras import needs
 from tests.files import save
 from tests.usd_texts import BODY, at, body, joint, prim, usda
@@ -37,6 +38,7 @@ GRIPPER = (
           "uniform double[] mjc:solref = [0.005, 1]", schemas=(*JOINT, "MjcEqualityJointAPI")),
     prim("MjcActuator", "turn", "rel mjc:target = </robot/wrist>", "double[] mjc:gear = [1, 0, 0, 0, 0, 0]"),
     prim("MjcActuator", "grip", "rel mjc:target = </robot/left_finger>"),
+    prim("PhysicsScene", "scene", "double mjc:option:density = 1.2", schemas=("MjcSceneAPI",)),
     prim("MjcKeyframe", "home", "double[] mjc:qpos = [0, 0, 0.01]"),
     prim("Xform", "cloth", schemas=("PhysxParticleClothAPI", "PhysxAutoParticleClothAPI")),
     prim("Mesh", "sponge", schemas=("PhysxDeformableBodyAPI", "PhysicsCollisionAPI")),
@@ -88,6 +90,7 @@ def test_numbers_and_notes_of_a_gripper(tmp_path: Path) -> None:
         "keyframes are not read: '/robot/home'",
         "deformable bodies and particles are not read: '/robot/cloth', '/robot/sponge'",
         "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read: '/robot/palm'",
+        "the fluid around the robot is not read: '/robot/scene'",
         "'mjc:solreflimit'",
     ):
         assert words in notes, words
@@ -117,6 +120,23 @@ def test_an_equality_of_joints_is_a_mimic_of_newton_too(
     (coupling,) = read(save(tmp_path, usda(*hinges), "robot.usda")).couplings
     assert coupling.terms == (("j_b", 1.0), ("j_a", -factor))
     assert coupling.offset == pytest.approx(offset, rel=1e-15)
+
+
+@pytest.mark.parametrize("gearing", [-2, 2])
+def test_a_mimic_of_two_engines_counts_once(gearing: float, tmp_path: Path) -> None:
+    """Converters write both: position + gearing x leader = 0 is position = -gearing x leader."""
+    follower = joint(
+        "Revolute", "k", "", "b", "rel physxMimicJoint:rotX:referenceJoint = </robot/j>",
+        f"float physxMimicJoint:rotX:gearing = {gearing}", "rel newton:mimicJoint = </robot/j>",
+        "float newton:mimicCoef1 = 2", schemas=("PhysxMimicJointAPI:rotX", "NewtonMimicAPI"),
+    )  # fmt: skip
+    text = usda(body("a"), body("b"), joint("Revolute", "j", "", "a"), follower)
+    file = save(tmp_path, text, "robot.usda")
+    if gearing > 0:
+        refused(file, "</robot/k>: couples this joint otherwise for PhysX than for Newton; keep one")
+        return
+    (coupling,) = read(file).couplings
+    assert coupling.terms == (("k", 1.0), ("j", -2.0))
 
 
 def test_an_equality_without_a_leader_holds_a_joint(tmp_path: Path) -> None:

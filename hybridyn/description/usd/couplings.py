@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from ..records import Coupling
+from .bodies import SINGLE_PRECISION
 from .joints import UsdJoint, unit_of
 from .stage import Prim, Stage
 
@@ -33,19 +36,33 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint], names: Names, notes:
         notes: Remarks for the user, to which soft couplings are added.
 
     Raises:
-        ModelError: A coupled joint is unknown or has several freedoms, or a coupling is no linear one.
+        ModelError: A coupled joint is unknown or has several freedoms, a coupling is no linear one, or those
+            of two engines differ.
     """
-    out = []
+    out: list[Coupling] = []
     for prim in stage.prims.values():
-        if (prim.has(NEWTON) or prim.has(MUJOCO)) and prim.flag("newton:mimicEnabled", True):
-            out.append(_newton(prim, joints, names))
         for axis in prim.instances(PHYSX):
             out.append(_physx(prim, axis, joints, names))
             if prim.number(f"physxMimicJoint:{axis}:naturalFrequency", 0.0) > 0:
                 notes.append(
                     f"<{prim.path}> is a compliant mimic in PhysX (naturalFrequency); it is read as rigid"
                 )
+        if (prim.has(NEWTON) or prim.has(MUJOCO)) and prim.flag("newton:mimicEnabled", True):
+            of_newton = _newton(prim, joints, names)
+            of_physx = next((one for one in out if one.name == of_newton.name), None)
+            if of_physx is None:
+                out.append(of_newton)
+            elif not _same(of_physx, of_newton):
+                raise prim.error("couples this joint otherwise for PhysX than for Newton; keep one coupling")
     return out
+
+
+def _same(one: Coupling, other: Coupling) -> bool:
+    """Return whether two couplings of a joint are one, to the single precision of files."""
+    if [name for name, _ in one.terms] != [name for name, _ in other.terms]:
+        return False
+    ours, theirs = ([*(factor for _, factor in of.terms), of.offset] for of in (one, other))
+    return np.allclose(ours, theirs, rtol=SINGLE_PRECISION, atol=SINGLE_PRECISION)
 
 
 def _newton(prim: Prim, joints: Mapping[str, UsdJoint], names: Names) -> Coupling:

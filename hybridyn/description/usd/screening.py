@@ -62,6 +62,9 @@ NEUTRAL: dict[str, tuple[float, str]] = {
 #: Damping of bodies that PhysX has by default, and that converters write.
 DAMPING = "physxRigidBody:angularDamping"
 
+#: Attributes of MuJoCo's scene that drag bodies.
+FLUID = ("mjc:option:density", "mjc:option:viscosity")
+
 #: Attributes of joints and bodies that are read, or that concern contacts, solvers and drawing alone.
 READ = (
     "physics:body", "physics:local", "physics:axis", "physics:lowerLimit", "physics:upperLimit",
@@ -119,6 +122,8 @@ def screen(stage: Stage, notes: list[str]) -> None:
             noted.setdefault(f"{DAMPING}, which holds bodies back in PhysX alone, is not read", []).append(
                 prim.path
             )
+        if any(prim.values.get(name) for name in FLUID):
+            noted.setdefault("the fluid around the robot is not read", []).append(prim.path)
         unread |= dict.fromkeys(_unread(prim))
     notes += [f"{reason}: {listed(paths)}" for reason, paths in noted.items()]
     if unread:
