@@ -186,7 +186,7 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     q = np.repeat(start[:, None], n, axis=1)
     good = np.ones((K, n), dtype=bool)
     coarse, every = np.arange(0, n, STRIDE), np.arange(n)
-    for have, todo in ((coarse[:1], coarse[1:]), (coarse, np.setdiff1d(every, coarse))):
+    for have, todo in ((coarse[:1], coarse[1:]), (coarse, every[every % STRIDE > 0])):
         if len(todo):
             guess = tree.integrate(*_interpolated(task, q, have, todo))
             result = task.solve(guess, samples[:, todo].ravel())
