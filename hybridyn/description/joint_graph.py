@@ -9,7 +9,7 @@ Bodies have keys; the key of the world is "".
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -39,6 +39,7 @@ class StatedJoint:
         ends: Keys of the two bodies that it joins; its position moves the second against the first.
         rank: Place in the order in which the tree takes joints, the least first.
         line: Line in the robot's file, or None.
+        closes: Whether the file asks that it closes a loop.
         needed: Whether something needs its position: it stays a joint where it closes a loop.
     """
 
@@ -46,6 +47,7 @@ class StatedJoint:
     ends: tuple[str, str]
     rank: tuple[float, ...]
     line: int | None
+    closes: bool
     needed: bool
 
 
@@ -70,11 +72,23 @@ class Tree(Generic[J]):
     held: bool
 
 
+def starts(bodies: Iterable[str], joints: Iterable[J], first: Collection[str]) -> list[str]:
+    """Return the bodies in the order in which groups without the world start at them.
+
+    Args:
+        bodies: Keys of the bodies in the order of the file.
+        joints: The joints; bodies that are never the second of one stand before others.
+        first: Bodies that the file names as roots, which stand before all others.
+    """
+    seconds = {joint.ends[1] for joint in joints if not joint.closes}
+    return sorted(bodies, key=lambda body: (body not in first, body in seconds))
+
+
 def span(bodies: Iterable[str], joints: Sequence[J]) -> Tree[J]:
     """Return the spanning trees of bodies and joints.
 
     Args:
-        bodies: Keys of the bodies; a group without the world starts at its first one.
+        bodies: Keys of the bodies, see `starts`; a group without the world starts at its first one.
         joints: The joints that connect them, in the order of the file.
     """
     groups: Groups[str] = Groups()

@@ -27,6 +27,16 @@ def word(node: Node, tag: str) -> str:
     return "" if child is None else child.content()
 
 
+def name_of(own: Node, model: Node) -> str:
+    """Return the name of a model.
+
+    Args:
+        own: The element `<include>`, which may name it, or the model itself.
+        model: The element `<model>`.
+    """
+    return (word(own, "name") if own.tag == "include" else "") or model.text("name")
+
+
 def number(node: Node | None, tag: str, default: float = 0.0, *, infinite: bool = False) -> float:
     """Return the number in a child.
 

@@ -100,7 +100,6 @@ class Stated(StatedJoint):
         links: Parent and child link, None for the world.
         at: Pose of the joint in the world, shape (4, 4).
         axes: Its axes.
-        must_close: Whether the file asks that it closes a loop.
         rotor: Rotor inertia [kg m^2] and gear ratio, as in `records.Joint`.
     """
 
@@ -109,7 +108,6 @@ class Stated(StatedJoint):
     links: tuple[Item | None, Item | None]
     at: Array
     axes: tuple[Axis, ...]
-    must_close: bool
     rotor: dict[str, float]
 
 
@@ -143,9 +141,9 @@ def read_joints(models: Models, file: str, remarks: Remarks) -> list[Stated]:
     leaders = {axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None}
     importance = {joint.item: _importance(joint, leaders) for joint in joints}
     children, out = {WORLD}, {}
-    for joint in sorted(joints, key=lambda joint: (joint.must_close, -importance[joint.item])):
+    for joint in sorted(joints, key=lambda joint: (joint.closes, -importance[joint.item])):
         weight = importance[joint.item]
-        rank = joint.must_close, -weight, joint.ends[1] in children
+        rank = joint.closes, -weight, joint.ends[1] in children
         needed = weight == NEEDED or joint.kind == "revolute2"
         out[joint.item] = replace(joint, rank=rank, needed=needed)
         children.add(joint.ends[1])
@@ -186,8 +184,8 @@ def _read_joint(item: Item, models: Models, file: str, remarks: Remarks) -> Stat
     first, second = (WORLD if end is None else end.full_name for end in (parent, child))
     line = node.line if node.file == file else None
     return Stated(
-        item.full_name, (first, second), (), line, False, item, kind, (parent, child), models.pose(item),
-        tuple(axes), _must_close(node, item, remarks), _rotor(node, kind),
+        item.full_name, (first, second), (), line, _must_close(node, item, remarks), False, item, kind,
+        (parent, child), models.pose(item), tuple(axes), _rotor(node, kind),
     )  # fmt: skip
 
 

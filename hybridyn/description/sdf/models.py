@@ -153,8 +153,8 @@ class Models:
 
     def _add(self, node: Node, scope: Item | None, source: Source, model: Node | None = None) -> Item:
         kind: Kind = {"include": "model"}.get(node.tag, node.tag)  # type: ignore[assignment]
-        name = fields.word(node, "name") if node.tag == "include" else ""
-        item = Item(kind, name or (model or node).text("name"), scope, node, source.minor, model or node)
+        model = model or node
+        item = Item(kind, fields.name_of(node, model), scope, node, source.minor, model)
         if item.name == "world" or (item.name.startswith("__") and item.name.endswith("__")):
             raise node.error(f"the name '{item.name}' is SDFormat's own; rename it")
         items = self._items.setdefault(item.path, {})

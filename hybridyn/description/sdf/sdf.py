@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..closure_forms import FORMS
-from ..joint_graph import WORLD, Chain, Closing, JointGraph, Step, span
+from ..joint_graph import WORLD, Chain, Closing, JointGraph, Step, span, starts
 from ..names import listed
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..records import Array, Coupling, JointKind
@@ -20,7 +20,7 @@ from ..urdf.xml_node import Node
 from .joints import AXES, Axis, Mimic, Remarks, Stated, read_joints
 from .library import Library
 from .links import add_links
-from .models import Item, Models
+from .models import MODEL, Item, Models
 from .world import choose_model, gravity_of
 
 #: Kinds of joints by type; those of several axes are chains.
@@ -79,8 +79,11 @@ class _Builder:
 
     def build(self, joints: list[Stated]) -> None:
         """Add joints, closures, couplings and springs to the robot."""
-        tree = span(self._starts(joints), joints)
+        model = self.models.robot
+        named = bool(model.model.xml.get("canonical_link"))
+        first = self.models.link(model, MODEL, model.model) if named else None
         poses = {link.full_name: self.models.pose(link) for link in self.links}
+        tree = span(starts(poses, joints, [] if first is None else [first.full_name]), joints)
         welds = [
             joint for joint in joints if joint.kind == "fixed" and WORLD in joint.ends
             and np.array_equal(self.models.pose(joint.links[joint.ends[0] == WORLD]), np.eye(4))
@@ -103,19 +106,6 @@ class _Builder:
                     name = self.steps[joint.item][number]
                     self.robot.couplings.append(self._coupling(name, axis.mimic, joint.line))
         self._add_springs(joints)
-
-    def _starts(self, joints: list[Stated]) -> list[str]:
-        """Return the links in the order in which groups without the world start at them."""
-        first = [] if not self.models.robot.model.xml.get("canonical_link") else [
-            self.models.link(self.models.robot, "__model__", self.models.robot.model)
-        ]  # fmt: skip
-        children = {joint.ends[1] for joint in joints if not joint.must_close}
-        names = [link.full_name for link in self.links]
-        return [
-            *(link.full_name for link in first if link is not None),
-            *(name for name in names if name not in children),
-            *names,
-        ]
 
     def _chain(self, joint: Stated, forward: bool) -> Chain:
         """Return a joint as a chain from the link above to that below, and its frame in both.

@@ -64,7 +64,7 @@ def choose_model(root: Node, library: Library, robot: RobotFile) -> Chosen:
             still += _names(own)
             continue
         model, source = library.open(own, library.source) if own.tag == "include" else (own, library.source)
-        name = (fields.word(own, "name") if own.tag == "include" else "") or model.text("name")
+        name = fields.name_of(own, model)
         if fields.flag(own, "static", fields.flag(model, "static")):
             still.append(name)
         else:
@@ -135,10 +135,7 @@ def gravity_of(world: Node | None) -> tuple[float, float, float] | None:
 
 def _refusal(root: Node, found: list[Chosen], still: list[str]) -> ModelError:
     if found:
-        names = listed(
-            (fields.word(one.own, "name") if one.own.tag == "include" else "") or one.model.text("name")
-            for one in found
-        )
+        names = listed(fields.name_of(one.own, one.model) for one in found)
         return root.error(f"{len(found)} models that move: {names}; {ONE_ROBOT}")
     if still:
         return root.error(f"no model that moves, only {listed(still)}; {STATIC}")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..joint_graph import WORLD, StatedJoint, neighbours
+from ..joint_graph import WORLD, StatedJoint, neighbours, starts
 from ..placement import inverse, placement_from
 from ..records import Array
 from .bodies import Bodies
@@ -38,7 +38,6 @@ class UsdJoint(StatedJoint):
         frames: Its frame in each of them, shape (4, 4), [m].
         free: The axes along which it moves, a subset of `AXES` in their order.
         limits: Limits by axis [m or rad].
-        excluded: Whether the file excludes it from the articulation.
     """
 
     prim: Prim
@@ -46,7 +45,6 @@ class UsdJoint(StatedJoint):
     frames: tuple[Array, Array]
     free: tuple[str, ...]
     limits: dict[str, tuple[float, float]]
-    excluded: bool
 
     def instance(self, axis: str) -> str:
         """Return the name under which schemas of several axes know an axis ("angular")."""
@@ -98,27 +96,20 @@ def read_joints(bodies: Bodies, bound: Collection[str], notes: list[str]) -> lis
         if len(joint.free) == len(AXES):
             notes.append(f"<{joint.prim.path}> locks no axis: it is not read")
     joints = [joint for joint in joints if len(joint.free) < len(AXES)]
-    depths = _depths([WORLD, *starts(bodies, joints)], joints)
+    depths = _depths([WORLD, *roots_of(bodies, joints)], joints)
     return [
         replace(joint, needed=joint.prim.path in bound or joint.heavy, rank=(
-            joint.prim.path not in bound, joint.excluded, not (joint.heavy or is_limited(joint.prim)),
+            joint.prim.path not in bound, joint.closes, not (joint.heavy or is_limited(joint.prim)),
             joint.free == AXES[3:], sum(depths[end] for end in joint.ends),
         ))
         for joint in joints
     ]  # fmt: skip
 
 
-def starts(bodies: Bodies, joints: list[UsdJoint]) -> list[str]:
-    """Return the bodies in the order in which groups without the world start at them.
-
-    Those with ArticulationRootAPI stand first, then those that are never the second of a joint.
-    """
-    seconds = {joint.ends[1] for joint in joints if not joint.excluded}
-    order = sorted(
-        bodies.moving.values(),
-        key=lambda body: (not body.has("PhysicsArticulationRootAPI"), body.path in seconds),
-    )
-    return [body.path for body in order]
+def roots_of(bodies: Bodies, joints: list[UsdJoint]) -> list[str]:
+    """Return the bodies in the order in which groups without the world start at them."""
+    named = [path for path, body in bodies.moving.items() if body.has("PhysicsArticulationRootAPI")]
+    return starts(bodies.moving, joints, named)
 
 
 def _depths(roots: list[str], joints: list[UsdJoint]) -> dict[str, int]:
@@ -148,8 +139,8 @@ def _joint(bodies: Bodies, prim: Prim, name: str) -> UsdJoint:
     ends = (WORLD if first is None else first.path, WORLD if second is None else second.path)
     free, limits = _freedoms(prim)
     joint = UsdJoint(
-        name, ends, (), None, False, prim, (first, second), (first_frame, second_frame), free, limits,
-        prim.flag("physics:excludeFromArticulation", False),
+        name, ends, (), None, prim.flag("physics:excludeFromArticulation", False), False, prim,
+        (first, second), (first_frame, second_frame), free, limits,
     )  # fmt: skip
     _check_instances(joint)
     return joint

@@ -22,7 +22,7 @@ from .bodies import Bodies
 from .couplings import coupled, couplings
 from .driving import Motors, actuated, is_driven, numbers_of, refuse_on_several
 from .homes import add_home
-from .joints import AXES, UsdJoint, direction, read_joints, starts
+from .joints import AXES, UsdJoint, direction, read_joints, roots_of
 from .masses import links_of
 from .naming import names_of
 from .opening import open_usd
@@ -77,7 +77,7 @@ class _Builder:
     def build(self) -> None:
         """Add links, joints, closures, couplings, motors and home to the robot."""
         robot, bodies = self.robot, self.bodies
-        tree = span(starts(bodies, self.joints), self.joints)
+        tree = span(roots_of(bodies, self.joints), self.joints)
         self._note(tree)
         poses = {path: bodies.pose(prim).frame for path, prim in bodies.moving.items()}
         welds = [
@@ -115,13 +115,13 @@ class _Builder:
 
     def _note(self, tree: Tree[UsdJoint]) -> None:
         """Add remarks where the cuts are not those of the file."""
-        own = [joint.prim.path for joint in tree.cut if not joint.excluded]
+        own = [joint.prim.path for joint in tree.cut if not joint.closes]
         if own:
             self.robot.notes.append(
                 f"joints {listed(own)} close loops and are cut there; to cut other joints, set "
                 "physics:excludeFromArticulation = true on those"
             )
-        kept = [joint.prim.path for joint, _ in tree.branches if joint.excluded]
+        kept = [joint.prim.path for joint, _ in tree.branches if joint.closes]
         if kept:
             self.robot.notes.append(
                 f"joints {listed(kept)} are excluded from the articulation, but are driven or coupled, or "
