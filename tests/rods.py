@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 
 import hybridyn
 from hybridyn import HybridRobot
@@ -16,7 +17,7 @@ from hybridyn.compiled.equations.spins import spins_of
 from hybridyn.description.records import Description, Link
 from hybridyn.dynamics.forward import forward
 from hybridyn.spatial import Array
-from tests.sketch import Sketch, unit
+from tests.sketch import Place, Sketch, turn, unit
 
 Foot = Literal["ball", "universal"]
 
@@ -58,16 +59,22 @@ def rod(
 def ball_delta(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
     """Draw a Delta with two rods on each of its three arms."""
     s = plain(seed)
-    p, platform = s.place(), None
-    center = p(0.0, 0.0, 0.9)
+    delta_on(s, "base", s.place(), foot, thin=thin)
+    return s.description(f"{foot}_delta")
+
+
+def delta_on(s: Sketch, base: str, p: Place, foot: Foot = "ball", *, thin: bool = False) -> str:
+    """Draw a Delta on a link; give its platform."""
+    platform, center = None, p(0.0, 0.0, 0.9)
     for i in range(3):
         angle = 2 * np.pi * i / 3 + s.jitter(0.02)
         r, t = p.axes @ [np.cos(angle), np.sin(angle), 0], p.axes @ [-np.sin(angle), np.cos(angle), 0]
-        upper = s.joint("revolute", "base", p.origin + 0.35 * r, t, motor=True, stem="arm")
+        upper = s.joint("revolute", base, p.origin + 0.35 * r, t, motor=True, stem="arm")
         E, F = p.origin + 0.7 * r + 0.3 * p.normal, center + 0.15 * r
         for side in (-0.1, 0.1):
             platform = rod(s, upper, E + side * t, platform, F + side * t, foot, thin=thin)
-    return s.description(f"{foot}_delta")
+    assert platform is not None
+    return platform
 
 
 def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
@@ -139,6 +146,38 @@ def moved(robot: HybridRobot, samples: int, size: float) -> tuple[Array, Array, 
     return q, v, a
 
 
+def with_balls(description: Description) -> Description:
+    """Write the universal joints at the feet of massive rods as balls, so that the rods spin idly."""
+    links = {link.name: link for link in description.links}
+    kept = dict(links)
+    joints, home = {joint.name: joint for joint in description.joints}, dict(description.home)
+    for first in description.joints:
+        for second in description.joints:
+            pair, cross = (first, second), links[first.child]
+            crossed = second.parent == first.child and not second.placement[:3, 3].any() and not cross.mass
+            turning = {joint.kind for joint in pair} <= {"revolute", "continuous"}
+            driven = {joint.name for joint in pair} & {*description.motors}
+            if not (crossed and turning and links[second.child].mass) or driven:
+                continue
+            angles = [home.pop(joint.name, (0.0,))[0] for joint in pair]
+            R = turn(first.axis, angles[0]) @ second.placement[:3, :3] @ turn(second.axis, angles[1])
+            del joints[second.name]
+            joints[first.name] = replace(
+                first, kind="spherical", child=second.child, axis=np.array([1.0, 0.0, 0.0])
+            )
+            home[first.name] = tuple(pin.Quaternion(R).coeffs().tolist())
+            del kept[cross.name]
+    return replace(description, joints=tuple(joints.values()), links=tuple(kept.values()), home=home)
+
+
+def stack(seed: int = 0) -> Description:
+    """Draw a Delta on the platform of another: twelve rods in two modules of different numbers."""
+    s = plain(seed)
+    place = s.place()
+    delta_on(s, delta_on(s, "base", place), Place(place(0.0, 0.0, 1.0), place.axes))
+    return s.description("stack")
+
+
 def swings(robot: HybridRobot, samples: int, size: float) -> dict[str, tuple[Array, Array, Array]]:
     """Return positions, rates and accelerations of motors that swing by a part of their unit."""
     rng, t, motors = np.random.default_rng(samples), np.linspace(0.0, 6.0, samples), {}
@@ -170,4 +209,4 @@ def spin(robot: HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random
         changed[:, at] = own
 
 
-__all__ = ["ball_delta", "ball_gough", "crank", "moved", "slides", "swings"]
+__all__ = ["ball_delta", "ball_gough", "crank", "moved", "slides", "stack", "swings", "with_balls"]

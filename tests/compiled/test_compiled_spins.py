@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn import HybridRobot
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
@@ -22,6 +23,7 @@ from hybridyn.structure.parameters.entries import Parameters
 from tests import rods
 from tests.compiled.test_compiled_derivatives import DIFFERENCES, STEP, rate, states_along
 from tests.samples import slow
+from tests.shipped import shipped
 from tests.written_out import Interpreted
 
 #: Of the largest entry: some hundred roundings, of both paths.
@@ -48,13 +50,9 @@ def machines() -> list[object]:
     return every
 
 
-@pytest.mark.parametrize(("name", "seed", "foot", "thin"), machines())
-def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: bool) -> None:
-    """Away from singular postures, with spins that no motor drives; motions are wide where it matters."""
-    robot = build_robot(getattr(rods, name)(seed, foot, thin=thin))
-    spins = sum(len(plan.parts.spins) for plan in request(robot, None).plans)
-    assert spins == {"universal": 0, "ball": 1 if name == "crank" else 6}[foot]
-    q, v, a = rods.moved(robot, 25, 0.04 if name in ("ball_gough", "slides") else 0.4)
+def compare(robot: HybridRobot, size: float, samples: int = 25) -> None:
+    """Compare both models along a motion with spins that no motor drives; no sample may be handed over."""
+    q, v, a = rods.moved(robot, samples, size)
     models = Interpreted(robot, ("idm", "ddm"))
     wanted = hybridyn.idm(robot, q, v, a)
     (tau,), guard = models.batch("idm", q, v, a)
@@ -66,6 +64,44 @@ def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: b
     assert np.abs(found - general).max() <= SPUN * np.abs(general).max()
     motors = robot.motor_columns
     assert np.abs(found - general)[:, motors].max() <= 1e3 * ROUNDING * np.abs(general).max()
+
+
+def spins(robot: HybridRobot) -> int:
+    """Count the spins that compiled models know."""
+    return sum(len(plan.parts.spins) for plan in request(robot, None).plans)
+
+
+@pytest.mark.parametrize(("name", "seed", "foot", "thin"), machines())
+def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: bool) -> None:
+    """Away from singular postures, where motions are as wide as the machine allows."""
+    robot = build_robot(getattr(rods, name)(seed, foot, thin=thin))
+    assert spins(robot) == {"universal": 0, "ball": 1 if name == "crank" else 6}[foot]
+    compare(robot, 0.04 if name in ("ball_gough", "slides") else 0.4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "legs", "size"),
+    [
+        ("lx4", 24, 0.02),
+        ("gough_stewart", 6, 0.03),
+        ("delta", 6, 0.3),
+        ("scara_delta", 6, 0.3),
+        ("stewart_ur5", 6, 0.03),
+    ],
+)
+def test_shipped_robots_with_balls_at_their_feet(name: str, legs: int, size: float) -> None:
+    robot = build_robot(rods.with_balls(shipped(name)))
+    assert spins(robot) == legs
+    compare(robot, size, 9)
+
+
+@pytest.mark.slow
+def test_twelve_rods_in_two_modules() -> None:
+    """The upper Delta is carried by the lower one's platform, so its spins feel the motion of their base."""
+    robot = build_robot(rods.stack())
+    assert [len(plan.parts.spins) for plan in request(robot, None).plans] == [6, 6]
+    compare(robot, 0.3, 9)
 
 
 def test_mass_beside_the_line_is_no_idle_spin() -> None:
