@@ -1,16 +1,16 @@
-"""The direct model against Pinocchio's `constraintDynamics` and against MuJoCo.
+"""The direct model against Pinocchio's `constraintDynamics`.
 
-Both know rigid closures at points; Pinocchio also welds. Written exactly so are
+It knows rigid closures at points and welds. Written exactly so are
 
 - all closures of gough_stewart, lx4, rps3, delta, tanev, stewart_ur5, scara_delta and snake (balls), and of
   the random mechanisms of `EXACT` (balls and welds);
 - the hinge that closes the planar five-bar, as a point: its motions are the same, since the plane already
   keeps the axes parallel, with one row too many (out of the plane), which `mu` has to carry. Two rows in the
-  plane, which would have full rank, can be said in neither tool.
+  plane, which would have full rank, it cannot say.
 
 Closures by hinges, slides, universal joints, planes or single rows in space are other mechanisms as points or
 as welds; they are judged by the oracle alone. So are mechanisms whose tree ends in massless links that a weld
-holds: Pinocchio gives NaN there at any `mu`, and MuJoCo refuses the link.
+holds: Pinocchio gives NaN there at any `mu`.
 """
 
 from dataclasses import replace
@@ -21,18 +21,13 @@ import pytest
 from hybridyn import ddm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to
 from tests.judging import drawn, efforts
-from tests.mjcf import MuJoCo
 from tests.peers import Peer
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu on robots of condition 1e4
 MU = 10.0 ** np.arange(-12, -1)
 AGREEING = 3  # values of mu, neighbours, that must all give our answer: not one lucky point
-KKT = 1e-10  # a dense solve, squared condition included
-SOFTNESS = np.array([1e-2, 1e-3, 1e-4])  # one less MuJoCo's impedance; it allows no less than the last
-STIFF = 1e-2  # of the largest acceleration, at the stiffest
 EXACT = [
     "serial",
     "serial_all",
@@ -78,25 +73,3 @@ def test_random_mechanisms_against_constraint_dynamics(kind: str) -> None:
     assert {c.kind for c in description.closures} <= {"spherical", "fixed"}
     tau = efforts(description, len(q))
     swept(description, q, v, tau, ddm(build_robot(description), q, v, tau))
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_shipped_robots_against_mujoco_made_rigid(name: str) -> None:
-    description = shipped(name)
-    q, v, _ = states_near_home(description, "fixed", 12, 1 if name == "snake" else 2)
-    tau, mujoco = efforts(description, len(q)), MuJoCo(at_points(description))
-    expected = [mujoco.rigid(*state) for state in zip(q, v, tau, strict=True)]
-    close_to(ddm(build_robot(description), q, v, tau), np.array(expected), KKT)
-
-
-@pytest.mark.parametrize("name", ["gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5"])
-def test_mujoco_itself_comes_nearer_the_stiffer_it_is(name: str) -> None:
-    """At rest, for a moving MuJoCo neglects J_dot v and pulls loops together instead."""
-    description = shipped(name)
-    (q,), (v,), _ = states_near_home(description, "fixed", 13, 1)
-    tau, mujoco = efforts(description, 1)[0], MuJoCo(at_points(description))
-    ours = ddm(build_robot(description), q, 0 * v, tau)
-    errors = [np.abs(mujoco.soft(q, tau, 1 - s) - ours).max() / np.abs(ours).max() for s in SOFTNESS]
-    assert errors[-1] < STIFF
-    slopes = np.diff(np.log10(errors)) / np.diff(np.log10(SOFTNESS))
-    assert (np.abs(slopes - 1) < 0.2).all(), errors

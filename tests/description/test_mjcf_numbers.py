@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import hybridyn
+from benchmarks.peers.mjcf import mjcf
+from benchmarks.peers.mujoco import Translated
 from hybridyn import ddm, idm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
@@ -17,7 +19,6 @@ from tests.command_line import call
 from tests.comparing import close_to
 from tests.files import save
 from tests.judging import efforts
-from tests.mjcf import MuJoCo
 from tests.mjcf_states import Pair
 from tests.mjcf_texts import ROBOTS, random_tree
 from tests.shipped import shipped, states_near_home
@@ -64,17 +65,15 @@ TWO_READERS = 1e-11
 
 def written(description: Description, folder: Path) -> Path:
     """Write a robot as MJCF with motors and home."""
-    mujoco = MuJoCo(description)
-    actuators = ET.SubElement(mujoco.root, "actuator")
+    robot = build_robot(description)
+    mujoco, root = Translated(robot), ET.fromstring(mjcf(robot))
+    actuators = ET.SubElement(root, "actuator")
     for motor in description.motors:
         ET.SubElement(actuators, "motor", joint=motor)
-    robot = build_robot(description)
     mujoco.place(robot.home, np.zeros(robot.model.nv))
-    keys = ET.SubElement(mujoco.root, "keyframe")
+    keys = ET.SubElement(root, "keyframe")
     ET.SubElement(keys, "key", name="home", qpos=" ".join(repr(float(x)) for x in mujoco.data.qpos))
-    file = folder / f"{description.name}.xml"
-    ET.ElementTree(mujoco.root).write(file)
-    return file
+    return save(folder, ET.tostring(root), f"{description.name}.xml")
 
 
 def angles(robot: HybridRobot, other: HybridRobot, q: np.ndarray) -> np.ndarray:
