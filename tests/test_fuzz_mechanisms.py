@@ -118,10 +118,10 @@ def test_a_motion_without_inertia_is_no_rounding_over_rounding(what: str) -> Non
     ("what", "count"),
     [
         ("models", 16),
-        ("compile", 1),
+        ("compile", 2),
         ("simulate", 4),
         slow("models", 160),
-        slow("compile", 10),
+        slow("compile", 35),
         slow("simulate", 40),
     ],
 )

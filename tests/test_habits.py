@@ -30,19 +30,6 @@ def nodes(pattern: str) -> Iterator[tuple[str, ast.AST]]:
             yield from ((file, node) for node in ast.walk(ast.parse(text)))
 
 
-def test_the_library_prints_nothing() -> None:
-    """What it has to say goes through `logging` or `warnings`; only the command line prints."""
-    printing = [
-        f"{path}:{node.lineno}"
-        for path, node in nodes(r"\bprint\b")
-        if not path.startswith("cli/")
-        and isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id == "print"
-    ]
-    assert printing == []
-
-
 def test_records_of_arrays_compare_by_identity() -> None:
     """Comparing arrays gives arrays, so that `==` of two such records would raise."""
     comparing = [
@@ -166,12 +153,6 @@ def test_the_first_command_of_the_readme_needs_no_extra(tmp_path: Path) -> None:
         text=True,
     )
     assert (done.returncode, len(done.stdout.splitlines())) == (0, 3), done.stderr
-
-
-def test_types_are_shipped() -> None:
-    assert (PACKAGE / "py.typed").is_file()
-    facts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert "Typing :: Typed" in facts["classifiers"]
 
 
 def test_hooks_call_the_tools_of_the_environment() -> None:

@@ -23,10 +23,7 @@ from hybridyn.errors import (
 from hybridyn.streams.efforts import samples_counted_from
 from tests.command_line import call
 from tests.comparing import refused
-from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, read_text
-
-polars = needs("io")
 
 NO_ROOM = """
 import resource, sys
@@ -97,24 +94,6 @@ def test_the_extra_that_installs_a_package_is_named(
     monkeypatch.setattr("hybridyn.description.urdf.xacro._share_dirs", list)
     refused(lambda: hybridyn.load("stewart_ur5"), ModelError, f", or {re.escape(install_advice('robots'))}")
     call(capsys, "info", "stewart_ur5", status=1, says="name the folder that holds it with --package-dir, or")
-
-
-def test_tables_with_named_columns() -> None:
-    """Columns are taken by name, as motors and as positions."""
-    robot = hybridyn.load("five_bar")
-    motion = np.array([0.0, 0.1])
-    table = polars.DataFrame(dict.fromkeys(robot.motors, motion))
-    by_name = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, motion))
-    for found, expected in zip(hybridyn.assemble(robot, motors=table), by_name, strict=True):
-        np.testing.assert_array_equal(found, expected)
-    q, v, a = by_name
-    rows = polars.DataFrame({name: q[:, i] for i, name in reversed(list(enumerate(robot.joints)))})
-    np.testing.assert_array_equal(hybridyn.idm(robot, rows, v, a), hybridyn.idm(robot, q, v, a))
-    refused(
-        lambda: hybridyn.idm(robot, q, [["fast"] * robot.nv] * 2, a),
-        TrajectoryError,
-        "v is not an array of numbers",
-    )
 
 
 @pytest.mark.parametrize("wrong", ["fast", 10**400], ids=["a word", "too large"])

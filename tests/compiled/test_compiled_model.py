@@ -10,7 +10,7 @@ import pytest
 import hybridyn
 import hybridyn.effects
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.library.calls import BLOCK, Library
+from hybridyn.compiled.library.calls import BLOCK
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
@@ -176,23 +176,6 @@ def test_keys_tell_robots_apart() -> None:
         )
     }
     assert len(keys) == 4
-
-
-def test_without_casadi_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    import hybridyn.compiled.needs as file
-
-    robot = shipped("five_bar", gravity=(0, 0, -1.0))
-    monkeypatch.setattr(file.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(CompileError, match="pip install casadi"):
-        hybridyn.compile(robot)
-
-
-def test_a_cached_model_needs_no_source(model: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "hybridyn.compiled.library.cache._build", lambda *_: pytest.fail("it is built already")
-    )
-    again = hybridyn.compile(model.robot)
-    assert isinstance(again.library, Library)
 
 
 def test_effort_limits_hold() -> None:
