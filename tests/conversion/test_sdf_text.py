@@ -109,3 +109,14 @@ def test_the_home_of_a_planar_joint_comes_back(tmp_path: Path) -> None:
         theirs = poses_at(after, after.home)
         for name in ("cart", "rod"):
             np.testing.assert_allclose(theirs[name], at[name], rtol=0, atol=1e-15)
+
+
+def test_a_closure_that_is_hardly_open_at_home_is_listed(tmp_path: Path) -> None:
+    """SDF closes it where its links stand, which moves its frame; hybridyn kept the frame."""
+    before = random_mechanism(3, kind="four_bar_two_motors")
+    name = before.motors[0]
+    ajar = before.home | {name: (before.home[name][0] + 1e-6,)}
+    line = "closures that are open at home are closed there: 'd5_closure'"
+    for home, listed in ((before.home, False), (ajar, True)):
+        _, out = read_back(replace(before, home=home), tmp_path / "robot.sdf")
+        assert (line in out.losses) == listed
