@@ -13,7 +13,7 @@ import numpy as np
 from ..assembly.free_motions import free_motions, idle_motions
 from ..description.names import listed
 from ..errors import ActuationError
-from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ..linkage.elimination import null_basis
 from ..linkage.tree import Motion
 from ..spatial import Array, Index
 from ..structure.module import Module
@@ -71,39 +71,25 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
     moving, columns = module.moving_motors, module.motor_columns[module.moving_motors]
     unit = module.mechanism.reduction.col_scale[columns]
     B = np.swapaxes(need.Psi[:, columns], 1, 2) / unit
-    if not len(moving):
-        tau = np.zeros((T, 0))
+    tau, share, hard = np.zeros((T, len(moving))), np.ones(len(moving)), np.arange(T)
+    if len(moving) > N:
+        share = load_share(robot, module, sharing.weights) * unit
     elif len(moving) == N:
-        tau = _square(module, B, need, sharing)
-    else:
-        share = np.ones(len(moving)) if len(moving) < N else load_share(robot, module, sharing.weights) * unit
-        tau = _least_norm(module, B, need, share, sharing)
+        _, tau, pivot = null_basis(B, -need.Q, N)
+        hard = np.flatnonzero(pivot < SINGULAR_MOTOR_MAP * N)
+    if len(moving) and len(hard):
+        tau[hard] = _least_norm(module, B, need, share, sharing, hard)
     _check_driven(module, need.Q - np.einsum("tij,tj->ti", B, tau), need, sharing)
     out = np.zeros((T, len(module.motors)))
     out[:, moving] = tau / unit
     return out
 
 
-def _square(module: Module, B: Array, need: Need, sharing: Sharing) -> Array:
-    """Solve B tau = Q by QR with column pivoting; at singular samples use `_least_norm`, which may raise."""
-    n = B.shape[1]
-    R, order = pivoted_qr(np.concatenate([B, need.Q[..., None]], axis=-1), n, n)
-    tau = np.empty_like(need.Q)
-    np.put_along_axis(tau, order, back_substitute(R[:, :n, :n], R[:, :n, n:])[..., 0], axis=1)
-    suspect = np.flatnonzero(pivot_ratio(R, n) < SINGULAR_MOTOR_MAP * n)
-    if len(suspect):
-        tau[suspect] = _least_norm(module, B, need, np.ones(n), sharing, suspect)
-    return tau
-
-
-def _least_norm(
-    module: Module, B: Array, need: Need, share: Array, sharing: Sharing, samples: Index | None = None
-) -> Array:
+def _least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Sharing, at: Index) -> Array:
     """Solve B tau = Q, at some samples, for the tau with the least norm of tau / share, by an SVD.
 
     Motions are made orthonormal first, so that the residual does not depend on the coordinates u.
     """
-    at = np.arange(len(B)) if samples is None else samples
     R = np.linalg.qr(need.Psi[at] / module.mechanism.reduction.col_scale[:, None], mode="r")
     right = np.concatenate([B[at], need.Q[at, :, None]], axis=-1)
     along = np.linalg.solve(np.swapaxes(R, 1, 2), right)

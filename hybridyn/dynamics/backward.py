@@ -141,11 +141,10 @@ def _largest_term(s: ModuleState, needed: ModuleForces, on_outputs: Array) -> Ar
         on_outputs: Summed sizes of the modules on each output, shape (T, outputs), [N m].
     """
     unit, length = s.mechanism.reduction.col_scale, s.mechanism.length
-    size: Array = np.abs(needed.legs * unit).max(axis=1, initial=0.0)
-    for o, wrenches in enumerate(zip(needed.F_p, needed.F_e, strict=True)):
-        for W in wrenches:
-            size = size + (np.linalg.norm(W[:, :3], axis=1) * length + np.linalg.norm(W[:, 3:], axis=1))
-        size = size + on_outputs[:, o]
+    size: Array = np.abs(needed.legs * unit).max(axis=1, initial=0.0) + on_outputs.sum(axis=1)
+    for W in (needed.F_p, needed.F_e):
+        forces, moments = (np.sqrt(np.square(part).sum(axis=2)) for part in (W[..., :3], W[..., 3:]))
+        size += (forces * length + moments).sum(axis=1)
     return size
 
 

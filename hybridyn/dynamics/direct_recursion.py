@@ -34,6 +34,7 @@ from .inertia_solve import (
     seeming,
     seeming_at_base,
 )
+from .inverse_recursion import output_jacobians
 from .loads import LegTerms, Loads
 from .possible_motions import least_norm, motions_of
 
@@ -50,10 +51,10 @@ class ArticulatedModule:
         I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
         beta_star: Biases of its outputs, shape (T, outputs, 6).
         tau: Efforts of its motors, shape (T, motors).
-        a_maps: For each output, a_o, shape (T, 6, N), Eq. (2).
-        X: For each output, the motion matrix from the base, shape (T, 6, 6), Eq. (26).
-        c: For each output, v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
-        b: For each output, the wrench that it needs at u_dot = 0 and V_dot = 0, shape (T, 6).
+        a_maps: Maps a_o of the outputs, shape (T, outputs, 6, N), Eq. (2).
+        X: Motion matrices from the base to the outputs, shape (T, outputs, 6, 6), Eq. (26).
+        c: v_dot_0 + crm(V) v of the outputs (`ModuleState.convective`), shape (T, outputs, 6).
+        b: Wrenches that the outputs need at u_dot = 0 and V_dot = 0, shape (T, outputs, 6).
         f: Generalised force along x at x_ddot = drift, shape (T, n).
         A_t, E, Q_0: Shapes (T, N, N), (T, N, 6), (T, N).
         inertia: Principal motions of A_t.
@@ -68,10 +69,10 @@ class ArticulatedModule:
     I_star: Array
     beta_star: Array
     tau: Array
-    a_maps: list[Array]
-    X: list[Array]
-    c: list[Array]
-    b: list[Array]
+    a_maps: Array
+    X: Array
+    c: Array
+    b: Array
     f: Array
     A_t: Array
     E: Array
@@ -101,7 +102,10 @@ def articulate(
     T = len(tau)
     out: list[ArticulatedModule] = []
     I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
-    beta_star = [_own_bias(s, loads, k) for k, s in enumerate(states)]
+    beta_star = [
+        loads.on.body_bias(s.outputs, s.mechanism.inertias) - load.on_outputs(s)  # Eq. (38)
+        for s, load in zip(states, loads.modules, strict=True)
+    ]
     noise = [np.zeros_like(x) for x in I_star]  # bounds on the rounding of I_star, as inertias
     for k in reversed(range(len(states))):
         s, module = states[k], states[k].module
@@ -124,15 +128,6 @@ def articulate(
     return out
 
 
-def _own_bias(s: ModuleState, loads: Loads, k: int) -> Array:
-    """Compute crf(V)(I V) + F_e of every output, shape (T, outputs, 6)."""
-    out = np.zeros_like(s.outputs)
-    for o, inertia in enumerate(s.mechanism.inertias):
-        F_e = loads.modules[k].on_output(s, o)
-        out[:, o] = loads.on.body_bias(s.outputs[:, o], inertia) - F_e  # Eq. (38)
-    return out
-
-
 def _equation_of_motion(
     s: ModuleState, basis: Basis, unforced: Motion, legs: LegTerms, I_star: Array, beta_star: Array,
     tau: Array,
@@ -144,22 +139,18 @@ def _equation_of_motion(
     A_t = congruence(Psi, A)  # Eqs. (43), (49): the legs
     E = np.einsum("tij,tik->tjk", Psi, D)  # Eq. (42): the legs
     Q_0 = np.einsum("tij,ti->tj", Psi, f)  # Eqs. (44), (50): the legs, and the motors of Eq. (40)
-    x = ArticulatedModule(s, basis, unforced, legs, I_star, beta_star, tau, [], [], [], [], f, A_t, E, Q_0)
-    for o, body in enumerate(s.mechanism.spec.outputs):
-        J, I_o = s.mechanism.jacobian(s.motion, body), I_star[:, o]
-        a, X = np.matmul(J, Psi), motion_matrix(*s.placement(o))
-        c = (
-            np.einsum("tij,tj->ti", J, basis.drift)
-            + unforced.of_body(body).acceleration()
-            + s.convective[:, o]
-        )
-        b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]  # Eq. (39) at u_dot = 0, V_dot = 0
-        x.A_t += congruence(a, I_o)  # Eq. (43)
-        x.E += np.einsum("tij,tik,tkl->tjl", a, I_o, X, optimize=True)  # Eq. (42)
-        x.Q_0 -= np.einsum("tij,ti->tj", a, b)  # Eq. (44)
-        for kept, value in ((x.a_maps, a), (x.X, X), (x.c, c), (x.b, b)):
-            kept.append(value)
-    return x
+    J, X, bodies = output_jacobians(s), motion_matrix(*s.placements), list(s.mechanism.spec.outputs)
+    a = np.matmul(J, Psi[:, None])
+    c = (
+        np.matmul(J, basis.drift[:, None, :, None])[..., 0]
+        + unforced.acceleration()[:, bodies]
+        + s.convective
+    )
+    b = np.einsum("toij,toj->toi", I_star, c) + beta_star  # Eq. (39) at u_dot = 0, V_dot = 0
+    A_t += congruence(a, I_star).sum(axis=1)  # Eq. (43)
+    E += np.matmul(np.swapaxes(a, 2, 3), np.matmul(I_star, X)).sum(axis=1)  # Eq. (42)
+    Q_0 -= np.einsum("toij,toi->tj", a, b)  # Eq. (44)
+    return ArticulatedModule(s, basis, unforced, legs, I_star, beta_star, tau, a, X, c, b, f, A_t, E, Q_0)
 
 
 def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
@@ -169,9 +160,8 @@ def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
     inertia = congruence(with_base, legs.M)  # Eqs. (41), (45), (47)
     held = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], x.basis.drift) + legs.p
     bias = held + np.einsum("tij,ti->tj", G, x.Q_0)  # Eqs. (41), (46), (48)
-    for o, (X, a, b) in enumerate(zip(x.X, x.a_maps, x.b, strict=True)):
-        inertia += congruence(X - np.matmul(a, G), x.I_star[:, o])
-        bias += np.einsum("tij,ti->tj", X, b)
+    inertia += congruence(x.X - np.matmul(x.a_maps, G[:, None]), x.I_star).sum(axis=1)
+    bias += np.einsum("toij,toi->tj", x.X, x.b)
     return inertia, bias
 
 
@@ -184,19 +174,15 @@ def accelerate(robot: HybridRobot, modules: list[ArticulatedModule], q: Array, v
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv), filled in place.
     """
-    outputs: list[list[Array]] = []
+    outputs: list[Array] = []
     for x in modules:
         s, module = x.state, x.state.module
-        V_dot = s.V_dot if module.parent < 0 else outputs[module.parent][module.parent_output]
+        V_dot = s.V_dot if module.parent < 0 else outputs[module.parent][:, module.parent_output]
         carried = np.einsum("tij,tj->ti", x.G, V_dot)
         u_dot = x.y - carried  # Eqs. (40), (51)
         least_norm(module, x.basis, x.inertia, u_dot)
-        outputs.append(
-            [
-                np.einsum("tij,tj->ti", X, V_dot) + np.einsum("tij,tj->ti", a_map, u_dot) + c  # Eq. (53)
-                for X, a_map, c in zip(x.X, x.a_maps, x.c, strict=True)
-            ]
-        )
+        moved = np.einsum("toij,tj->toi", x.X, V_dot) + np.einsum("toij,tj->toi", x.a_maps, u_dot)
+        outputs.append(moved + x.c)  # Eq. (53)
         x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eqs. (35), (36)
         natural = float(np.linalg.norm(robot.gravity)) / s.mechanism.length
         size = np.abs(x_ddot / s.mechanism.reduction.col_scale).max(axis=1, initial=0.0)

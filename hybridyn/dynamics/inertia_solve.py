@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def congruence(B: Array, M: Array) -> Array:
-    """Compute B^T M B for B of shape (T, n, N) and M of shape (T, n, n)."""
-    out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
+    """Compute B^T M B for B of shape (..., n, N) and M of shape (..., n, n)."""
+    out: Array = np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
     return out
 
 
@@ -83,10 +83,8 @@ def seeming(x: ArticulatedModule, noise: Array) -> Array:
         noise: Upper bounds on the rounding of I_star, as inertias, shape (T, outputs, 6, 6).
     """
     terms = congruence(np.abs(x.basis.Psi), np.abs(x.legs.M[:, 6:, 6:]))
-    carried = np.zeros_like(x.A_t)
-    for o, a in enumerate(x.a_maps):
-        terms += congruence(np.abs(a), np.abs(x.I_star[:, o]))
-        carried += congruence(a, noise[:, o])
+    terms += congruence(np.abs(x.a_maps), np.abs(x.I_star)).sum(axis=1)
+    carried = congruence(x.a_maps, noise).sum(axis=1)
     rounding = 4 * x.state.mechanism.tree.nv * EPS * terms + carried
     out: Array = np.diagonal(rounding, axis1=1, axis2=2) + _inertia_of_slips(x)
     return out
@@ -106,9 +104,9 @@ def seeming_at_base(x: ArticulatedModule, noise: Array) -> Array:
     Psi, G, rounding = x.basis.Psi, np.abs(x.G), EPS * (x.basis.Psi.shape[2] + 2)
     with_base = np.concatenate([np.tile(np.eye(6), (len(G), 1, 1)), np.abs(Psi) @ G], axis=1)
     out: Array = 6 * rounding * _felt(x.legs.M, with_base)
-    for o, (X, a) in enumerate(zip(x.X, x.a_maps, strict=True)):
-        out += congruence(X - np.matmul(a, x.G), noise[:, o])
-        out += rounding**2 * _felt(x.I_star[:, o], np.abs(X) + np.abs(a) @ G)
+    out += congruence(x.X - np.matmul(x.a_maps, x.G[:, None]), noise).sum(axis=1)
+    moved = np.abs(x.X) + np.matmul(np.abs(x.a_maps), G[:, None])
+    out += rounding**2 * _felt(x.I_star, moved).sum(axis=1)
     return out
 
 
@@ -134,9 +132,8 @@ def force_of_slips(x: ArticulatedModule) -> Array:
 
 def largest_term_of(x: ArticulatedModule) -> Array:
     """Compute the largest term in the sum Q_0, shape (T,), [N m]."""
-    out = _size(x.basis.Psi, np.abs(x.f) + np.abs(x.legs.h) + np.abs(x.legs.f))
-    for a, b in zip(x.a_maps, x.b, strict=True):
-        out = np.maximum(out, _size(a, np.abs(b)))
+    joints = _size(x.basis.Psi, np.abs(x.f) + np.abs(x.legs.h) + np.abs(x.legs.f))
+    out: Array = np.maximum(joints, _size(x.a_maps, x.b).max(axis=1, initial=0.0))
     return out
 
 
@@ -179,18 +176,18 @@ def _inertia_of_slips(x: ArticulatedModule) -> Array:
 
 
 def _felt(inertia: Array, terms: Array) -> Array:
-    """Compute how much inertia a motion feels before its terms cancel, as a diagonal matrix, (T, 6, 6).
+    """Compute how much inertia a motion feels before its terms cancel, as a diagonal matrix, (..., 6, 6).
 
     Args:
-        inertia: Inertia of what moves, shape (T, n, n).
-        terms: Magnitudes of the terms of its motion per motion of the base, shape (T, n, 6).
+        inertia: Inertia of what moves, shape (..., n, n).
+        terms: Magnitudes of the terms of its motion per motion of the base, shape (..., n, 6).
     """
-    root = np.sqrt(np.abs(np.diagonal(inertia, axis1=1, axis2=2)))
-    out: Array = np.square(np.einsum("ti,tij->tj", root, terms))[:, :, None] * np.eye(6)
+    root = np.sqrt(np.abs(np.diagonal(inertia, axis1=-2, axis2=-1)))
+    out: Array = np.square(np.einsum("...i,...ij->...j", root, terms))[..., None] * np.eye(6)
     return out
 
 
 def _size(B: Array, force: Array) -> Array:
-    """Compute the largest entry of abs(B)^T abs(force), shape (T,)."""
-    out: Array = np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
+    """Compute the largest entry of abs(B)^T abs(force), shapes (..., n, N), (..., n) and (...)."""
+    out: Array = np.einsum("...ij,...i->...j", np.abs(B), np.abs(force)).max(axis=-1, initial=0.0)
     return out

@@ -26,8 +26,8 @@ class ModuleForces:
         Q: Generalised force along each motion, shape (T, N), [N m].
         F: Wrench of the base on the module, shape (T, 6), base frame: the paper's F_k plus that of the legs.
         legs: Part of H that the legs need, shape (T, n).
-        F_p: Wrench that each output needs for its own motion, shape (T, 6), output frame.
-        F_e: Wrench of the loads on each output, shape (T, 6), output frame: minus the paper's F_e.
+        F_p: Wrench that each output needs for its own motion, shape (T, outputs, 6), output frames.
+        F_e: Wrench of the loads on each output, shape (T, outputs, 6), output frames: minus the paper's F_e.
     """
 
     basis: Basis
@@ -35,8 +35,8 @@ class ModuleForces:
     Q: Array
     F: Array
     legs: Array
-    F_p: list[Array]
-    F_e: list[Array]
+    F_p: Array
+    F_e: Array
 
 
 def needed_forces(
@@ -67,20 +67,24 @@ def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: 
         basis: Motions of the module.
         received: Sum of F_k of the modules on each output, shape (T, outputs, 6), output frame.
     """
-    m = s.mechanism
-    F_b, H = loads.on.leg_forces(s)  # Eqs. (54)-(62)
+    inertias, J = s.mechanism.inertias, output_jacobians(s)
+    F_b, H_legs = loads.on.leg_forces(s)  # Eqs. (54)-(62)
     f_base, f_legs = loads.on_legs(k, s)
-    F, H = F_b - f_base, H - f_legs + loads.rotor_diagonal(s) * s.a
-    out = ModuleForces(basis, H, np.einsum("tij,ti->tj", basis.Psi, H), F, H, [], [])
+    legs = H_legs - f_legs + loads.rotor_diagonal(s) * s.a
+    F_p = np.einsum("toi,oij->toj", s.outputs_dot, inertias)
+    F_p += loads.on.body_bias(s.outputs, inertias)  # Eq. (30)
+    F_e = loads.modules[k].on_outputs(s)
+    W = F_p - F_e + received  # Eqs. (31), (32)
+    H = legs + np.einsum("toij,toi->tj", J, W)
+    Q = np.einsum("tij,ti->tj", basis.Psi, H)  # Eqs. (16), (33) before the motors
+    F = F_b - f_base + wrench_to_base(*s.placements, W).sum(axis=1)  # Eq. (32)
+    return ModuleForces(basis, H, Q, F, legs, F_p, F_e)
+
+
+def output_jacobians(s: ModuleState) -> Array:
+    """Compute the Jacobians of a module's outputs, from x_dot to their twists, shape (T, outputs, 6, n)."""
+    m = s.mechanism
+    out = np.zeros((len(s.V), len(m.spec.outputs), 6, m.tree.nv))
     for o, body in enumerate(m.spec.outputs):
-        inertia, V = m.inertias[o], s.outputs[:, o]
-        F_p = s.outputs_dot[:, o] @ inertia + loads.on.body_bias(V, inertia)  # Eq. (30)
-        F_e = loads.modules[k].on_output(s, o)
-        W = F_p - F_e + received[:, o]  # Eqs. (31), (32)
-        J = m.jacobian(s.motion, body)
-        out.H = out.H + np.einsum("tij,ti->tj", J, W)
-        out.Q += np.einsum("tij,ti->tj", np.matmul(J, basis.Psi), W)  # Eqs. (16), (33) before the motors
-        out.F += wrench_to_base(*s.placement(o), W)  # Eq. (32)
-        out.F_p.append(F_p)
-        out.F_e.append(F_e)
+        out[:, o] = m.jacobian(s.motion, body)
     return out

@@ -37,12 +37,11 @@ class ModuleLoad:
     bodies: list[tuple[int, Array]] = field(default_factory=list)
     wrist_ends: list[tuple[int, Array]] = field(default_factory=list)
 
-    def on_output(self, state: ModuleState, output: int) -> Array:
-        """Compute the wrench of the loads on an output, shape (T, 6), output frame: minus the paper's F_e."""
-        spec, out = state.mechanism.spec, np.zeros_like(state.V)
+    def on_outputs(self, state: ModuleState) -> Array:
+        """Compute the wrenches of the loads on the outputs, (T, outputs, 6), own frames: minus the F_e."""
+        spec, out = state.mechanism.spec, np.zeros_like(state.outputs)
         for body, wrench in self.bodies:
-            if body == spec.tree_body[spec.outputs[output]]:
-                out += wrench
+            out[:, [spec.tree_body[output] == body for output in spec.outputs]] += wrench[:, None]
         return out
 
     def on_legs(self, state: ModuleState) -> tuple[Array, Array]:

@@ -110,7 +110,7 @@ class Effects:
         return self.leg_inertia.matrix(s)
 
     def body_bias(self, V: Array, inertia: Array) -> Array:
-        """Compute crf(V) (I V) of a platform, shape (T, 6)."""
+        """Compute crf(V) (I V) of bodies, shape (..., 6)."""
         return self.velocity.of_body(V, inertia) if self.velocity else np.zeros_like(V)
 
     def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:

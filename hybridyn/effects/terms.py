@@ -85,5 +85,5 @@ class VelocityTerms:
         return s.V, s.v
 
     def of_body(self, V: Array, inertia: Array) -> Array:
-        """Compute crf(V) (I V), shape (T, 6), Eq. (30)."""
-        return crf(V, V @ inertia)
+        """Compute crf(V) (I V), shape (..., 6), Eq. (30), from V and the inertia, shape (..., 6, 6)."""
+        return crf(V, np.matmul(V[..., None, :], inertia)[..., 0, :])

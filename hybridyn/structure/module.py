@@ -182,10 +182,11 @@ class ModuleState:
         """The module's numbers."""
         return self.module.mechanism
 
-    def placement(self, output: int) -> tuple[Array, Array]:
-        """Return the placement (R, p) of an output in the base, shapes (T, 3, 3), (T, 3)."""
-        body = self.mechanism.spec.outputs[output]
-        return self.motion.R[:, body], self.motion.p[:, body]
+    @property
+    def placements(self) -> tuple[Array, Array]:
+        """Placements (R, p) of the outputs in the base, shapes (T, outputs, 3, 3), (T, outputs, 3)."""
+        bodies = list(self.mechanism.spec.outputs)
+        return self.motion.R[:, bodies], self.motion.p[:, bodies]
 
     def spanning_accelerations(
         self, q: Array, v: Array, x_ddot: Array, unforced: Motion | None = None

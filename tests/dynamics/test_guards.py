@@ -9,9 +9,11 @@ import pytest
 
 import hybridyn
 from hybridyn import ddm, idm
+from hybridyn.compiled.equations.states import moving_states
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.any_mechanism import any_mechanism
 from tests.assembly.test_assembly import with_aligned_wrist
 from tests.comparing import SOLVED, close_to
 from tests.dynamics.test_lost_rank import BAR, HINGE
@@ -75,6 +77,14 @@ def test_a_thin_rod_on_a_ball_does_not_start_to_spin() -> None:
     moment = np.cross(arm * axis, mass * robot.gravity) - np.cross(w, about @ w)
     found = ddm(robot, robot.home, w, np.zeros(len(robot.motors)))
     close_to(found, np.linalg.pinv(about, rcond=1e-9) @ moment, SOLVED)
+
+
+@pytest.mark.parametrize(("seed", "largest"), [(53, 1e3), (235, 1e-12), (1263, 10.0), (4520, 0.1)])
+def test_rates_of_rounding_in_loops_are_no_inertia_and_no_force(seed: int, largest: float) -> None:
+    """Motions that carry no mass, in loops that leave rounding in them: neither refused nor accelerated."""
+    description, base = any_mechanism(seed)
+    robot = build_robot(description, base=base)
+    assert np.abs(ddm(robot, *moving_states(robot, 2, seed))).max() < largest
 
 
 def test_free_fall_needs_no_effort_of_motors_that_are_not_there() -> None:

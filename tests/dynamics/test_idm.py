@@ -238,6 +238,9 @@ def test_a_parallel_singularity_raises_and_names_module_and_motor() -> None:
     asked = partial(hybridyn.idm, robot, q, zero, zero)
     error = refused(asked, SingularityError, words, what="motors", sample=0, module=robot.modules[0].name)
     assert error.condition > 1e10
+    words = r"motors lose a direction at sample 0 .* their accelerations alone do not determine the motion"
+    solved = partial(hybridyn.idm, robot, q, zero, zero, passive="solved")
+    refused(solved, SingularityError, words, what="motors", sample=0, module=robot.modules[0].name)
 
 
 def test_least_norm_goes_on_through_a_parallel_singularity() -> None:

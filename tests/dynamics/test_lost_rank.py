@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics.guards import MOTOR_ACCELERATIONS, check
 
 TOLERANCE = 1e-13  # rounding of a closed form with terms of order twenty
 
@@ -61,16 +60,3 @@ def test_the_change_point_itself(tmp_path: Path) -> None:
         hybridyn.ddm(robot, q, v, np.zeros(1))
     tau = hybridyn.idm(robot, q, v, a, on_singular="least-norm")
     assert tau == pytest.approx(effort(0.0, 0.5), rel=TOLERANCE)
-
-
-@pytest.mark.parametrize(("pivot", "condition"), [(1e-6, 1e12), (1e-200, np.inf), (0.0, np.inf)])
-def test_motors_that_tell_nothing_are_refused_however_small_the_pivot(
-    tmp_path: Path, pivot: float, condition: float
-) -> None:
-    module = parallelogram(tmp_path).modules[0]
-    with pytest.raises(hybridyn.SingularityError, match="motors lose a direction at sample 1") as caught:
-        check(
-            MOTOR_ACCELERATIONS, module, np.ones(2), np.array([1.0, pivot**2]), lambda t: {"what": "motors"}
-        )
-    assert (caught.value.what, caught.value.sample) == ("motors", 1)
-    assert caught.value.condition == pytest.approx(condition)

@@ -28,7 +28,7 @@ from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ..forward import forward
 from ..inertia_solve import congruence
-from ..inverse_recursion import needed_forces
+from ..inverse_recursion import needed_forces, output_jacobians
 from ..loads import Loads, all_loads
 from ..state_checks import check_closed
 from .independent import Coordinates, Motions, independent_coordinates, independent_motions
@@ -108,21 +108,17 @@ class Engine:
         states, motions = self.motions(q)
         loads = Loads([], np.zeros((len(q), 6)), self.on, None, self.on.rotor_diagonal(self.robot))
         M = np.zeros((len(q), self.u.size, self.u.size))
-        twists: list[list[tuple[Index, Array]]] = []
+        twists: list[tuple[Index, Array]] = []
         for s, basis, own in zip(states, motions.bases, self.u.own, strict=True):
-            none = np.zeros(0, dtype=int), np.zeros((len(q), 6, 0))
-            below, V = none if s.module.parent < 0 else twists[s.module.parent][s.module.parent_output]
+            j, o = s.module.parent, s.module.parent_output
+            below, V = (own[:0], np.zeros((len(q), 6, 0))) if j < 0 else (twists[j][0], twists[j][1][:, o])
             at = np.concatenate([below, own])
             moved = np.zeros((len(q), 6 + s.mechanism.tree.nv, len(at)))
             moved[:, :6, : len(below)], moved[:, 6:, len(below) :] = V, basis.Psi
-            inertia = congruence(moved, loads.leg_matrix(s))  # Eqs. (34), (37)
-            twists.append([])
-            for o, body in enumerate(s.mechanism.spec.outputs):
-                a_map = np.matmul(s.mechanism.jacobian(s.motion, body), basis.Psi)
-                V_o = np.concatenate([np.matmul(motion_matrix(*s.placement(o)), V), a_map], axis=2)  # Eq. (2)
-                inertia += congruence(V_o, s.mechanism.inertias[o])
-                twists[-1].append((at, V_o))
-            M[:, at[:, None], at] += inertia
+            a_maps = np.matmul(output_jacobians(s), basis.Psi[:, None])  # Eq. (2)
+            twists.append((at, np.concatenate([motion_matrix(*s.placements) @ V[:, None], a_maps], axis=3)))
+            of_outputs = congruence(twists[-1][1], s.mechanism.inertias).sum(axis=1)
+            M[:, at[:, None], at] += congruence(moved, loads.leg_matrix(s)) + of_outputs
         return (M + np.swapaxes(M, 1, 2)) / 2
 
 
