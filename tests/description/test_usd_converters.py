@@ -172,3 +172,19 @@ def test_armature_of_several_engines_counts_once(tmp_path: Path) -> None:
     grams = joint("Revolute", "j", "", "a", "double mjc:damping = 3")
     (found,) = read(save(tmp_path, usda(body("a"), grams, meters=0.1), "robot.usda")).joints
     assert found.damping == pytest.approx(0.03, rel=1e-15)
+
+
+def test_armature_and_damping_of_a_ball_are_those_of_its_mjcf(tmp_path: Path) -> None:
+    needs("mjcf")
+    stated = "double mjc:armature = 0.02", "double mjc:damping = 0.3"
+    ball = joint("Spherical", "hip", "", "thigh", *stated, schemas=JOINT)
+    (ours,) = read(save(tmp_path, usda(body("thigh"), ball), "leg.usda")).joints
+    mjcf = (
+        '<mujoco><worldbody><body name="thigh"><joint name="hip" type="ball" armature="0.02" damping="0.3"/>'
+    )
+    text = f"{mjcf}{SIDE.format(m=1)}</body></worldbody></mujoco>"
+    (theirs,) = read(save(tmp_path, text, "leg.xml")).joints
+    words = "kind", "rotor_inertia", "damping", "friction"
+    assert [getattr(ours, word) for word in words] == [getattr(theirs, word) for word in words]
+    dry = joint("Spherical", "hip", "", "thigh", "double mjc:frictionloss = 1", schemas=JOINT)
+    refused(save(tmp_path, usda(body("thigh"), dry), "leg.usda"), "dry friction of a joint with several")

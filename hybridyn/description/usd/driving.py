@@ -146,12 +146,13 @@ def numbers_of(prim: Prim, axis: str, angular: bool) -> dict[str, float]:
     return out
 
 
-def refuse_on_several(prim: Prim) -> None:
-    """Refuse friction and armature of a joint of several freedoms.
+def numbers_of_ball(prim: Prim) -> dict[str, float]:
+    """Return armature and viscous friction of a ball joint, the same about each axis.
 
     Raises:
-        ModelError: It has some.
+        ModelError: It has dry friction, or a number is negative.
     """
-    for word, name, _ in ROWS:
-        if word in WEIGHTS and "{}" not in name and prim.number(name, 0.0):
-            raise prim.error(f"'{name}' of a joint with several freedoms is not read; set it to 0")
+    numbers = numbers_of(prim, "", angular=True)
+    if numbers.get("friction"):
+        raise prim.error("dry friction of a joint with several freedoms is not read; set it to 0")
+    return {word: numbers[word] for word in ("rotor_inertia", "damping") if word in numbers}

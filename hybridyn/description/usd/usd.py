@@ -20,7 +20,7 @@ from ..records import JointKind
 from ..robot_file import RobotFile
 from .bodies import Bodies
 from .couplings import coupled, couplings
-from .driving import Motors, actuated, is_driven, numbers_of, refuse_on_several
+from .driving import Motors, actuated, is_driven, numbers_of, numbers_of_ball
 from .homes import add_home
 from .joints import AXES, UsdJoint, direction, read_joints, roots_of
 from .masses import links_of
@@ -100,8 +100,7 @@ class _Builder:
             name = joint.name if len(chain) == 1 else self.graph.joint_name(f"{joint.name}_{axis}")
             names[axis] = name
             if axis == "ball":
-                refuse_on_several(prim)
-                steps.append(Step(name, "spherical"))
+                steps.append(Step(name, "spherical", numbers=numbers_of_ball(prim)))
                 self.motors.add(prim, "", name, prim.path in self.actuated)
                 continue
             instance, angular = joint.instance(axis), axis.startswith("rot")
