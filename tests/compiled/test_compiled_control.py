@@ -74,13 +74,6 @@ def test_rows_follow_one_another(symmetric: hybridyn.CompiledRobot) -> None:
     same_bits((tau, *state), (symmetric.idm(*state), *symmetric.close(*given)))
 
 
-def test_lists_and_motors_at_rest(symmetric: hybridyn.CompiledRobot) -> None:
-    home = at_home(symmetric.robot)
-    first = symmetric.idm_from_motors(home)
-    again = symmetric.idm_from_motors(home.tolist(), last=first[1])
-    close_to(again, first, 10 * SAME, 1.0)
-
-
 def single(x: np.ndarray) -> np.ndarray:
     return x.astype(np.float32)
 

@@ -191,16 +191,6 @@ def test_random_mechanisms(seed: int) -> None:
     compared(hybridyn.compile(robot), q, v, [None, *drawn])
 
 
-def test_motors_within_and_out_of_reach() -> None:
-    compiled = hybridyn.compile(hybridyn.load("five_bar"))
-    robot = compiled.robot
-    for far in (0.01, 50.0):
-        motors = dict.fromkeys(robot.motors, far)
-        close_to(compiled.assemble(motors=motors), hybridyn.assemble(robot, motors=motors), SOLVED, 1.0)
-    motors = dict.fromkeys(robot.motors, 1e6)
-    same_words(lambda: compiled.assemble(motors=motors), lambda: hybridyn.assemble(robot, motors=motors))
-
-
 def test_batches_in_several_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     bar = hybridyn.compile(hybridyn.load("five_bar"))
     q, v, _ = moving_states(bar.robot, 5, 3)

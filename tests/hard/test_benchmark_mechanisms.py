@@ -194,13 +194,13 @@ def test_flyball_governor(claim: Claim, duration: float, method: str, rtol: floa
     assert np.ptp(exact[:, 0]) > (0.1 if duration > 1 else 3e-4)  # it moves
 
 
-@pytest.mark.slow  # test_simulate.py has the same robot for a shorter time
-def test_heavy_top(claim: Claim) -> None:
-    """Orientation at 0.2 s, thirty turns of spin later."""
+@pytest.mark.parametrize("duration", [0.01, slow(0.2)])
+def test_heavy_top(claim: Claim, duration: float) -> None:
+    """Orientation during one and a half turns of spin, and thirty."""
     ready = stage(SCENES["heavy_top"])
-    result = run(ready, 0.2)
+    result = run(ready, duration)
     rtol = ready.source.scene.solver.rtol
-    case = "heavy top, 0.2 s"
+    case = f"heavy top, {duration:g} s"
     claim_run(claim, case, result, rtol)
     top = hybridyn.kinematics(ready.robot, result.q, result.v, links=["top"])["top"].pose[:, 3:]
     x, y, z, w = top.T
@@ -212,19 +212,3 @@ def test_heavy_top(claim: Claim) -> None:
         ]
     ).transpose(2, 0, 1)
     claim(case, "orientation [rad]", np.abs(R - heavy_top(result.t)).max(), ADDED_UP[0] * rtol)
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_scenes_start(name: str) -> None:
-    """Every scene of a benchmark mechanism is staged, and its first steps taken."""
-    ready = stage(SCENES[name])
-    taken: list[float] = []
-
-    def stop(t: float, end: float) -> None:
-        taken.append(t)
-        if len(taken) == 2:
-            raise KeyboardInterrupt
-
-    result = hybridyn.scenes.stage.play(ready, progress=stop)
-    assert (result.status, result.counters.steps) == ("interrupted", 2)
-    assert (SCENES[name].parent / "README.md").is_file()

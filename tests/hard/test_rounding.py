@@ -110,16 +110,6 @@ def test_a_locked_module_may_carry_rounding(tmp_path: Path) -> None:
     )
 
 
-def test_a_table_of_rounding_is_computed(tmp_path: Path) -> None:
-    """Rates that another program left in its table at rest."""
-    robot = hybridyn.load("delta")
-    rng = np.random.default_rng(4)
-    rows = np.tile(robot.home, (3, 1))
-    v, a = NOISE * rng.normal(size=(2, 3, robot.nv))
-    still = np.zeros_like(v)
-    close_to(hybridyn.idm(robot, rows, v, a), hybridyn.idm(robot, rows, still, still), 1e-14)
-
-
 @pytest.mark.parametrize("length", [0.0, 2.0, 1.001])
 @pytest.mark.parametrize("base", ["moving", "floating"])
 def test_a_quaternion_has_length_one(base: str, length: float) -> None:

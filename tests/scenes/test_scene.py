@@ -19,6 +19,7 @@ from tests.files import save
 from tests.shipped import ROBOTS
 
 SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name != "model.toml")
+MECHANISMS = sorted(p for p in (ROOT / "models/benchmarks").glob("*/*.toml") if p.name != "model.toml")
 FIRST_STEPS = 2
 CLOSED = 1e-10  # what issue and docs promise of every method
 BALANCE = 1e-6  # quadrature over 400 samples of forces with kinks, relative to the energy that went through
@@ -102,7 +103,7 @@ def test_every_robot_has_a_scene() -> None:
     assert {path.parent.name for path in SCENES} == set(ROBOTS)
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+@pytest.mark.parametrize("path", [*SCENES, *MECHANISMS], ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_shipped_scenes_start(path: Path) -> None:
     ready = stage(path)
     result = first_steps(ready)
@@ -157,21 +158,6 @@ def test_power_balance_under_every_effect(tmp_path: Path) -> None:
     through = sum(float(simpson(np.abs(part), x=result.t)) for part in shares.values())
     assert all(abs(part) > 1e-3 * through for part in work.values()), work  # each takes part
     assert sum(work.values()) == pytest.approx(change, abs=BALANCE * through)
-
-
-@pytest.mark.parametrize(
-    "solver", ['method = "dopri5"', 'method = "rk4"\nstep = 0.004', 'method = "conserving"\nstep = 0.004']
-)
-def test_a_run_that_goes_on_equals_one_that_never_stopped(tmp_path: Path, solver: str) -> None:
-    start = "[initial]\njoints = { m1_left_drive = 0.3 }\n"
-    path = written(tmp_path, f"{start}[solver]\n{solver}\n[output]\nrate = 100\n")
-    whole = play(stage(path))
-    part = first_steps(stage(path), 3)
-    again = play(stage(path), resume=part)
-    robot = stage(path).robot
-    assert len(part.t) < len(whole.t)
-    assert np.array_equal(rows_of(robot, again), rows_of(robot, whole))
-    assert again.counters == whole.counters
 
 
 def test_a_scene_without_effects_named_computes_the_default_ones_only(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """simulate: motions derived by hand, events, dense output, resuming, determinism, and what it refuses."""
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,8 +17,6 @@ from hybridyn.simulation.result import Result
 from hybridyn.simulation.solver import Solver
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
-from tests.dynamics.test_idm import efforts_by_hand, symmetric_five_bar
-from tests.posing import position
 from tests.robot_texts import door, save
 from tests.swings import chain, hinge, rod, swing
 
@@ -67,60 +64,6 @@ def test_double_pendulum(tmp_path: Path) -> None:
     assert np.abs(np.cumsum(result.q, axis=1) - exact[:, :2]).max() < MINIMAL
     assert np.abs(np.cumsum(result.v, axis=1) - exact[:, 2:]).max() < 10 * MINIMAL
     assert np.abs(result.energy - result.energy[0]).max() < MINIMAL
-
-
-@pytest.mark.slow
-def test_five_bar_in_two_angles() -> None:
-    """Against the equations of motion by hand: M and c are what the efforts by hand say."""
-    robot, start = build_robot(symmetric_five_bar()), np.array([2.0, 1.1, 0.8, 0.5])
-
-    def rates(t: float, x: np.ndarray) -> np.ndarray:
-        angle, rate, still = x[:2], x[2:], np.zeros(2)
-        rest, c = efforts_by_hand(angle, still, still), efforts_by_hand(angle, rate, still)
-        M = np.array([efforts_by_hand(angle, still, e) - rest for e in np.eye(2)]).T
-        return np.concatenate([rate, np.linalg.solve(M, -c)])
-
-    times = np.linspace(0, 0.1, 5)
-    exact = solve_ivp(rates, (0, 0.1), start, t_eval=times, **REFERENCE).y.T
-    motors = {m: (x, x_dot) for m, x, x_dot in zip(robot.motors, start[:2], start[2:], strict=True)}
-    q, v, _ = hybridyn.assemble(robot, motors=motors)
-    for options in (TIGHT, {"method": "implicit", "step": 5e-3}):
-        result = simulate(robot, q, v, times, **options)  # type: ignore[arg-type]
-        found = np.stack([position(robot, m, result.q) for m in robot.motors], axis=1)
-        assert np.abs(found - exact[:, :2]).max() < (MINIMAL if options is TIGHT else 1e-3)
-        assert result.residual.max() < CLOSED
-
-
-def test_heavy_top(tmp_path: Path) -> None:
-    """The published statement of the community; reference by Euler's equations about the fixed point."""
-    robot = chain(
-        tmp_path,
-        rod("top", 15.0, "0 1 0", (0.234375, 0.46875, 0.234375)),
-        hinge("point", "base", "top"),
-    ).description
-    ball = tuple(replace(joint, kind="spherical") for joint in robot.joints)  # URDF has no ball joint
-    robot = build_robot(replace(robot, joints=ball, motors=(), home={}))
-    inertia = np.diag([0.234375 + 15, 0.46875, 0.234375 + 15])
-
-    def rates(t: float, x: np.ndarray) -> np.ndarray:
-        R, w = x[:9].reshape(3, 3), x[9:]
-        weight = np.cross([0, 1, 0], R.T @ [0, 0, -15 * G])
-        hat = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-        return np.concatenate(
-            [(R @ hat).ravel(), np.linalg.solve(inertia, weight - np.cross(w, inertia @ w))]
-        )
-
-    w0 = np.array([0, 150, -4.61538])
-    exact = solve_ivp(rates, (0, 0.1), np.concatenate([np.eye(3).ravel(), w0]), **REFERENCE).y[:9, -1]
-    q0 = np.array([0, 0, 0, 1.0])
-    result = simulate(robot, q0, w0, (0, 0.1), rtol=1e-7, atol=1e-7)
-    R = hybridyn.kinematics(robot, result.q, result.v, links=["top"])["top"].pose[:, 3:]
-    assert np.abs(np.linalg.norm(result.q, axis=1) - 1).max() < 1e-14
-    x, y, z, w = R[-1]
-    centre = np.array(
-        [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]
-    )  # R's second column
-    assert np.abs(centre - exact.reshape(3, 3)[:, 1]).max() < 1e-4
 
 
 # -------------------------------------------------------------------- closures, drift, outputs
