@@ -28,7 +28,7 @@ WORTH_IN_TIME = 40_000
 WORTH_OF_EFFECTS = 2_000_000
 ENGINES = ("general", "compiled")
 
-HANDED_OVER = "near lost rank, or loops open by more than rounding"
+HANDED_OVER = "near lost rank, loops open by more than rounding, or a force that no motor gives"
 
 
 def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
