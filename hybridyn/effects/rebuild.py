@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..errors import ModelError
 from ..structure.bodies import Payload
-from ..structure.building import build_robot
+from ..structure.building import rebuilt
 from ..structure.robot import HybridRobot
 from .choice import JOINTS, Choice, Effects, listed_units
 from .inputs import BaseMotion
@@ -38,7 +38,4 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
     description = robot.description
     for payload in payloads:
         description = payload.onto(description)
-    return build_robot(
-        description, base=base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
-        closure_tolerance=robot.closure_tolerance, held=held, payloads=(*robot.payloads, *payloads),
-    )  # fmt: skip
+    return rebuilt(robot, description, base=base, held=held)

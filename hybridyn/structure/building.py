@@ -13,7 +13,7 @@ from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..spatial import LARGEST, Array, indices, slices
 from ..threads import one_thread
-from .bodies import Bodies, home_of, payloads_of
+from .bodies import Bodies, home_of
 from .graph import ModuleGraph, find_modules, joints_to_keep
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
-
-    from .bodies import Payload
 
 #: Acceleration of gravity if neither the caller nor the file defines one [m/s^2].
 EARTH = (0.0, 0.0, -9.81)
@@ -197,7 +195,6 @@ def build_robot(
     rank_tolerance: float | None = None,
     closure_tolerance: float = 1e-4,
     held: Iterable[str] = (),
-    payloads: tuple[Payload, ...] = (),
     like: HybridRobot | None = None,
 ) -> HybridRobot:
     """Build a robot from its description.
@@ -211,7 +208,6 @@ def build_robot(
             determined from the singular values.
         closure_tolerance: Largest residual that counts as closed, relative to the length of the module.
         held: Joints that must not be cut as part of a wrist, so that they can have joint effects.
-        payloads: Payloads that the links of the description already include.
         like: A robot that may differ in lengths and masses only. Ranks are then checked near its postures
             instead of decided anew.
 
@@ -253,7 +249,6 @@ def build_robot(
         home=home,
         rank_tolerance=rank_tolerance,
         held=kept,
-        payloads=payloads,
         rebuild=_with_parameters,
     )
 
@@ -275,18 +270,31 @@ def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> Hyb
     parameters = Parameters(description, list(named))
     slots = parameters.slot_values(parameters.vector(named)[None])[0]
     check_signs(parameters.slots, slots)
-    return rebuilt(robot, with_values(description, parameters.slots, slots.tolist()))
+    return rebuilt(robot, with_values(description, parameters.slots, slots.tolist()), like=robot)
 
 
-def rebuilt(robot: HybridRobot, description: Description) -> HybridRobot:
-    """Build a robot of another description as a robot was built, which may be like it.
+def rebuilt(
+    robot: HybridRobot,
+    description: Description | None = None,
+    *,
+    base: Base | None = None,
+    held: Iterable[str] | None = None,
+    like: HybridRobot | None = None,
+) -> HybridRobot:
+    """Build a robot with the choices of another one, but for those that are given.
+
+    Args:
+        description: Its description; that of the robot where left out.
+        base: As for `build_robot`, likewise.
+        held: As for `build_robot`, likewise.
+        like: As for `build_robot`.
 
     Raises:
         ModelError: The description is no robot, or the rank of a module's closures is in doubt.
         AssemblyError: No posture closes the loops of a module.
     """
     return build_robot(
-        description, base=robot.base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
-        closure_tolerance=robot.closure_tolerance, held=robot.held, payloads=payloads_of(description),
-        like=robot,
+        robot.description if description is None else description, base=base or robot.base,
+        gravity=robot.gravity, rank_tolerance=robot.rank_tolerance, closure_tolerance=robot.closure_tolerance,
+        held=robot.held if held is None else held, like=like,
     )  # fmt: skip

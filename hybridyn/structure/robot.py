@@ -18,7 +18,7 @@ from ..description.names import counted
 from ..description.records import Description, Joint
 from ..linkage.joints import ROOT_JOINT
 from ..spatial import Array, Index, spatial_inertia
-from .bodies import Bodies
+from .bodies import Bodies, Payload, payloads_of
 from .module import Module
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     import pinocchio as pin
     from numpy.typing import ArrayLike
-
-    from .bodies import Payload
 
 
 Base = Literal["fixed", "moving", "floating"]
@@ -54,7 +52,6 @@ class HybridRobot:
         home: Home position, shape (nq,).
         rank_tolerance: Argument of `build_robot`.
         held: Joints that must not be cut as part of a wrist.
-        payloads: Payloads that were added to the links (`hybridyn.with_effects`).
         rebuild: Builds the robot with other parameters (`with_parameters`).
     """
 
@@ -72,7 +69,6 @@ class HybridRobot:
     home: Array
     rank_tolerance: float | None = None
     held: frozenset[str] = frozenset()
-    payloads: tuple[Payload, ...] = ()
     rebuild: Callable[[HybridRobot, Mapping[str, ArrayLike]], HybridRobot] | None = None
 
     def __repr__(self) -> str:
@@ -110,6 +106,11 @@ class HybridRobot:
     def notes(self) -> tuple[str, ...]:
         """Remarks of the reader of the files."""
         return self.description.notes
+
+    @cached_property
+    def payloads(self) -> tuple[Payload, ...]:
+        """Payloads that were added to the links (`hybridyn.with_effects`)."""
+        return payloads_of(self.description)
 
     @cached_property
     def joint_index(self) -> dict[str, int]:

@@ -63,7 +63,7 @@ def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> Hybri
     Raises:
         HybridynError: There is no such robot.
     """
-    return rebuilt(robot, with_values(robot.description, parameters.slots, numbers.tolist()))
+    return rebuilt(robot, with_values(robot.description, parameters.slots, numbers.tolist()), like=robot)
 
 
 class DesignsInSlots:

@@ -12,7 +12,7 @@ from ...assembly.assemble import assemble
 from ...errors import TrajectoryError
 from ...linkage.joints import NV
 from ...spatial import Array
-from ...structure.building import build_robot
+from ...structure.building import rebuilt
 from ...structure.module import Module
 from ...structure.robot import HybridRobot, joint_position
 from .independent import check_joints
@@ -44,12 +44,7 @@ def holding(robot: HybridRobot, joints: Iterable[str]) -> HybridRobot:
     Positions of joints in cut wrists cannot be prescribed.
     """
     cut = robot.cut_joints & set(joints)
-    if not cut:
-        return robot
-    return build_robot(
-        robot.description, base=robot.base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
-        closure_tolerance=robot.closure_tolerance, held=robot.held | cut, payloads=robot.payloads,
-    )  # fmt: skip
+    return rebuilt(robot, held=robot.held | cut) if cut else robot
 
 
 def posture_at(

@@ -20,7 +20,7 @@ from ....effects.choice import Effects
 from ....errors import CompileError
 from ....linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ....spatial import Array, Index
-from ....structure.building import build_robot
+from ....structure.building import rebuilt
 from ....structure.robot import HybridRobot
 from ...code.scalars import GUARD_LIMIT, Scalar
 from ...failures import as_compile_error
@@ -59,10 +59,7 @@ class HeldBase:
         Raises:
             CompileError: It cannot be built, or differs from the general path.
         """
-        held = build_robot(
-            robot.description, base="moving", gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
-            closure_tolerance=robot.closure_tolerance, held=robot.held, payloads=robot.payloads,
-        )  # fmt: skip
+        held = rebuilt(robot, base="moving")
         find = library_of(held, on, Scalar(dtype, best_lanes(dtype)), models=MODELS)
         self._library = loaded(lambda: find(accept=partial(_accept, held, on, dtype)))
         self._robot, self._on, self._run, self._threads = robot, on, run, threads
