@@ -87,6 +87,7 @@ DAMAGE: dict[str, Callable[[Path, Path, Path], object]] = {
     "gone": lambda library, record, key: library.unlink(),
     "record": lambda library, record, key: record.write_text('{"library": 3'),
     "no record": lambda library, record, key: record.unlink(),
+    "no text": lambda library, record, key: key.write_bytes(b"\xff" * 40),
     "key": lambda library, record, key: key.write_text("../../etc/passwd"),
     "other record": lambda library, record, key: record.write_text(
         json.dumps({"name": "another", "library": library.stem, "about": {}})
@@ -101,6 +102,14 @@ def test_what_is_damaged_is_built_again(empty_cache: Path, damage: str) -> None:
     DAMAGE[damage](first.path, record, key)
     assert works(cached("a robot", source))
     assert works(cached("a robot", never))
+
+
+def test_a_cache_that_cannot_be_used_is_named(empty_cache: Path) -> None:
+    cached("a robot", source)
+    (key,) = (empty_cache / "keys").iterdir()
+    key.unlink()
+    key.mkdir()
+    refused(lambda: cached("a robot", source), CompileError, "cache folder .* cannot be used")
 
 
 def test_a_new_model_may_differ_as_roundings_of_the_robot_do(tmp_path: Path) -> None:

@@ -56,10 +56,9 @@ def judge_run(case: Case) -> None:
     assert all(getattr(again, name).tobytes() == getattr(run, name).tobytes() for name in BITS)
 
 
-def test_runs() -> None:
-    for_all(mechanisms(4), judge_run, 4)
-
-
-@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 20))])
-def test_many_runs(block: int) -> None:
-    for_all(mechanisms(9, first=10_000 * block), judge_run, 50)
+@pytest.mark.parametrize(
+    ("freedoms", "first", "count"),
+    [(4, 0, 4), slow(9, 0, 50), *(fuzz(9, 10_000 * block, 50) for block in range(1, 20))],
+)
+def test_runs(freedoms: int, first: int, count: int) -> None:
+    for_all(mechanisms(freedoms, first=first), judge_run, count)

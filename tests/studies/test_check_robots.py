@@ -13,11 +13,12 @@ from tests.command_line import call
 from tests.extras import needs, robots_of_others
 from tests.files import save
 from tests.mutations import TREE
+from tests.samples import slow
 from tests.studies.test_check import WRONG as WRONG_ROBOTS
 from tests.studies.test_check import arm, boxed
 
 OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".urdf", ".xacro"))
-SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "quadrotor_base", "baxter")
+SAMPLE = ("quadrotor_base.urdf", "quadrotor_base.xacro")
 MUTATIONS = 300  # 9,000 were run once
 #: Findings of the shipped robots: the UR5 has placeholders, and a hinge closes the five-bar's planar loop.
 KNOWN = {
@@ -38,25 +39,16 @@ def test_benchmark_mechanisms_are_checked(name: str) -> None:
     assert all(finding.code in CODES for finding in hybridyn.check(name))
 
 
-def check_findings(file: str) -> None:
-    """Check that every finding of a robot is complete."""
+@pytest.mark.parametrize(
+    "file",
+    [file if Path(file).name in SAMPLE else slow(file) for file in OTHERS],
+    ids=lambda file: "/".join(Path(file).parts[-2:]),
+)
+def test_robots_of_others(file: str) -> None:
     for finding in hybridyn.check(file):
         assert finding.code in CODES
         assert finding.message
         assert "nan" not in finding.message.split()
-
-
-@pytest.mark.parametrize(
-    "file", [f for f in OTHERS if Path(f).name.partition(".")[0] in SAMPLE], ids=lambda f: Path(f).name
-)
-def test_robots_of_others(file: str) -> None:
-    check_findings(file)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("file", OTHERS, ids=lambda file: "/".join(Path(file).parts[-2:]))
-def test_all_robots_of_others(file: str) -> None:
-    check_findings(file)
 
 
 @pytest.mark.slow
