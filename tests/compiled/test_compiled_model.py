@@ -155,6 +155,10 @@ def test_what_cannot_be_written_out_says_so() -> None:
     for call, words in (
         (lambda: hybridyn.compile(robot, dtype="float16"), "dtype"),
         (lambda: hybridyn.compile(robot, threads=0), "threads"),
+        (
+            lambda: hybridyn.compile(robot, quick="lift"),
+            "quick must be True, False, 'idm' or 'ddm', not 'lift'",
+        ),
     ):
         refused(call, ModelError, words)
     with pytest.raises(HybridynError):

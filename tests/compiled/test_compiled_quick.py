@@ -254,11 +254,6 @@ def test_a_program_that_is_missing_is_built_once() -> None:
     assert built == [1]
 
 
-def test_an_unknown_first_model_is_refused() -> None:
-    with pytest.raises(hybridyn.HybridynError, match="quick must be True, False, 'idm' or 'ddm', not 'lift'"):
-        hybridyn.compile(hybridyn.load("five_bar"), quick="lift")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["lx4", "five_bar", "delta"])
 def test_robots_keep_their_bits(

@@ -117,18 +117,16 @@ def grown(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
 
 
 @needs_long_double
-@pytest.mark.parametrize(("kind", "sizes"), [(PLANAR, SIZES[:3]), slow(SPATIAL, SIZES), slow(PLANAR, SIZES)])
+@pytest.mark.parametrize(
+    ("kind", "sizes"),
+    [
+        (PLANAR, SIZES[:3]),
+        *(slow(kind, sizes) for kind in (SPATIAL, PLANAR) for sizes in (SIZES, (*SIZES, 1000))),
+    ],
+)
 def test_errors_grow_no_faster_than_the_stack(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
-    """Moving stacks of 1 to 256 modules; of the planar ones' closure rows three in five are redundant."""
+    """Up to a thousand moving modules; of the planar ones' closure rows three in five are redundant."""
     grown(kind, sizes, claim)
-
-
-@needs_long_double
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
-def test_errors_grow_no_faster_than_a_stack_of_a_thousand(kind: str, claim: Claim) -> None:
-    """The same up to 1,000 modules."""
-    grown(kind, (*SIZES, 1000), claim)
 
 
 def near_rest(kind: str, count: int, claim: Claim) -> None:
@@ -145,19 +143,14 @@ def near_rest(kind: str, count: int, claim: Claim) -> None:
 
 
 @needs_long_double
+@pytest.mark.parametrize("counts", [(4, 64), slow((1000,))], ids=str)
 @pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
-def test_a_stack_near_rest_loses_what_its_condition_takes(kind: str, claim: Claim) -> None:
-    """Four and 64 modules: the condition number reaches 1e6."""
-    for count in (4, 64):
+def test_a_stack_near_rest_loses_what_its_condition_takes(
+    kind: str, counts: tuple[int, ...], claim: Claim
+) -> None:
+    """The condition number reaches 1e6 at 64 modules, 1e10 at a thousand: every method loses these digits."""
+    for count in counts:
         near_rest(kind, count, claim)
-
-
-@needs_long_double
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
-def test_a_thousand_modules_near_rest(kind: str, claim: Claim) -> None:
-    """The condition number is 1e10; ten digits are lost by every method, and no more."""
-    near_rest(kind, 1000, claim)
 
 
 # -------------------------------------------------------------------- peers

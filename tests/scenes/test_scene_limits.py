@@ -72,11 +72,7 @@ def test_steps_of_an_array_of_times() -> None:
 
 def pendulum() -> tuple[hybridyn.HybridRobot, np.ndarray, np.ndarray]:
     robot = hybridyn.load(ROOT / "urdf/benchmarks/heavy_top.urdf.xacro")
-    return robot, robot_start(robot), np.full(robot.nv, 0.1)
-
-
-def robot_start(robot: hybridyn.HybridRobot) -> np.ndarray:
-    return np.asarray(robot.home, dtype=float)
+    return robot, robot.home, np.full(robot.nv, 0.1)
 
 
 def test_an_interrupt_among_many_rows_of_one_step_waits_for_a_block_only(tmp_path: Path) -> None:
