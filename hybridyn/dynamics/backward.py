@@ -142,7 +142,7 @@ def _largest_term(s: ModuleState, needed: ModuleForces, on_outputs: Array) -> Ar
     """
     unit, length = s.mechanism.reduction.col_scale, s.mechanism.length
     size: Array = np.abs(needed.legs * unit).max(axis=1, initial=0.0) + on_outputs.sum(axis=1)
-    for W in (needed.F_p, needed.F_e):
+    for W in (needed.F_p, needed.F_e) if s.module.outputs else ():
         forces, moments = (np.sqrt(np.square(part).sum(axis=2)) for part in (W[..., :3], W[..., 3:]))
         size += (forces * length + moments).sum(axis=1)
     return size

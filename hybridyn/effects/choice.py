@@ -111,7 +111,7 @@ class Effects:
 
     def body_bias(self, V: Array, inertia: Array) -> Array:
         """Compute crf(V) (I V) of bodies, shape (..., 6)."""
-        return self.velocity.of_body(V, inertia) if self.velocity else np.zeros_like(V)
+        return self.velocity.of_body(V, inertia) if self.velocity and V.size else np.zeros_like(V)
 
     def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:
         """Compute the efforts of joint laws on the spanning tree, shape (T, nv); None without laws."""
