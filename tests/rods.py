@@ -3,8 +3,7 @@
 A rod is a body without products of inertia about its line, as most people write it.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -77,15 +76,20 @@ def delta_on(s: Sketch, base: str, p: Place, foot: Foot = "ball", *, thin: bool 
     return platform
 
 
-def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
-    """Draw a platform on six rods, each on a driven slide."""
-    s = plain(seed)
-    p, platform = s.place(), None
+def six_legs(s: Sketch, p: Place) -> Iterator[tuple[Array, Array]]:
+    """Yield the ends of six legs in pairs, on the base and on the platform."""
     for i in range(6):
         middle, side = 2 * np.pi * (i // 2) / 3, (-1) ** i
         low, high = middle + 0.35 * side, middle + side * (np.pi / 3 - 0.2)
         B = p(0.6 * np.cos(low), 0.6 * np.sin(low), s.jitter())
-        P = p(0.3 * np.cos(high), 0.3 * np.sin(high), 0.8 + s.jitter())
+        yield B, p(0.3 * np.cos(high), 0.3 * np.sin(high), 0.8 + s.jitter())
+
+
+def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
+    """Draw a platform on six rods, each on a driven slide."""
+    s = plain(seed)
+    p, platform = s.place(), None
+    for B, P in six_legs(s, p):
         slide = s.joint("prismatic", "base", B, p.normal, motor=True, stem="slide")
         platform = rod(s, slide, B, platform, P, foot, thin=thin)
     return s.description(f"{foot}_slides")
@@ -95,11 +99,7 @@ def ball_gough(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Des
     """Draw a Gough-Stewart platform: a foot, a driven slide and a ball in each leg."""
     s = plain(seed)
     p, platform = s.place(), None
-    for i in range(6):
-        middle, side = 2 * np.pi * (i // 2) / 3, (-1) ** i
-        low, high = middle + 0.35 * side, middle + side * (np.pi / 3 - 0.2)
-        B = p(0.6 * np.cos(low), 0.6 * np.sin(low), s.jitter())
-        P = p(0.3 * np.cos(high), 0.3 * np.sin(high), 0.8 + s.jitter())
+    for B, P in six_legs(s, p):
         d = unit(P - B)
         if foot == "ball":
             lower = s.joint("spherical", "base", B, stem="lower")

@@ -1,7 +1,5 @@
 """The guard of a call is that of its own sample, and NaN is no guard that is passed."""
 
-from __future__ import annotations
-
 import sys
 import threading
 

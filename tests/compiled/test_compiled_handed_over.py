@@ -1,7 +1,5 @@
 """What the general path computes is counted with its reason, and told where it would be most samples."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Redundant loops that agree up to the rounding of their file are compiled, with the rank decided at load."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

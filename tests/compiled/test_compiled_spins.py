@@ -1,7 +1,5 @@
 """Rods between two balls spin idly: compiled models compute them, whatever spins the caller gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Postures on a grid of joint positions, for the table of a joint map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
