@@ -23,6 +23,7 @@ from hybridyn.errors import (
 from hybridyn.streams.efforts import samples_counted_from
 from tests.command_line import call
 from tests.comparing import refused
+from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, read_text
 
 NO_ROOM = """
@@ -48,6 +49,8 @@ def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: P
 
     -B and the load before the limit: truncated bytecode of the package would break later imports.
     """
+    if file.endswith("parquet"):
+        needs("io")
     option = "--plot" if file.endswith("svg") else "-o"
     target = "." if command == "export" else file
     words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, target]

@@ -10,6 +10,7 @@ from hybridyn.errors import HybridynError, ModelError
 from hybridyn.studies.sweep.measures import OF_KIND, check_units
 from hybridyn.studies.sweep.shards import read_shards
 from tests.command_line import table_text
+from tests.extras import needs
 from tests.files import save
 from tests.robot_texts import INERTIAL
 
@@ -57,6 +58,7 @@ def test_a_peak_of_different_units_is_refused(word: str, tmp_path: Path) -> None
 
 def test_a_study_names_the_unit(tmp_path: Path) -> None:
     """Each number is the peak of the one motor with its unit."""
+    needs("sweep")
     measure = "{ force = 'peak_effort[N]', torque = 'peak_effort[N m]', rise = 'peak_speed[m/s]' }"
     hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", format="csv", jobs=1)
     (rows,) = read_shards(str(tmp_path / "out"))
