@@ -147,7 +147,7 @@ def _built(description: Description, **options: Any) -> HybridRobot:
 
 def _warn(robot: HybridRobot) -> None:
     """Log signs of lost loops and masses, and modules singular in every posture (equal ones once)."""
-    from .assembly.findings import architecturally_singular, of_files
+    from .assembly.motor_share import architecturally_singular
 
     for lost in of_files(robot.description):
         _log.warning("robot '%s': %s", robot.name, lost)
@@ -157,3 +157,22 @@ def _warn(robot: HybridRobot) -> None:
             _log.warning("module '%s': %s", module.name, decided)
         if singular := architecturally_singular(module):
             _log.warning("module '%s' is %s", module.name, singular)
+
+
+def of_files(description: Description) -> list[str]:
+    """Return what the files seem to lack: loops, and the mass of moving bodies, one sentence per finding."""
+    from .description.lost_loops import lost_loops
+    from .description.names import listed
+    from .description.weightless import has_mass, weightless
+
+    out = [f"{sign.message}; {sign.mend}" for sign in lost_loops(description)]
+    light = [joint.child for joint in weightless(description)]
+    if any(joint.kind != "fixed" for joint in description.joints) and not has_mass(description):
+        out.append("no link has mass (<inertial>), so efforts of gravity and inertia are zero")
+    elif light:
+        one = len(light) == 1
+        out.append(
+            f"{'link' if one else 'links'} {listed(light)} {'moves and has' if one else 'move and have'} no "
+            "mass: efforts leave out this weight; add <inertial>, or a fixed joint to a link that has one"
+        )
+    return out

@@ -2,8 +2,8 @@
 
 Read `requests` (the caller's input, checked), `module_request` (the same for one module), `task` (the problem
 that it states), `follow` (continuation from sample to sample on one branch), `assemble`. `assemblies` finds
-all postures, `reach` closes each sample for itself; `findings` and `free_motions` report what looks wrong in
-a robot.
+all postures, `reach` closes each sample for itself; `motor_share` and `free_motions` find motions that motors
+do not drive.
 
 May import: `structure` and below.
 """

@@ -17,7 +17,7 @@ from ..linkage.newton import SMALLEST_STEP
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..structure.module import Module
-from ..structure.robot import HybridRobot, joint_position
+from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .assemble import place_base, settled, spanning_positions
 from .follow import follow
@@ -117,19 +117,6 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
             slack = SAME_ASSEMBLY * max(abs(x) for x in (joint.lower, joint.upper, 1.0) if np.isfinite(x))
             within &= (x >= joint.lower - slack) & (x <= joint.upper + slack)
     return within
-
-
-def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Index:
-    """Search the postures of one module with its motors at home; return the starts that led to each.
-
-    Raises:
-        AssemblyError: The motors do not determine its posture.
-    """
-    module = robot.modules[number]
-    joints = {motor: float(joint_position(robot, robot.home, motor)) for motor in module.motors}
-    requests = gather_requests(robot, joints, {})
-    task = module_task(robot, module, module_request(requests, robot, number, {}))
-    return postures(robot, module, task, starts, seed=0)[1]
 
 
 class _Search:

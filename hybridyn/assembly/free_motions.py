@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..description.names import listed
 from ..linkage.elimination import pivoted_qr
 from ..linkage.tree import Motion
 from ..spatial import Array, Mask
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
-from ..structure.robot import HybridRobot
 
 #: A motion is idle (a rod's spin) if it moves outputs, motors and centres of mass by less than this.
 IDLE = 1e-6
@@ -51,29 +49,6 @@ def free_motions(module: Module) -> FreeMotions:
     values, vectors = np.linalg.eigh(own_inertia(m, motions * m.reduction.col_scale[:, None]))
     light = motions @ vectors[:, values <= MASSLESS_MOTION * max(values[-1], 0.0)]
     return FreeMotions(_named(moving, names), _named(idle, names), _named(light, names))
-
-
-def free_motions_of(robot: HybridRobot) -> list[str]:
-    """Describe the motions of a robot that lack a motor or inertia, one sentence per kind.
-
-    Args:
-        robot: The robot; the motion of its free base is left out.
-    """
-    found: dict[str, list[str]] = {"uncontrolled": [], "idle": [], "massless": []}
-    for module in robot.modules[robot.base == "floating" :]:
-        free = free_motions(module)
-        for kind, names in found.items():
-            names += getattr(free, kind)
-    sentences = {
-        "uncontrolled": "no motor drives the motion of {}",
-        "idle": "idle, it moves no output and no centre of mass: the motion of {}",
-        "massless": "the motion of {} has no inertia",
-    }
-    return [
-        sentences[kind].format(listed(dict.fromkeys(names)).replace("'", ""))
-        for kind, names in found.items()
-        if names
-    ]
 
 
 def own_inertia(m: Mechanism, Psi: Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..errors import AT_SAMPLE, AssemblyError, TrajectoryError
+from ..errors import AssemblyError, TrajectoryError
 from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, rotation_from_quaternion
@@ -227,27 +227,3 @@ def check_guess(robot: HybridRobot, guess: Array) -> None:
     for columns in robot.unit_coordinates:
         if not guess[..., columns].any(axis=-1).all():
             raise AssemblyError("guess has a joint whose cosine and sine, or quaternion, are all zero")
-
-
-def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[Array, ...]]) -> None:
-    """Check that positions of endless gears do not jump by whole turns against their velocities.
-
-    Args:
-        time: Times, shape (T,), [s].
-        joints: Joint name to position, velocity and acceleration, shape (T,) each.
-
-    Raises:
-        AssemblyError: One jumps; the message names joint and sample.
-    """
-    for name in sorted(robot.description.endless_gears & joints.keys()):
-        position, rate = joints[name][:2]
-        step, turned = np.diff(position), np.diff(time) * (rate[1:] + rate[:-1]) / 2
-        jumps = np.flatnonzero((np.abs(step) > np.pi) & (np.round((step - turned) / (2 * np.pi)) != 0))
-        if len(jumps):
-            i = int(jumps[0])
-            raise AssemblyError(
-                f"joint '{name}' goes by {step[i]:.3g} rad{AT_SAMPLE}, its velocity by "
-                f"{turned[i]:.3g}: it is in a gear, so its position counts whole turns. Give positions that "
-                "do (numpy.unwrap), or rows less than half a turn apart",
-                sample=i + 1,
-            )

@@ -47,8 +47,8 @@ def command(
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
         """Build the plan for a robot and a table."""
-        from ..assembly.free_motions import free_motions_of
         from ..effects import choose
+        from ..studies.check.remarks import free_motions_of
         from ..tables.columns import acceleration_columns
 
         chosen = choose(robot, effects)

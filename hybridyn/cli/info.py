@@ -58,7 +58,8 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
     type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
     posture. Equal modules are described once. The last lines list what looks wrong.
     """
-    from ..assembly.findings import findings, home_residuals
+    from ..studies.check.loops import home_residuals
+    from ..studies.check.remarks import findings
     from ..studies.home import branch
 
     robot = load()
@@ -81,8 +82,8 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
 
 def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
     """Yield lines with the number of postures of each kind of module with its motors at home."""
-    from ..assembly.assemblies import postures_at_home
     from ..errors import AssemblyError
+    from ..studies.home import postures_at_home
 
     yield ""
     yield f"postures with the motors as at home, from {counted(starts, 'random start')} each:"
@@ -116,10 +117,11 @@ class _Tree:
     """The tree of modules as lines of text."""
 
     def __init__(self, robot: HybridRobot, home: list[float], width: int) -> None:
-        from ..assembly.findings import singular_at_home
         from ..assembly.free_motions import free_motions
+        from ..studies.check.remarks import module_findings
 
-        self.singular_at_home, self.free_motions = singular_at_home, free_motions
+        self.free_motions = free_motions
+        self.singular = {one.element for one in module_findings(robot) if one.code.startswith("singular")}
         self.robot, self.home, self.width = robot, home, width
         self.kinds = {name: joint.kind for name, joint in robot.records.items()}
         self.children = robot.children
@@ -247,7 +249,7 @@ class _Tree:
             yield "rank", f"{report.rank}; {mechanism.rank_decision}"
         closed = open_by <= self.robot.closure_tolerance
         how = f"{'closed' if closed else 'OPEN'} to {open_by:.1e} of the module's size"
-        yield "at home", f"{how}; SINGULAR" if closed and self.singular_at_home(module, self.robot) else how
+        yield "at home", f"{how}; SINGULAR" if f"module '{module.name}'" in self.singular else how
 
     def _joint(self, name: str) -> str:
         return f"{name}*" if name in self.robot.motors else name

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..errors import AssemblyError, HybridynError
+from ..errors import AT_SAMPLE, AssemblyError, HybridynError
 
 if TYPE_CHECKING:
     from ..description.records import Array
@@ -124,8 +124,6 @@ def _assembled(
 
     assemble = assemble or functools.partial(hybridyn.assemble, robot)
     if motion.time is not None:
-        from ..assembly.requests import check_unwrapped
-
         check_unwrapped(robot, motion.time, motion.joints)
         return assemble(motors=motion.joints, platforms=motion.platforms, guess=guess)
     rows = []
@@ -138,6 +136,32 @@ def _assembled(
             raise
     q, v, a = (np.concatenate(level) for level in zip(*rows, strict=True))
     return q, v, a
+
+
+def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[Array, ...]]) -> None:
+    """Check that positions of endless gears do not jump by whole turns against their velocities.
+
+    Args:
+        time: Times, shape (T,), [s].
+        joints: Joint name to position, velocity and acceleration, shape (T,) each.
+
+    Raises:
+        AssemblyError: One jumps; the message names joint and sample.
+    """
+    import numpy as np
+
+    for name in sorted(robot.description.endless_gears & joints.keys()):
+        position, rate = joints[name][:2]
+        step, turned = np.diff(position), np.diff(time) * (rate[1:] + rate[:-1]) / 2
+        jumps = np.flatnonzero((np.abs(step) > np.pi) & (np.round((step - turned) / (2 * np.pi)) != 0))
+        if len(jumps):
+            i = int(jumps[0])
+            raise AssemblyError(
+                f"joint '{name}' goes by {step[i]:.3g} rad{AT_SAMPLE}, its velocity by "
+                f"{turned[i]:.3g}: it is in a gear, so its position counts whole turns. Give positions that "
+                "do (numpy.unwrap), or rows less than half a turn apart",
+                sample=i + 1,
+            )
 
 
 @contextlib.contextmanager

@@ -7,9 +7,10 @@ import pytest
 
 import hybridyn
 from hybridyn import ActuationError, HybridRobot
-from hybridyn.assembly.free_motions import FreeMotions, free_motions, free_motions_of
+from hybridyn.assembly.free_motions import FreeMotions, free_motions
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
+from hybridyn.studies.check.remarks import free_motions_of
 from tests import ROOT
 from tests.mechanisms import KINDS, random_mechanism
 from tests.samples import some

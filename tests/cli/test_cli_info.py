@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.assembly.findings import home_residuals
 from hybridyn.cli.info import _Tree
-from hybridyn.structure.module import Module
+from hybridyn.studies.check import loops
+from hybridyn.studies.check.loops import home_residuals
 from tests import ROOT
 from tests.files import save
 
@@ -62,12 +62,7 @@ def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
 
 
 def test_a_singular_home_is_told_where_the_module_is(run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from hybridyn.assembly import findings
-
-    def singular(module: Module, robot: hybridyn.HybridRobot) -> str:
-        return "its closures lose rank"
-
-    monkeypatch.setattr(findings, "singular_at_home", singular)
+    monkeypatch.setattr(loops, "SINGULAR_POSTURE", 2.0)
     out = run("info", FIVE_BAR).out
     assert "module's size; SINGULAR" in out
-    assert "the home posture is singular: its closures lose rank" in " ".join(out.split())
+    assert "its closures lose rank at the home posture" in " ".join(out.split())

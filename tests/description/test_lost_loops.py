@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.assembly.findings import findings, of_files
 from hybridyn.cli import main
 from hybridyn.description import read
 from hybridyn.description.lost_loops import lost_loops
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.description.weightless import weightless
 from hybridyn.errors import ModelError
-from hybridyn.loading import load
+from hybridyn.loading import load, of_files
+from hybridyn.studies.check.remarks import findings
 from tests.robot_texts import INERTIAL, LOOP, robot, save
 
 

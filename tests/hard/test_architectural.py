@@ -3,7 +3,7 @@
 Claim: a Gough-Stewart of similar hexagons is told to be architecturally singular by `load` and by `findings`
 (Merlet, Parallel Robots, 2006, section 6.5: the six legs' lines always belong to one linear complex), and
 nothing else that we ship or draw is. No number is claimed but the motors' share in the direction that they
-lose: rounding for the one (1e-12), more than 1e-5 (`findings.SINGULAR`) for the others.
+lose: rounding for the one (1e-12), more than 1e-5 (`SINGULAR_POSTURE`) for the others.
 """
 
 import logging
@@ -14,9 +14,10 @@ import pytest
 
 import hybridyn
 from hybridyn import SingularityError
-from hybridyn.assembly.findings import SINGULAR_POSTURE, architecturally_singular, findings, motor_share
+from hybridyn.assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
+from hybridyn.studies.check.remarks import findings, module_findings
 from tests.comparing import refused
 from tests.files import save
 from tests.hard.claims import Claim
@@ -76,7 +77,7 @@ def test_load_says_so(platform: float, tmp_path: Path, caplog: pytest.LogCapture
 @pytest.mark.parametrize("name", ROBOTS)
 def test_shipped_robots_are_not(name: str, claim: Claim) -> None:
     robot = build_robot(shipped(name))
-    assert not [text for text in findings(robot) if "singular" in text]
+    assert not [one.code for one in module_findings(robot)]
     least = [motor_share(m, m.mechanism.basis(m.mechanism.generic_K).Psi) for m in robot.modules]
     share = min(float(np.median(s)) for s in least if s is not None)
     claim(name, "reciprocal of the motors' share in a motion", 1 / share, 1 / SINGULAR_POSTURE)

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from hybridyn import SingularityError, ddm, idm
-from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.structure.building import build_robot
+from hybridyn.studies.check.remarks import findings
 from tests.comparing import refused
 from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from hybridyn import HybridynError, assemble, ddm, idm, simulate
-from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.scenes.start import _check_rates
+from hybridyn.studies.check.remarks import findings
 from tests.hard.claims import Claim, apart
 from tests.hard.scaling import Scale
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches

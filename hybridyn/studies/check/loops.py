@@ -6,15 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...assembly.findings import (
-    SINGULAR_POSTURE,
-    architecturally_singular,
-    held_motors,
-    home_residuals,
-    motor_share,
-    without_mass,
-)
-from ...assembly.free_motions import free_motions
+from ...assembly.free_motions import free_motions, own_inertia
+from ...assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
+from ...assembly.task import residuals
 from ...description.lost_loops import lost_loops
 from ...description.names import LISTED_NAMES, counted, listed
 from ...linkage.reduction import ROUNDED_ROWS
@@ -24,6 +18,12 @@ from ...structure.robot import HybridRobot
 from ..home import far_from_zero
 from .finding import Finding
 from .subject import Subject
+
+
+def home_residuals(robot: HybridRobot) -> list[float]:
+    """Compute the largest closure residual of each module at home, relative to the module's length."""
+    worst = {module.name: float(np.abs(x).max()) for module, x in residuals(robot, robot.home[None])}
+    return [worst.get(module.name, 0.0) for module in robot.modules]
 
 
 def check_modules(subject: Subject) -> Iterator[Finding]:
@@ -198,13 +198,17 @@ class _ModuleCheck:
         if not module.mobility:
             return
         if without_mass(module):
-            if self.robot.modules.index(module) not in self.robot.children:
-                yield self._about(
-                    "no-mass",
-                    "none of its bodies has mass, and no other module is on it",
-                    "its direct dynamics has no solution",
-                    "add <inertial> to its links",
-                )
+            for number, bare in enumerate(self.robot.modules):
+                if bare.mechanism is module.mechanism and number not in self.robot.children:
+                    yield self.subject.of_module(
+                        "no-mass",
+                        bare.name,
+                        "none of its bodies has mass, and no other module is on it",
+                        "its direct dynamics has no solution",
+                        "add <inertial> to its links",
+                        (*bare.closures, *bare.joints),
+                    )
+                    break
             return
         for name in free_motions(module).massless:
             yield self._about(
@@ -268,3 +272,17 @@ class _ModuleCheck:
             return None
         least = float(values(m.home[None], Psi)[0, rank - 1] / usual[0])
         return least if least < SINGULAR_POSTURE else None
+
+
+def without_mass(module: Module) -> bool:
+    """Return whether no motion of a module moves a mass of its own."""
+    m = module.mechanism
+    return bool(m.mobility and own_inertia(m, m.basis(m.generic_K[:1]).Psi[0]).max() <= 0.0)
+
+
+def held_motors(module: Module) -> list[str]:
+    """Return the motors of a module that its closures hold still at every posture."""
+    m = module.mechanism
+    Psi = np.abs(m.basis(m.generic_K[:1]).Psi[0] / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
+    moving = zip(module.motors, Psi[module.motor_columns], strict=True)
+    return [name for name, most in moving if not m.mobility or most < SINGULAR_POSTURE * Psi.max()]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...assembly.findings import SINGULAR_POSTURE
+from ...assembly.motor_share import SINGULAR_POSTURE
 from ...dynamics.inverse import idm
 from ...errors import ActuationError
 from ...linkage.targets import COORDINATES
