@@ -99,13 +99,8 @@ def assemblies(
         raise TrajectoryError("assemblies takes one sample: numbers, and poses of shape (7,)")
     if starts < 1:
         raise TrajectoryError(f"starts must be at least 1, not {starts}")
-    search = _Search(robot, requests, starts, seed)
-    for number in range(robot.base == "floating", len(robot.modules)):
-        search.add(number)
-    q = search.q
-    return Assemblies(
-        q, search.counts, closure_residual(robot, q), _within_limits(robot, q), starts, search.unseen
-    )
+    q, counts, unseen = _search(robot, requests, starts, seed)
+    return Assemblies(q, counts, closure_residual(robot, q), _within_limits(robot, q), starts, unseen)
 
 
 def _within_limits(robot: HybridRobot, q: Array) -> Mask:
@@ -119,29 +114,31 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     return within
 
 
-class _Search:
-    """All postures of the modules searched so far, from the base outwards."""
+def _search(robot: HybridRobot, requests: Requests, starts: int, seed: int) -> tuple[Array, Index, float]:
+    """Search the modules from the base outwards, each for every posture of the modules below it.
 
-    def __init__(self, robot: HybridRobot, requests: Requests, starts: int, seed: int) -> None:
-        self.robot, self.requests, self.starts, self.seed = robot, requests, starts, seed
-        self.q = robot.home[None].copy()
-        place_base(robot, requests, self.q, *np.zeros((2, 1, robot.nv)))
-        self.counts: Index = np.array([starts])
-        self.unseen = 0.0
-        self._bodies = {0: Motion.at_rest(1)}
-        self._known: dict[tuple[int, bytes], tuple[Array, Index]] = {}
+    Returns:
+        `q`, `counts` and `unseen` of `Assemblies`.
 
-    def add(self, number: int) -> None:
-        """Search a module's postures for each posture of the modules below it.
-
-        Raises:
-            AssemblyError: It has no posture for some of them, or there are too many.
-        """
-        module = self.robot.modules[number]
-        alone = on_own_bases(self.requests, self.robot, number)
-        found = [self._module(number, row) for row in range(1 if alone else len(self.q))]
-        found = found * len(self.q) if alone else found
-        total = sum(len(counts) for _, counts in found)
+    Raises:
+        AssemblyError: A module has no posture for some of them, or there are too many.
+    """
+    q, counts, unseen, bodies = robot.home[None].copy(), np.array([starts]), 0.0, {0: Motion.at_rest(1)}
+    place_base(robot, requests, q, *np.zeros((2, 1, robot.nv)))
+    known: dict[tuple[int, bytes], tuple[Array, Index]] = {}
+    for number in range(robot.base == "floating", len(robot.modules)):
+        module, alone = robot.modules[number], on_own_bases(requests, robot, number)
+        found = []
+        for row in range(1 if alone else len(q)):
+            below = {body: motion.take(np.array([row])) for body, motion in bodies.items()}
+            task = module_task(robot, module, module_request(requests, robot, number, below))
+            asked = task.problem.residual(module.mechanism.home[None], np.zeros(1, dtype=int))
+            key = id(module.mechanism), np.round(np.concatenate([task.known, asked], axis=1), 9).tobytes()
+            if key not in known:
+                known[key] = postures(robot, module, task, starts, seed)
+            found.append(known[key])
+        found = found * len(q) if alone else found
+        total = sum(len(own) for _, own in found)
         if total > MOST_POSTURES:
             raise AssemblyError(
                 f"module '{module.name}': with the modules below it, it has at least {total} postures "
@@ -149,27 +146,16 @@ class _Search:
                 "platforms",
                 module=module.name,
             )
-        rows = np.repeat(np.arange(len(self.q)), [len(counts) for _, counts in found])
-        self.q = self.q[rows]
-        self.q[:, module.q_index] = np.concatenate([q for q, _ in found])
-        self.counts = np.minimum(self.counts[rows], np.concatenate([counts for _, counts in found]))
-        once = max(float((counts == 1).sum()) for _, counts in found) / self.starts
-        self.unseen = 1 - (1 - self.unseen) * (1 - once)
-        self._bodies = {body: motion.take(rows) for body, motion in self._bodies.items()}
-        motion = module.mechanism.spanning.sweep(self.q[:, module.q_index])
-        place_bodies(self.robot, module, motion, self._bodies)
-
-    def _module(self, number: int, row: int) -> tuple[Array, Index]:
-        """Return `postures` of a module for one posture of the modules below, searched once per request."""
-        robot, module = self.robot, self.robot.modules[number]
-        m = module.mechanism
-        below = {body: motion.take(np.array([row])) for body, motion in self._bodies.items()}
-        task = module_task(robot, module, module_request(self.requests, robot, number, below))
-        asked = task.problem.residual(m.home[None], np.zeros(1, dtype=int))
-        key = id(m), np.round(np.concatenate([task.known, asked], axis=1), 9).tobytes()
-        if key not in self._known:
-            self._known[key] = postures(robot, module, task, self.starts, self.seed)
-        return self._known[key]
+        rows = np.repeat(np.arange(len(q)), [len(own) for _, own in found])
+        q = q[rows]
+        q[:, module.q_index] = np.concatenate([own for own, _ in found])
+        counts = np.minimum(counts[rows], np.concatenate([own for _, own in found]))
+        once = max(float((own == 1).sum()) for _, own in found) / starts
+        unseen = 1 - (1 - unseen) * (1 - once)
+        bodies = {body: motion.take(rows) for body, motion in bodies.items()}
+        motion = module.mechanism.spanning.sweep(q[:, module.q_index])
+        place_bodies(robot, module, motion, bodies)
+    return q, counts, unseen
 
 
 def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> tuple[Array, Index]:

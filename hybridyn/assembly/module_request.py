@@ -32,8 +32,7 @@ class ModuleRequest:
         known_v: Their rates, shape (T, nv).
         known_a: Their accelerations, shape (T, nv).
         given: Indices of the joints whose positions are given.
-        targets: Prescribed poses of other bodies.
-        names: Link of each target.
+        targets: Prescribed poses of other bodies, each with its link.
         angles: Given positions of continuous joints, including whole turns, shape (T,) each, [rad].
         strict: As in `Requests`.
     """
@@ -43,8 +42,7 @@ class ModuleRequest:
     known_v: Array
     known_a: Array
     given: list[int] = field(default_factory=list)
-    targets: list[Target] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
+    targets: list[tuple[str, Target]] = field(default_factory=list)
     angles: dict[int, Array] = field(default_factory=dict)
     strict: bool = False
 
@@ -86,7 +84,7 @@ class ModuleRequest:
             placement = Motion.at_rest(len(moved.p), joint.R, joint.p)
             self.give_floating(body - 1, moved.seen_from(placement))
             return
-        self.add(PoseTarget(body, moved, units_of_pose(self.mechanism)), link)
+        self.targets.append((link, PoseTarget(body, moved, units_of_pose(self.mechanism))))
 
     def give_floating(self, joint: int, inner: Motion) -> None:
         """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""
@@ -114,11 +112,6 @@ class ModuleRequest:
                 others = (c * level[:, slices[j].start] for j, c in coupling.terms if j != follower)
                 level[:, slices[follower].start] = (offset - sum(others)) / weight
             self.given.append(follower)
-
-    def add(self, target: Target, link: str) -> None:
-        """Add a target for a link."""
-        self.targets.append(target)
-        self.names.append(link)
 
 
 def joined(requests: Iterable[ModuleRequest]) -> ModuleRequest:
@@ -185,7 +178,8 @@ def module_request(
             continue
         place = (m.cut.tree_body(local), R, p)
         if pose.motion is None:
-            request.add(_coordinate_target(robot, module, base_body, pose, place), pose.link)
+            target = _coordinate_target(robot, module, base_body, pose, place)
+            request.targets.append((pose.link, target))
         else:
             motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
             request.give_pose(pose.link, place, motion)

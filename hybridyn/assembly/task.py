@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..description.groups import Groups
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
@@ -92,17 +93,15 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
     for joint in request.given:
         free[m.tree.v_slices[joint]] = False
     problem = LoopProblem(
-        m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets,
-        rank_tolerance=m.rank_tolerance,
+        m.closures, m.reduction.row_scale, m.reduction.col_scale, free,
+        [target for _, target in request.targets], rank_tolerance=m.rank_tolerance,
     )  # fmt: skip
     generic = problem.matrix(m.tree.sweep(m.postures))
     rank = check_determined(module, problem, generic)
     blocks = full_rank_blocks(generic, free, m.rank_tolerance)
     problem = replace(problem, rank=rank, blocks=blocks)
     names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
-    names += [
-        f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
-    ]
+    names += [f"target on '{link}'" for link, target in request.targets for _ in target.units]
     tolerance = max(robot.closure_tolerance, 1e-12)
     return Task(problem, request.known, request.given, tolerance, module.name, names)
 
@@ -211,18 +210,15 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
 def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block]:
     """Find the connected blocks of rows and free columns; empty if one lacks full column rank."""
     cols = np.flatnonzero(free)
-    touched: Mask = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
-    label = np.arange(len(cols))
+    touched = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
+    groups: Groups[int] = Groups()
     for row in touched:
-        members = set(label[row].tolist())
-        if len(members) > 1:
-            label[[one in members for one in label.tolist()]] = min(members)
+        groups.join_all(np.flatnonzero(row).tolist())
     blocks = []
-    for name in sorted(set(label.tolist())):
-        own = label == name
+    for own in groups.classes(range(len(cols))):
         rows = np.flatnonzero(touched[:, own].any(axis=1))
         K = generic[:, rows[:, None], cols[own]]
-        if decide_rank(K, tolerance).rank < own.sum():
+        if decide_rank(K, tolerance).rank < len(own):
             return []
         blocks.append(Block(rows, cols[own]))
     return blocks

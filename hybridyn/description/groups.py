@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Iterable
 from typing import Generic, TypeVar
 
-T = TypeVar("T", bound=Hashable)
+T = TypeVar("T", int, str)
 
 
 class Groups(Generic[T]):
@@ -28,3 +28,16 @@ class Groups(Generic[T]):
         first, second = self.of(one), self.of(other)
         self._above[second] = first
         return first != second
+
+    def join_all(self, members: Iterable[T]) -> None:
+        """Join several, for which the least of the members that stand for them then stands."""
+        standing = sorted({self.of(one) for one in members})
+        for other in standing[1:]:
+            self.join(standing[0], other)
+
+    def classes(self, members: Iterable[T]) -> list[list[T]]:
+        """Return some members group by group, in their order."""
+        out: dict[T, list[T]] = {}
+        for one in members:
+            out.setdefault(self.of(one), []).append(one)
+        return list(out.values())

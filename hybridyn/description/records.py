@@ -120,6 +120,11 @@ class Joint:
     line: int | None = None
 
     @property
+    def armature(self) -> float:
+        """Inertia of the rotor at the joint, J n^2 [kg or kg m^2]."""
+        return self.rotor_inertia * self.gear_ratio**2
+
+    @property
     def speed_limit(self) -> float:
         """Speed limit [m/s or rad/s], +inf if there is none. URDF demands a number, and 0 states none."""
         return self.velocity or np.inf

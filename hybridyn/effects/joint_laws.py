@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..description.records import Joint
 from ..errors import ModelError
 from ..spatial import LARGEST, Array
 from ..structure.robot import HybridRobot
@@ -29,11 +28,7 @@ class RotorInertia(JointEffect):
     name: ClassVar[str] = "rotor_inertia"
     by_joint = ("inertia",)
     several = ("spherical",)
-    from_files = "rotor_inertia"
-
-    def of_file(self, joint: Joint) -> float:
-        """Return J n^2 of a joint of the robot's files."""
-        return joint.rotor_inertia * joint.gear_ratio**2
+    from_files = "armature"
 
 
 class _Viscous(JointEffect):
@@ -189,8 +184,7 @@ class Stop(JointEffect):
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, lower and upper limit by joint."""
-        if not (np.isfinite(self.damping) and self.damping >= 0):
-            raise ModelError(f"{self.name}: damping must be finite and not negative, not {self.damping:g}")
+        positive(self.name, "damping", self.damping, or_zero=True)
         record = {j.joint.name: j.joint for j in robot.bodies.joints}
         out: dict[str, tuple[float, ...]] = {}
         for joint, (stiffness,) in super().numbers(robot).items():

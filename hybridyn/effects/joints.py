@@ -15,7 +15,6 @@ from typing import ClassVar
 import numpy as np
 
 from ..description.names import did_you_mean, listed
-from ..description.records import Joint
 from ..errors import ModelError
 from ..spatial import LARGEST, Array, Index, Mask
 from ..structure.robot import HybridRobot
@@ -51,12 +50,8 @@ class JointEffect(ABC):
         tables = [getattr(self, field) for field in self.by_joint]
         if tables[0] is not None:
             return given(self.name, *tables)
-        joints = (j.joint for j in robot.bodies.joints)
-        return {j.name: (self.of_file(j),) for j in joints if self.of_file(j)}
-
-    def of_file(self, joint: Joint) -> float:
-        """Return the parameter that the robot's files state for a joint."""
-        return float(getattr(joint, self.from_files))
+        stated = {j.joint.name: float(getattr(j.joint, self.from_files)) for j in robot.bodies.joints}
+        return {name: (number,) for name, number in stated.items() if number}
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the effort, shape (T, k), from parameters p, positions x and rates v (T, k)."""
@@ -172,11 +167,12 @@ def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:
     return out
 
 
-def positive(effect: str, what: str, value: float) -> None:
-    """Check that a number is positive.
+def positive(effect: str, what: str, value: float, *, or_zero: bool = False) -> None:
+    """Check that a number is finite and positive, or zero if that is allowed.
 
     Raises:
         ModelError: It is not.
     """
-    if not (np.isfinite(value) and value > 0):
-        raise ModelError(f"{effect}: {what} must be positive, not {value:g}")
+    if not (np.isfinite(value) and (value > 0 or (or_zero and value == 0))):
+        kind = "finite and not negative" if or_zero else "positive"
+        raise ModelError(f"{effect}: {what} must be {kind}, not {value:g}")

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import ModelError, TrajectoryError
 from ..linkage.tree import Motion
 from ..spatial import Array, cross, rotate, rotate_back
-from .joints import WIDTH
+from .joints import WIDTH, positive
 
 
 def within(name: str, table_time: Array, time: Array | None) -> Array:
@@ -130,11 +130,10 @@ class GroundContact:
 
     def __post_init__(self) -> None:
         for what in ("stiffness", "damping", "friction"):
-            value = getattr(self, what)
-            if not (np.isfinite(value) and value >= 0):
-                raise ModelError(f"{self.name}: {what} must be finite and not negative, not {value:g}")
-        if not (np.isfinite(self.width) and self.width > 0 and np.isfinite(self.height)):
-            raise ModelError(f"{self.name}: width must be positive and height finite")
+            positive(self.name, what, getattr(self, what), or_zero=True)
+        positive(self.name, "width", self.width)
+        if not np.isfinite(self.height):
+            raise ModelError(f"{self.name}: height must be finite, not {self.height:g}")
         for link in self.points:
             if not np.isfinite(self._points[link]).all() or self._points[link].ndim != 2:
                 raise ModelError(

@@ -25,9 +25,10 @@ from ..linkage.elimination import least_squares
 from ..linkage.joints import TRANSLATIONS
 from ..linkage.retraction import Retraction
 from ..spatial import Array, slices
+from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .loop_rows import LoopRows
-from .module_chart import LoopedModule, ModuleChart
+from .module_chart import ModuleChart
 
 #: Closures are close to losing rank if their least singular value is below this part of its generic value.
 CLOSE = 1.0
@@ -37,7 +38,7 @@ class Manifold:
     """The manifold of all assembled postures of a robot.
 
     Attributes:
-        looped: Modules with loops.
+        looped: Modules with loops, and their closures, which equal modules share.
         free: Indices of the freedoms of modules without loops, shape (k,).
         retraction: Moves on the whole spanning tree.
         unit: Unit of each freedom, shape (nv,).
@@ -48,7 +49,7 @@ class Manifold:
         self.robot = robot
         self.retraction = Retraction(robot.kinds)
         self.unit = robot.unit
-        self.looped: list[LoopedModule] = []
+        self.looped: list[tuple[Module, LoopRows]] = []
         shared: dict[int, LoopRows] = {}
         free: list[int] = []
         for module in robot.modules:
@@ -58,7 +59,7 @@ class Manifold:
                 continue
             if id(m) not in shared:
                 shared[id(m)] = LoopRows(m)
-            self.looped.append(LoopedModule(module, shared[id(m)]))
+            self.looped.append((module, shared[id(m)]))
         self.free = np.array(sorted(free), dtype=int)
         self.position_unit = np.ones(robot.nq)
         for kind, q, v in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
@@ -80,17 +81,16 @@ class Manifold:
 
     def residual(self, q: Array) -> tuple[float, str]:
         """Compute the largest scaled closure residual of a posture, shape (nq,), and its module's name."""
-        each = [(float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()), m.module.name) for m in self.looped]
+        each = [(float(np.abs(rows.at(q[m.q_index])[0]).max()), m.name) for m, rows in self.looped]
         return max(each, default=(0.0, ""))
 
     def pull_back(self, q: Array, v: Array, rate: float) -> Array:
         """Compute Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
         out = np.zeros_like(v)
-        for m in self.looped:
-            index, unit = m.module.v_index, m.rows.unit
-            residual, K = m.rows.at(q[m.module.q_index])
-            wanted = -2 * rate * K @ (v[index] / unit) - rate**2 * residual
-            out[index] = unit * least_squares(K[None], wanted[None], rank=m.rows.rank)[0]
+        for module, rows in self.looped:
+            residual, K = rows.at(q[module.q_index])
+            wanted = -2 * rate * K @ (v[module.v_index] / rows.unit) - rate**2 * residual
+            out[module.v_index] = rows.unit * least_squares(K[None], wanted[None], rank=rows.rank)[0]
         return out
 
     def opening(self, q: Array, v: Array, *, least: float = 0.0) -> tuple[float, str]:
@@ -99,12 +99,12 @@ class Manifold:
         The joint rates of a module count as at least `least` [rad/s].
         """
         worst, name = 0.0, ""
-        for m in self.looped:
-            x = v[m.module.v_index] / m.rows.unit
-            rate = np.abs(m.rows.at(q[m.module.q_index])[1] @ x).max()
+        for module, rows in self.looped:
+            x = v[module.v_index] / rows.unit
+            rate = np.abs(rows.at(q[module.q_index])[1] @ x).max()
             size = max(np.abs(x).max(), least)
             if size > 0 and rate / size > worst:
-                worst, name = float(rate / size), m.module.name
+                worst, name = float(rate / size), module.name
         return worst, name
 
     def project(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -153,12 +153,12 @@ class Chart:
     def __init__(self, manifold: Manifold, q: Array, v: Array | None, bound: bool) -> None:
         self._manifold, self.q = manifold, q.copy()
         looped = manifold.looped if bound else []
-        self._held = [m.module.v_index for m in looped]
+        self._held = [module.v_index for module, _ in looped]
         prescribed = 6 if manifold.robot.base == "moving" else 0
         self._free = manifold.free if bound else np.arange(prescribed, manifold.robot.nv)
         self._parts = [
-            ModuleChart(m, q[m.module.q_index], None if v is None else v[at])
-            for m, at in zip(looped, self._held, strict=True)
+            ModuleChart(module, rows, q[module.q_index], None if v is None else v[module.v_index])
+            for module, rows in looped
         ]
         _, *self._at = own = slices([len(self._free), *(p.Z.shape[1] for p in self._parts)])
         self.size = own[-1].stop

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..errors import AssemblyError
 from ..spatial import Array
 from ..structure.module import Module
-from .branch import LOST_RATES, Branch, branch_of, derivative
+from .branch import LOST_RATES, branch_of, derivative
 from .loop_rows import LoopRows
 
 #: Newton has converged after a step of at most this (rad, module lengths); the next one would be rounding.
@@ -32,39 +30,26 @@ class AmbiguousBranchError(AssemblyError):
     """Another branch of assembled postures is too near to identify the branch of a motion."""
 
 
-class LoopedModule(NamedTuple):
-    """A module with loops, and its closures, which equal modules share."""
-
-    module: Module
-    rows: LoopRows
-
-
 class ModuleChart:
     """The part of a chart that belongs to one looped module."""
 
-    def __init__(self, looped: LoopedModule, q: Array, v: Array | None) -> None:
-        self.module, self.rows = looped
-        self.q = q
+    def __init__(self, module: Module, rows: LoopRows, q: Array, v: Array | None) -> None:
+        self.module, self.rows, self.q = module, rows, q
         _, K = self.rows.at(q)
         r = self.rows.rank
         parts = _, s, _ = np.linalg.svd(K)
         rates = np.zeros(K.shape[1]) if v is None else v / self.rows.unit
-        self.U, self.V, self.Z, _ = self._branch(K, rates, parts)
+
+        def along(direction: Array) -> Array:
+            """Differentiate the rows along a direction of scaled rates."""
+            return derivative(lambda s: rows.at(rows.moved(q, s * direction))[1])
+
+        self.U, self.V, self.Z, _ = branch_of(K, r, rates, along, module.name, parts)
         self.pivot = float(s[r - 1] / s[0]) if r and s[0] > 0 else 1.0
         self.w = np.zeros(r)
         self.G = self.V.T @ self.V
         self.K = K
         self.narrow, self.lost = False, False
-
-    def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch:
-        """Compute the branch of scaled rates."""
-        rows = self.rows
-
-        def along(direction: Array) -> Array:
-            """Differentiate the rows along a direction of scaled rates."""
-            return derivative(lambda s: rows.at(rows.moved(self.q, s * direction))[1])
-
-        return branch_of(K, rows.rank, v, along, self.module.name, parts)
 
     def lift(self, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Solve for displacement and positions at independent coordinates y, from a scaled guess `near`.

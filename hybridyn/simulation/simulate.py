@@ -191,7 +191,7 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
         raise TrajectoryError("q0 and v0 are needed where nothing is resumed")
     q, v = as_positions(robot, q0, "q0")[0][0].copy(), as_rates(robot, v0, "v0")[0][0].copy()
     law.place_base(t, q, v)
-    rounding = max((m.module.mechanism.rounding for m in manifold.looped), default=0.0)
+    rounding = max((m.mechanism.rounding for m, _ in manifold.looped), default=0.0)
     residual, name = manifold.residual(q)
     if residual > STATE_CLOSED + rounding:
         raise AssemblyError(

@@ -95,9 +95,7 @@ def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCo
         circuits += [[*joints, *bodies.path(joints[0] + 1, i + 1)] for i in joints]
     groups: Groups[int] = Groups()
     for circuit in circuits:
-        first, *others = sorted({groups.of(i) for i in circuit})  # the first joint stands for them
-        for other in others:
-            groups.join(first, other)
+        groups.join_all(circuit)
     return [groups.of(i) for i in range(len(bodies.joints))]
 
 

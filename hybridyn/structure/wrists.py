@@ -224,14 +224,10 @@ class Cutting:
         gone = {i + 1 for w in self.wrists for i in w.joints}
         left = set(range(len(self.bodies))) - gone - set(without)
         groups: Groups[int] = Groups()
-        for a, b in self._edges():
-            if a in left and b in left:
-                low, high = sorted((groups.of(a), groups.of(b)))
-                groups.join(low, high)
-        out: dict[int, list[int]] = {}
-        for body in sorted(left):
-            out.setdefault(groups.of(body), []).append(body)
-        return list(out.values())
+        for edge in self._edges():
+            if left.issuperset(edge):
+                groups.join_all(edge)
+        return groups.classes(sorted(left))
 
     def _is_platform(self, body: int) -> bool:
         """Return whether at least `PLATFORM_LEGS` legs touch a body.

@@ -280,7 +280,7 @@ def test_a_door_with_two_hinges() -> None:
     robot = door()
     written_agrees(robot)
     manifold = Manifold(robot)
-    residual, K = manifold.looped[0].rows.at(np.array([0.3]))
+    residual, K = manifold.looped[0][1].at(np.array([0.3]))
     assert K.shape == (5, 1)
     np.testing.assert_allclose(K, 0.0, atol=1e-15)
     np.testing.assert_allclose(residual, 0.0, atol=1e-15)

@@ -38,11 +38,11 @@ def state_of(kind: str, base: str = "fixed") -> tuple[HybridRobot, np.ndarray, n
 def test_rows_are_those_of_the_closures(kind: str) -> None:
     robot, q, _ = state_of(kind)
     rng = np.random.default_rng(1)
-    for part in Manifold(robot).looped:
-        m = part.module.mechanism
-        x = m.spanning.integrate(q[None, part.module.q_index], 0.01 * rng.normal(size=(1, m.spanning.nv)))[0]
+    for module, rows in Manifold(robot).looped:
+        m = module.mechanism
+        x = m.spanning.integrate(q[None, module.q_index], 0.01 * rng.normal(size=(1, m.spanning.nv)))[0]
         motion, closures = m.spanning.sweep(x[None]), m.spanning_closures
-        residual, K = part.rows.at(x)
+        residual, K = rows.at(x)
         scales = (m.spanning_row_scale, m.spanning_col_scale)
         close_to(residual, closures.residual(x[None], motion)[0] * scales[0], ROUNDING)
         close_to(K, closures.matrix(motion, scales)[0], ROUNDING)
@@ -108,7 +108,7 @@ def test_baumgarte_pulls_back() -> None:
     manifold, rng = Manifold(robot), np.random.default_rng(5)
     q, v = robot.home + 1e-3 * rng.normal(size=robot.nq), rng.normal(size=robot.nv)
     a = manifold.pull_back(q, v, 7.0)
-    residual, K = manifold.looped[0].rows.at(q)
+    residual, K = manifold.looped[0][1].at(q)
     close_to(K @ (a / manifold.unit), -14 * K @ (v / manifold.unit) - 49 * residual, 1e-3)  # redundant rows
 
 

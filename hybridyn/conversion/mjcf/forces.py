@@ -39,7 +39,7 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
             losses.add("dampers are read back as viscous friction, to which they are added", joint.name)
         if damping and names[0] not in {**tree.joints, **tree.balls}:
             losses.add("damping of free joints", joint.name)
-        armature = joint.rotor_inertia * joint.gear_ratio**2
+        armature = joint.armature
         if armature and joint.kind == "spherical":
             tree.balls[joint.name].set("armature", numeral(armature))
             armature = 0.0
@@ -68,8 +68,7 @@ def _add_to_single(
         else:
             losses.add("position limits without room between them, which MuJoCo refuses", joint.name)
     friction = effects.get("coulomb_friction", {}).get("level", {}).get(joint.name, joint.friction)
-    armature = joint.rotor_inertia * joint.gear_ratio**2
-    for word, value in (("frictionloss", friction), ("armature", armature)):
+    for word, value in (("frictionloss", friction), ("armature", joint.armature)):
         if value:
             element.set(word, numeral(value))
     if friction != joint.friction:

@@ -119,7 +119,7 @@ def _add_numbers(
         (joint.upper, "", "physics:upperLimit", unit),
         (joint.effort if driven else np.inf, drive, f"drive:{name}:physics:maxForce", 1.0),
         (joint.velocity, engine, "physxJoint:maxJointVelocity", unit),
-        (joint.rotor_inertia * joint.gear_ratio**2 or np.inf, engine, "physxJoint:armature", 1.0),
+        (joint.armature or np.inf, engine, "physxJoint:armature", 1.0),
         (joint.friction or np.inf, axis, f"physxJointAxis:{name}:staticFrictionEffort", 1.0),
         (joint.friction or np.inf, axis, f"physxJointAxis:{name}:dynamicFrictionEffort", 1.0),
         (joint.damping or np.inf, axis, f"physxJointAxis:{name}:viscousFrictionCoefficient", 1 / unit),

@@ -139,8 +139,10 @@ def given_of(request: ModuleRequest) -> Given:
     return Given(
         tuple(request.given),
         tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),
-        tuple(target.body for target in request.targets if isinstance(target, PoseTarget)),
-        tuple(Coordinates.of(target) for target in request.targets if isinstance(target, CoordinateTarget)),
+        tuple(pose.body for _, pose in request.targets if isinstance(pose, PoseTarget)),
+        tuple(
+            Coordinates.of(target) for _, target in request.targets if isinstance(target, CoordinateTarget)
+        ),
     )
 
 
@@ -153,12 +155,12 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
         positions.append(request.angles[joint][:, None] if kind == ANGLE else known)
         rates.append(request.known_v[:, tree.v_slices[joint]])
         accelerations.append(request.known_a[:, tree.v_slices[joint]])
-    for pose in (target for target in request.targets if isinstance(target, PoseTarget)):
+    for pose in (target for _, target in request.targets if isinstance(target, PoseTarget)):
         goal = pose.goal
         positions += [goal.p, quaternion_from_rotation(goal.R)]
         rates += [goal.p_dot, goal.w]
         accelerations += [goal.p_ddot, goal.w_dot]
-    for some in (target for target in request.targets if isinstance(target, CoordinateTarget)):
+    for some in (target for _, target in request.targets if isinstance(target, CoordinateTarget)):
         positions.append(some.value)
         rates.append(some.rate)
         accelerations.append(some.acceleration)
