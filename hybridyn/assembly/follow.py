@@ -15,6 +15,7 @@ from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.newton import Closed, close
 from ..linkage.targets import pairwise
 from ..spatial import Array, Index, Mask
+from .shortfall import shortfall
 from .task import Task
 
 #: Largest deviation of a step between samples from its prediction, relative to it, plus `SMALL_STEP`.
@@ -97,6 +98,9 @@ def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Ar
     if strict or task.closed(result).all():
         return _on_branch_of(task, guess, result, starts, strict)
     _only_alone(guess)
+    lacking = float(shortfall(task, guess, starts)[0])
+    if lacking:
+        raise _unreachable(task, result, 0, lacking)
     rng = np.random.default_rng(2010)
     best, iterations = result, result.iterations
     for spread, count in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
@@ -149,8 +153,12 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     return found
 
 
-def _unreachable(task: Task, result: Closed, sample: int) -> AssemblyError:
-    """Build the error for a sample that no start closes, from the best of several starts."""
+def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) -> AssemblyError:
+    """Build the error for a sample that no start closes, from the best of several starts.
+
+    Args:
+        lacking: Length that a loop lacks in any posture [m], zero if it is not known to.
+    """
     at = int(np.argmin(result.residual))
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
@@ -159,6 +167,8 @@ def _unreachable(task: Task, result: Closed, sample: int) -> AssemblyError:
         why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
     else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
+    if lacking:
+        why += f" (a loop lacks {lacking:.2g} m in any posture)"
     return AssemblyError(
         f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why} after "
         f"{result.iterations} iterations. The target is out of reach, or contradicts another one; move it, "

@@ -13,6 +13,7 @@ from ..threads import one_thread
 from .assemble import place_base, spanning_positions
 from .module_request import module_request, place_bodies
 from .requests import first_guess, gather_requests
+from .shortfall import shortfall
 from .task import Task, module_task
 
 #: Rounds in which open samples are started again from the nearest closed ones.
@@ -64,11 +65,14 @@ def closed_postures(
 
 def _solved(task: Task, guess: Array) -> tuple[Array, Mask]:
     """Close each sample; if any closes, open ones have the posture of a near closed one, (T, nq), (T,)."""
-    samples = np.arange(len(task.known))
-    result = task.solve(np.tile(guess, (len(samples), 1)), samples)
-    x, closed = result.q, task.closed(result)
+    x = np.tile(guess, (len(task.known), 1))
+    within = shortfall(task, x, np.arange(len(x))) == 0
+    closed = np.zeros(len(x), dtype=bool)
+    left = np.flatnonzero(within)
+    result = task.solve(x[left], left)
+    x[left], closed[left] = result.q, task.closed(result)
     for _ in range(ROUNDS):
-        good, bad = np.flatnonzero(closed), np.flatnonzero(~closed)
+        good, bad = np.flatnonzero(closed), np.flatnonzero(within & ~closed)
         if not len(good) or not len(bad):
             break
         x[bad] = x[_nearest(good, bad)]

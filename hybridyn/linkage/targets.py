@@ -36,6 +36,10 @@ class PoseTarget:
         turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
         return np.concatenate([motion.p[:, self.body] - self.goal.p[samples], turn], axis=1)
 
+    def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
+        """Return where the body is, shape (T, 3), and the axes, shape (3, 3), of these rows."""
+        return motion.p[:, self.body], np.eye(3), [0, 1, 2]
+
     def matrix(self, tree: Tree, motion: Motion) -> Array:
         """Return the rows over the rates, shape (T, 6, nv)."""
         return tree.jacobian(motion, self.body)
@@ -107,6 +111,12 @@ class CoordinateTarget:
         angle = np.array(self._rows()) >= 3
         out[:, angle] -= 2 * np.pi * np.round(out[:, angle] / (2 * np.pi))
         return out
+
+    def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
+        """Return where the link is, shape (T, 3), and the axes, shape (k, 3), of the rows of lengths."""
+        offset = self._frame(motion)[2]
+        rows = [i for i, coordinate in enumerate(self._rows()) if coordinate < 3]
+        return motion.p[:, self.body] + offset, self.R.T[np.array(self._rows())[rows]], rows
 
     def matrix(self, tree: Tree, motion: Motion) -> Array:
         """Return the rows over the rates, shape (T, rows, nv)."""

@@ -22,9 +22,6 @@ from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
 from .slot_numbers import by_structure
 from .study_file import StudyFile
 
-#: Fewest designs of a study for which models are compiled, which takes as long as some ten to a hundred.
-LEAST_DESIGNS = 200
-
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
 
@@ -125,7 +122,7 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
 def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan | None, str]:
     """Choose what is compiled for a study, and compile it.
 
-    The choice depends on the study alone, so that a run that continues makes the same.
+    The models depend on the study alone, so that a run that continues has the same.
 
     Args:
         numbers: Numbers of some designs, spread over the study.
@@ -133,8 +130,6 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
     Returns:
         The plan; or None, and why there are no compiled models.
     """
-    if designs.count < LEAST_DESIGNS:
-        return None, ""
     designer = Designer(source)
     own: list[CompiledDesigns] = []
     why = ""

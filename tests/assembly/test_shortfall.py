@@ -1,0 +1,79 @@
+"""What polygons prove about loops that cannot close: nothing of those that can, everything of flat chains."""
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import AssemblyError
+from hybridyn.assembly.module_request import module_request
+from hybridyn.assembly.reach import closed_postures
+from hybridyn.assembly.requests import gather_requests
+from hybridyn.assembly.shortfall import shortfall
+from hybridyn.assembly.task import module_task
+from hybridyn.structure.building import build_robot
+from tests.comparing import refused
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.posing import of_joints, of_link
+from tests.samples import some
+from tests.shipped import ROBOTS, shipped, states_near_home
+
+UPPER, LOWER, SPACING = 0.2, 0.3, 0.25  # of a five-bar [m]
+BAND = 1e-3  # residuals of 1e-4 of the module's length are accepted, each with its lever [m]
+
+
+def test_a_five_bar_lacks_what_its_point_is_outside_of_the_rings_of_its_arms() -> None:
+    """The tool is on two arms: its distance r from either shoulder is within LOWER - UPPER, LOWER + UPPER."""
+    arms = {"upper_length": str(UPPER), "lower_length": str(LOWER), "spacing": str(SPACING)}
+    robot = build_robot(shipped("five_bar", **arms))
+    x, z = np.random.default_rng(0).uniform(-0.8, 0.8, (2, 400))
+    radii = [np.hypot(x - shoulder, z) for shoulder in (-SPACING / 2, SPACING / 2)]
+    outside = np.maximum.reduce([np.maximum(r - LOWER - UPPER, LOWER - UPPER - r) for r in radii])
+    requests = gather_requests(robot, {}, {"m1_tool": ({"x": x, "z": z},)})
+    task = module_task(robot, robot.modules[0], module_request(requests, robot, 0, {}))
+    lacking = shortfall(task, np.tile(robot.home, (400, 1)), np.arange(400))
+    far = outside > 0
+    assert not lacking[~far].any()
+    assert np.all(lacking[far] <= outside[far])
+    upper = np.max(radii, axis=0) > LOWER + UPPER  # for two coordinates nothing bounds the point from below
+    assert np.all(lacking[upper] >= (np.max(radii, axis=0) - LOWER - UPPER - BAND)[upper])
+    assert upper.sum() > 100
+
+
+@pytest.mark.parametrize("name", some([*ROBOTS]))
+def test_no_posture_of_a_shipped_robot_is_proven_out_of_reach(name: str) -> None:
+    robot = build_robot(shipped(name))
+    states = states_near_home(robot.description, "fixed", 1, 3)
+    poses = {
+        f"{module.outputs[0]}@{module.base}": of_link(robot, *states, module.outputs[0], module.base)
+        for module in robot.modules
+        if module.mobility == 6
+    }
+    left = [motor for module in robot.modules if module.mobility != 6 for motor in module.motors]
+    for joints, platforms in ((robot.motors, {}), (left, poses)):
+        motors = of_joints(robot, *states, joints)
+        assert closed_postures(robot, motors=motors, platforms=platforms)[1].all()
+
+
+@pytest.mark.parametrize("kind", some([kind for kind in KINDS if KINDS[kind].motors != "few"]))
+def test_no_posture_of_a_mechanism_is_proven_out_of_reach(kind: str) -> None:
+    description = random_mechanism(3, kind=kind)
+    robot, states = build_robot(description), random_states(description, "fixed", 3, 3)
+    requests = gather_requests(robot, of_joints(robot, *states), {})
+    for k, module in enumerate(robot.modules):
+        if module.closures:
+            task = module_task(robot, module, module_request(requests, robot, k, {}))
+            x = module.mechanism.cut.positions(states[0][:, module.q_index])
+            assert not shortfall(task, x, np.arange(3)).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "pose"),
+    [("five_bar", {"m1_tool": {"x": 0.9, "z": -0.1}}), ("delta", {"m1_platform": {"x": 2, "y": 0, "z": 0}})],
+)
+def test_what_is_proven_out_of_reach_is_refused_without_further_starts(name: str, pose: dict) -> None:
+    robot = build_robot(shipped(name))
+    platforms = {link: (point,) for link, point in pose.items()}
+    error = refused(
+        lambda: hybridyn.assemble(robot, platforms=platforms), AssemblyError, "lacks .* in any posture"
+    )
+    assert error.iterations <= 60  # of one start
