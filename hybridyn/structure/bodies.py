@@ -125,26 +125,22 @@ def merge_fixed_joints(description: Description) -> Bodies:
     children: dict[str, list[Joint]] = {}
     for joint in description.joints:
         children.setdefault(joint.parent, []).append(joint)
-    out = Bodies([], [], {})
     identity = (np.eye(3), np.zeros(3))
-    stack: list[tuple[str, Joint | None]] = [(description.root, None)]
+    root = Body(description.root, -1)
+    root.add(links[description.root], *identity)
+    out = Bodies([root], [], {description.root: (0, *identity)})
+    stack = [*reversed(description.siblings(children.get(description.root, [])))]
     while stack:
-        name, above = stack.pop()
-        link = links[name]
-        if above is None:
-            body, (R, p) = 0, identity
-            out.bodies.append(Body(name, -1))
-        else:
-            body, R, p = out.place[above.parent]
-            R, p = R @ above.placement[:3, :3], p + R @ above.placement[:3, 3]
-            if above.kind != "fixed":
-                parent, body = body, len(out.bodies)
-                out.joints.append(BodyJoint(above, parent, body, R, p))
-                out.bodies.append(Body(name, body - 1))
-                R, p = identity
-        out.place[name] = (body, R, p)
-        out.bodies[body].add(link, R, p)
-        stack.extend((j.child, j) for j in reversed(description.siblings(children.get(name, []))))
+        joint = stack.pop()
+        body, R, p = out.place[joint.parent]
+        R, p = R @ joint.placement[:3, :3], p + R @ joint.placement[:3, 3]
+        if joint.kind != "fixed":
+            out.joints.append(BodyJoint(joint, body, len(out.bodies), R, p))
+            body, R, p = len(out.bodies), *identity
+            out.bodies.append(Body(joint.child, body - 1))
+        out.place[joint.child] = (body, R, p)
+        out.bodies[body].add(links[joint.child], R, p)
+        stack.extend(reversed(description.siblings(children.get(joint.child, []))))
     if len(out.place) != len(links):
         lost = sorted(set(links) - set(out.place))
         raise ModelError(f"links {lost} are not connected to the root link", file=description.source)
@@ -237,11 +233,8 @@ def home_of(description: Description, bodies: Bodies, kinds: list[str], base: st
     parts = [np.array(description.base_home or ZERO["floating"])] if base != "fixed" else []
     for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
         value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
-        if len(value) == NQ[kind] and kind != "continuous":
-            parts.append(value)
-        elif kind == "continuous":
+        if kind == "continuous":
             angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
-            parts.append(np.array([np.cos(angle), np.sin(angle)]))
-        else:
-            parts.append(np.array(ZERO[kind]))
+            value = np.array([np.cos(angle), np.sin(angle)])
+        parts.append(value if len(value) == NQ[kind] else np.array(ZERO[kind]))
     return np.concatenate(parts) if parts else np.zeros(0)

@@ -105,7 +105,8 @@ class ModuleBuilder:
 
     def add(self, graph: ModuleGraph) -> None:
         """Add a module of the kinematic graph."""
-        names = [self.bodies.joints[j].joint.name for j in graph.joints]
+        links, joints = [body.name for body in self.bodies.bodies], self.bodies.joints
+        names = [joints[j].joint.name for j in graph.joints]
         q_index = indices(self.q_slices[self.number[name]] for name in names)
         spec = module_spec(self.bodies, graph, self.home[q_index])
         report = self._mechanism(spec).reduction.report
@@ -114,21 +115,19 @@ class ModuleBuilder:
         every = [graph.base] + [j + 1 for j in graph.joints]
         body = [every[i] for i in spec.tree_body]
         outputs = [body[o] for o in spec.outputs]
-        link = [self.bodies.bodies[b].name for b in outputs]
-        name = link[0] if link else self.bodies.bodies[graph.joints[-1] + 1].name
-        legs = tuple(self._leg([body[b] for b in leg]) for leg in spec.legs)
-        closures = [c.name for c in graph.closures] + [c.name for c in graph.couplings]
-        base = self.bodies.bodies[graph.base].name
-        self._append(
-            spec, name, base, tuple(link), tuple(names), legs, tuple(closures), self.output_of[graph.base]
+        link = [links[b] for b in outputs]
+        name = link[0] if link else links[graph.joints[-1] + 1]
+        own = [[body[b] for b in leg] for leg in spec.legs]
+        legs = tuple(
+            (_leg_name([links[b] for b in leg]), tuple(joints[b - 1].joint.name for b in leg)) for leg in own
         )
+        closures = [c.name for c in graph.closures] + [c.name for c in graph.couplings]
+        self._append(
+            spec, name, links[graph.base], tuple(link), tuple(names), legs, tuple(closures),
+            self.output_of[graph.base],
+        )  # fmt: skip
         for i, o in enumerate(outputs):
             self.output_of[o] = (len(self.modules) - 1, i)
-
-    def _leg(self, bodies: list[int]) -> tuple[str, tuple[str, ...]]:
-        """Return a leg's name and the names of its joints."""
-        links = [self.bodies.bodies[b].name for b in bodies]
-        return _leg_name(links), tuple(self.bodies.joints[b - 1].joint.name for b in bodies)
 
     def _mechanism(self, spec: ModuleSpec) -> Mechanism:
         """Return the mechanism of a module; equal modules get the same object."""
@@ -178,12 +177,10 @@ class ModuleBuilder:
 
 def _leg_name(links: list[str]) -> str:
     """Return the common prefix of the names of a leg's links, or the first name if it is too short."""
-    first = links[0]
-    common = next(
-        (first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), ""
-    )
-    common = common.rstrip("_-. ")
-    return common if len(common) >= 3 and len(links) > 1 else first
+    first, *others = links
+    ends = (n for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in others))
+    common = first[: next(ends, 0)].rstrip("_-. ")
+    return common if len(common) >= 3 and others else first
 
 
 @one_thread()

@@ -43,19 +43,12 @@ class LegModel:
             parent = tree.joints[i].parent
             if heavy[i] and parent:
                 heavy[parent - 1] = True
-        children: dict[int, list[int]] = {}
+        path: list[tuple[int, ...]] = [()]  # to each body of the tree
         for i, joint in enumerate(tree.joints):
-            children.setdefault(joint.parent, []).append(i)
-        number = {0: 1}  # in the model, of each body of the tree; 1 is the base
-        self._joints: list[tuple[int, int]] = []  # of the tree, with the parent's number, depth-first
-        stack = [*reversed(children.get(0, []))]
-        while stack:
-            i = stack.pop()
-            if not heavy[i]:
-                continue
-            self._joints.append((i, number[tree.joints[i].parent]))
-            number[i + 1] = len(self._joints) + 1
-            stack.extend(reversed(children.get(i + 1, [])))
+            path.append((*path[joint.parent], i))
+        order = [at[-1] for at in sorted(path[1:]) if heavy[at[-1]]]  # depth-first
+        number = {0: 1} | {i + 1: n for n, i in enumerate(order, 2)}  # in the model, where the base is 1
+        self._joints = [(i, number[tree.joints[i].parent]) for i in order]  # with the parent's number
         self._q_columns = indices(tree.q_slices[i] for i, _ in self._joints)
         self.columns = indices(tree.v_slices[i] for i, _ in self._joints)
         self._nv = tree.nv

@@ -98,22 +98,16 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
             number[j.parent], pinocchio_joint(joint), pin.SE3(j.R, j.p), j.joint.name
         )
         model.addJointFrame(number[j.child])
-        body = bodies.bodies[j.child]
+        body, added = bodies.bodies[j.child], model.joints[number[j.child]]
         model.appendBodyToJoint(number[j.child], pinocchio_inertia(body), pin.SE3.Identity())
+        if added.nv == 1:
+            model.velocityLimit[added.idx_v], model.effortLimit[added.idx_v] = (
+                j.joint.velocity,
+                j.joint.effort,
+            )
+            if added.nq == 1:
+                model.lowerPositionLimit[added.idx_q] = j.joint.lower
+                model.upperPositionLimit[added.idx_q] = j.joint.upper
     for link, (body_number, R, p) in bodies.place.items():
         model.addBodyFrame(link, number[body_number], pin.SE3(np.asarray(R), np.asarray(p)), 0)
-    _limits(model, bodies)
     return model
-
-
-def _limits(model: pin.Model, bodies: Bodies) -> None:
-    """Copy the limits of the joints that have one freedom."""
-    for j in bodies.joints:
-        joint = model.joints[model.getJointId(j.joint.name)]
-        if joint.nv != 1:
-            continue
-        model.velocityLimit[joint.idx_v] = j.joint.velocity
-        model.effortLimit[joint.idx_v] = j.joint.effort
-        if joint.nq == 1:
-            model.lowerPositionLimit[joint.idx_q] = j.joint.lower
-            model.upperPositionLimit[joint.idx_q] = j.joint.upper

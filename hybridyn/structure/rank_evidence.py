@@ -57,9 +57,8 @@ def rank_by_home(
     Returns:
         The evidence, or None if no row is in doubt or the doubtful rows count as dependent.
     """
-    tolerance = max(EVIDENT * open_by, FINEST)
-    doubted = _in_doubt(reduction.report)
-    if doubted <= tolerance:
+    tolerance, report = max(EVIDENT * open_by, FINEST), reduction.report
+    if (report.doubted[1] if report.doubted else report.dropped) <= tolerance:
         return None
     scales = reduction.row_scale, reduction.col_scale
     postures, _ = generic_postures(closures, home, *scales, max(open_by, CLOSED), rank_tolerance=tolerance)
@@ -71,13 +70,6 @@ def rank_by_home(
     if not report.clear or (locks and report.kept < FINEST_LOCK):
         return None
     return RankEvidence(postures, tolerance, report.kept, locks)
-
-
-def _in_doubt(report: RankReport) -> float:
-    """Return the largest relative singular value whose row is in doubt, or 0 if there is none."""
-    if report.doubted:
-        return report.doubted[1]
-    return report.dropped if report.dropped > ROUNDED_ROWS else 0.0
 
 
 def rank_decision(report: RankReport, evidence: RankEvidence | None, open_by: float) -> str:

@@ -60,8 +60,10 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     return out, single
 
 
-def from_table(robot: HybridRobot, table: Any, quantity: str) -> Array:
+def from_table(robot: HybridRobot, table: Any, quantity: str) -> Any:
     """Return a quantity from a table with named columns, in the order of the robot's coordinates or motors.
+
+    Other arguments are returned as they are.
 
     Args:
         quantity: "position", "velocity", "acceleration" or "effort".
@@ -69,6 +71,8 @@ def from_table(robot: HybridRobot, table: Any, quantity: str) -> Array:
     Raises:
         TrajectoryError: A column is missing or unknown, or the robot's base moves.
     """
+    if not is_table(table):
+        return table
     if quantity == "effort":
         return of_motors(table, robot.motors, robot.joints)
     if robot.base != "fixed":
@@ -93,8 +97,7 @@ def as_positions(
         TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine
             whose length is not one.
     """
-    given = from_table(robot, array, "position") if is_table(array) else array
-    out, single = as_batch(given, robot.nq, name)
+    out, single = as_batch(from_table(robot, array, "position"), robot.nq, name)
     for columns in robot.unit_coordinates:
         if not base_given:
             columns = columns[columns[:, 0] >= NQ["floating"]]
@@ -125,7 +128,7 @@ def as_rates(
     Raises:
         TrajectoryError: As for `as_batch`, or columns of a table are missing or unknown.
     """
-    return as_batch(from_table(robot, array, quantity) if is_table(array) else array, robot.nv, name)
+    return as_batch(from_table(robot, array, quantity), robot.nv, name)
 
 
 def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
@@ -134,9 +137,7 @@ def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
     Raises:
         TrajectoryError: As for `as_rates`.
     """
-    return as_batch(
-        from_table(robot, array, "effort") if is_table(array) else array, len(robot.motors), "tau"
-    )
+    return as_batch(from_table(robot, array, "effort"), len(robot.motors), "tau")
 
 
 def same_samples(**arrays: Array) -> None:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
@@ -29,6 +28,10 @@ from .bodies import Body
 EXACT = 1e-13
 #: Fewest legs of a platform.
 PLATFORM_LEGS = 3
+
+#: A closure that replaces a chain of joints: its kind, and its point in the children of the first joint and
+#: of the last.
+Form = tuple[str, Array, Array]
 
 _REVOLUTE = ("revolute", "continuous")
 #: Closures that are equivalent to wrists.
@@ -101,7 +104,7 @@ class Cutting:
                 wrist = Wrist(found[0], body, body, np.eye(3), np.zeros(3), carries=True)
                 self.platforms.append(body)
                 self.wrists.append(wrist)
-                self.closures.append(self._equivalent(wrist, found[1]))
+                self.closures.append(self._equivalent(wrist, *found[1]))
 
     def legs(self) -> list[list[int]]:
         """Group the bodies that stay connected when the base and the platforms are removed."""
@@ -118,7 +121,7 @@ class Cutting:
                 if found and other not in [j + 1 for j in found[0]]:
                     wrist = Wrist(found[0], end, other, *_weld(closure, end), carries=False)
                     self.wrists.append(wrist)
-                    self.closures[at] = self._equivalent(wrist, found[1])
+                    self.closures[at] = self._equivalent(wrist, *found[1])
                     break
 
     def _is_free_end(self, closures: list[TreeClosure], body: int) -> bool:
@@ -131,7 +134,7 @@ class Cutting:
             and not any(joint.parent == body for joint in self.joints)
         )
 
-    def _chain(self, closures: list[TreeClosure], end: int) -> tuple[tuple[int, ...], str] | None:
+    def _chain(self, closures: list[TreeClosure], end: int) -> tuple[tuple[int, ...], Form] | None:
         """Find the longest chain of joints above a body that one closure can replace.
 
         Args:
@@ -139,7 +142,7 @@ class Cutting:
             end: Body at the end of the chain.
 
         Returns:
-            The joints and the kind of the closure, or None if there is no such chain.
+            The joints and the form of the closure, or None if there is no such chain.
         """
         chain: list[int] = []
         body, best = end, None
@@ -149,9 +152,8 @@ class Cutting:
             if body - 1 in self.held or acts or joint.kind == "floating":
                 break
             chain.insert(0, body - 1)
-            kind = self._kind([self.joints[i] for i in chain])
-            if kind:
-                best = tuple(chain), kind
+            if form := self._form([self.joints[i] for i in chain]):
+                best = tuple(chain), form
             body = joint.parent
             neighbours = sum(other.parent == body for other in self.joints)
             closed = any(body in (c.body_a, c.body_b) for c in closures)
@@ -159,24 +161,23 @@ class Cutting:
                 break
         return best
 
-    def _kind(self, chain: list[TreeJoint]) -> str | None:
-        """Return the kind of closure that is equivalent to a chain of joints, or None."""
+    def _form(self, chain: list[TreeJoint]) -> Form | None:
+        """Return the form of the closure that is equivalent to a chain of joints, or None."""
         if len(chain) == 1:
-            return str(chain[0].kind)
+            return str(chain[0].kind), np.zeros(3), np.zeros(3)
         if any(joint.kind not in _REVOLUTE for joint in chain):
             return None
-        centres = [self._crossing(a, b) for a, b in pairwise(chain)]
-        if any(c is None for c in centres):
+        before, after = (self._crossing(*two) for two in (chain[:2], chain[-2:]))
+        if before is None or after is None:
             return None
-        second = chain[1]
+        second, last = chain[1], chain[-1]
+        point = last.R.T @ (after - last.p)
         if len(chain) == 2:
-            return "universal" if abs(chain[0].axis @ second.R @ second.axis) < EXACT else None
+            right = abs(chain[0].axis @ second.R @ second.axis) < EXACT
+            return ("universal", before, point) if right else None
         # Both intersections must be the same point of the second axis, expressed in the second joint's child.
-        before, after = centres
-        assert before is not None
-        assert after is not None
         apart = second.R.T @ (before - second.p) - after
-        return "spherical" if apart @ apart <= (EXACT * self.reach) ** 2 else None
+        return ("spherical", before, point) if apart @ apart <= (EXACT * self.reach) ** 2 else None
 
     def _crossing(self, first: TreeJoint, second: TreeJoint) -> Array | None:
         """Compute the point where two adjacent revolute axes intersect, in the body between them, or None."""
@@ -189,16 +190,9 @@ class Cutting:
         along = np.cross(p, b) @ normal / (normal @ normal)
         return along * a
 
-    def _equivalent(self, wrist: Wrist, kind: str) -> TreeClosure:
-        """Build the closure between a wrist's parent and its target that is equivalent to the wrist."""
-        chain = [self.joints[i] for i in wrist.joints]
-        first, last = chain[0], chain[-1]
-        c_first, c_last = np.zeros(3), np.zeros(3)
-        if len(chain) > 1:
-            crossing, below = self._crossing(*chain[:2]), self._crossing(*chain[-2:])
-            assert crossing is not None
-            assert below is not None
-            c_first, c_last = crossing, last.R.T @ (below - last.p)
+    def _equivalent(self, wrist: Wrist, kind: str, c_first: Array, c_last: Array) -> TreeClosure:
+        """Build the closure of a form between a wrist's parent and its target."""
+        first, last = self.joints[wrist.joints[0]], self.joints[wrist.joints[-1]]
         turn_a, turn_b = axis_frame(first.axis), axis_frame(last.axis)
         if kind in ("spherical", "planar"):
             turn_a = turn_b = np.eye(3)

@@ -11,7 +11,7 @@ import numpy as np
 from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import ModelError
-from ...spatial import Array
+from ...spatial import Array, slices
 from .slots import Slot, check_load, check_one, values_of
 from .xacro import XacroArguments
 
@@ -217,6 +217,7 @@ class Parameters:
             if name not in arguments[1:]
         )  # fmt: skip
         self.labels = tuple(label for entry in self.entries for label in entry.labels)
+        self._at = slices(entry.size for entry in self.entries)
         self.slots = tuple(slot for entry in self.entries for slot in entry.slots)
         owner: dict[Slot, str] = {}
         for entry in self.entries:
@@ -261,12 +262,11 @@ class Parameters:
 
     def possible(self, p: Array) -> Numbers:
         """Compute `slot_values` with NaN for designs that are not possible, and these designs' errors."""
-        parts, errors, at = [np.zeros((len(p), 0))], dict[int, ModelError](), 0
-        for entry in self.entries:
-            values, wrong = entry.numbers(p[:, at : at + entry.size])
+        parts, errors = [np.zeros((len(p), 0))], dict[int, ModelError]()
+        for entry, at in zip(self.entries, self._at, strict=True):
+            values, wrong = entry.numbers(p[:, at])
             parts.append(values)
             errors |= wrong
-            at += entry.size
         return np.concatenate(parts, axis=1), errors
 
     def vector(self, values: Mapping[str, Any]) -> Array:
@@ -275,19 +275,14 @@ class Parameters:
         Raises:
             ModelError: A name is unknown, or a value has a wrong size.
         """
-        out, at = self.nominal.copy(), 0
-        names = [entry.name for entry in self.entries]
-        for name in values:
+        out, names = self.nominal.copy(), [entry.name for entry in self.entries]
+        for name, given in values.items():
             check_one(name, name, names, "parameter")
-        for entry in self.entries:
-            if entry.name in values:
-                own = np.asarray(values[entry.name], dtype=float).ravel()
-                if own.shape != (entry.size,) or not np.isfinite(own).all():
-                    raise ModelError(
-                        f"parameter '{entry.name}' has {entry.size} finite numbers, not "
-                        f"{values[entry.name]!r}",
-                        element=entry.name,
-                    )
-                out[at : at + entry.size] = own
-            at += entry.size
+            at = self._at[names.index(name)]
+            own = np.asarray(given, dtype=float).ravel()
+            if own.shape != out[at].shape or not np.isfinite(own).all():
+                raise ModelError(
+                    f"parameter '{name}' has {len(out[at])} finite numbers, not {given!r}", element=name
+                )
+            out[at] = own
         return out

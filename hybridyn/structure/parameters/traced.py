@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partialmethod
 from typing import Any
 
@@ -38,25 +38,18 @@ class Decision:
     outcome: bool
 
 
-@dataclass
-class Record:
-    """The decisions of one trace."""
-
-    decisions: list[Decision] = field(default_factory=list)
-
-
 class Traced:
     """A number with its value and its expression.
 
     Attributes:
         expression: The expression; it supports the operators of arithmetic.
-        record: Record of the decisions.
+        record: The decisions of the trace, which grows.
     """
 
     __slots__ = ("expression", "record", "value")
     __hash__ = None  # type: ignore[assignment]
 
-    def __init__(self, value: float, expression: Any, record: Record) -> None:
+    def __init__(self, value: float, expression: Any, record: list[Decision]) -> None:
         self.value, self.expression, self.record = value, expression, record
 
     def _with(self, other: Any, apply: Callable[[Any, Any], Any]) -> Any:
@@ -100,7 +93,7 @@ class Traced:
         """Compare by value and record the decision."""
         value, expression = _both(other)
         outcome = bool(compare(self.value, value))
-        self.record.decisions.append(Decision(compare, self.expression, expression, outcome))
+        self.record.append(Decision(compare, self.expression, expression, outcome))
         return outcome
 
     __lt__ = partialmethod(_compared, operator.lt)
@@ -149,7 +142,7 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
     Args:
         robot: The robot; its values decide the structure.
     """
-    record = Record()
+    record: list[Decision] = []
     values = values_of(robot.description, slots)
     traced = [Traced(value, symbol, record) for value, symbol in zip(values, symbols, strict=True)]
     bodies, graphs = find_modules(with_values(robot.description, slots, traced), robot.held)
@@ -163,4 +156,4 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
         own = module.mechanism.spec
         spec = module_spec(bodies, graph, own.home)
         specs.append(spec if own.wrists else module_spec(bodies, graph, own.home, cut=False))
-    return Expressed(tuple(specs), bodies.place, tuple(record.decisions))
+    return Expressed(tuple(specs), bodies.place, tuple(record))
