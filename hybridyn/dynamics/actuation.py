@@ -122,12 +122,11 @@ def load_share(robot: HybridRobot, module: Module, weights: Array | None) -> Arr
     """
     if weights is not None:
         return 1.0 / np.sqrt(weights[module.motor_index[module.moving_motors]])
-    record = {j.joint.name: j.joint for j in robot.bodies.joints}
-    motors = [module.motors[i] for i in module.moving_motors]
-    limits = np.array([record[m].effort_limit for m in motors])
+    motors = [robot.records[module.motors[i]] for i in module.moving_motors]
+    limits = np.array([motor.effort_limit for motor in motors])
     if np.isfinite(limits).all():
         return limits
-    if len({record[m].kind == "prismatic" for m in motors}) > 1:
+    if len({motor.kind == "prismatic" for motor in motors}) > 1:
         raise ActuationError(
             f"module '{module.name}': {len(motors)} motors, some in N and some in N m, share "
             f"{module.mobility} freedoms. Give weights, or an effort limit for each motor, so that their "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, Effects, choose, times
 from ..effects.links import Wrench
 from ..errors import TrajectoryError
-from ..linkage.tree import Motion
-from ..spatial import Array, cross, rotate, rotate_back
-from ..structure.bodies import Body
+from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions
-from .link_motion import body_motions, link_motions, observed_motions
+from .link_motion import link_motions, observed_motions
 from .loads import all_loads
 from .state_checks import checked_state
 
@@ -181,14 +179,12 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite.
     """
+    import pinocchio as pin
+
     q, v, single = checked_state(robot, q, v)
-    centre = _centre(robot, q)
-    out = np.zeros((len(q), 6))
-    for body, m in _moving_bodies(robot, q, v):
-        arm = rotate(m.R, np.tile(body.com, (len(q), 1)))
-        linear = body.mass * (m.p_dot + cross(m.w, arm))
-        out[:, :3] += linear
-        out[:, 3:] += rotate(m.R, rotate_back(m.R, m.w) @ body.inertia) + cross(m.p + arm - centre, linear)
+    model, data = _with_mass(robot)
+    found = [pin.computeCentroidalMomentum(model, data, *state).vector for state in zip(q, v, strict=True)]
+    out = np.array(found).reshape(len(q), 6)
     return out[0] if single else out
 
 
@@ -202,27 +198,26 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
     """
+    import pinocchio as pin
+
     q, single = as_positions(robot, q)
-    out = _centre(robot, q)
+    model, data = _with_mass(robot)
+    out = np.array([pin.centerOfMass(model, data, posture) for posture in q]).reshape(len(q), 3)
     return out[0] if single else out
 
 
-def _centre(robot: HybridRobot, q: Array) -> Array:
-    total, moment = 0.0, np.zeros((len(q), 3))
-    for body, m in _moving_bodies(robot, q, np.zeros((len(q), robot.nv))):
-        total += body.mass
-        moment += body.mass * (m.p + rotate(m.R, np.tile(body.com, (len(q), 1))))
-    if not total:
+def _with_mass(robot: HybridRobot) -> tuple[pin.Model, pin.Data]:
+    """Return the robot's Pinocchio model with its memory.
+
+    Raises:
+        TrajectoryError: Nothing that moves has mass.
+    """
+    import pinocchio as pin
+
+    model = robot.unchanged_model
+    if not pin.computeTotalMass(model):
         raise TrajectoryError(f"robot '{robot.name}' has no moving mass, and so no centre of mass")
-    return moment / total
-
-
-def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, Motion]]:
-    """Yield each body that has mass and can move, with its motion."""
-    for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
-        body = robot.bodies.bodies[number]
-        if (number or robot.base != "fixed") and not body.massless:
-            yield body, motion
+    return model, model.createData()
 
 
 def leg_bodies(robot: HybridRobot) -> set[int]:

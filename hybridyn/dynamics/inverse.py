@@ -144,10 +144,11 @@ def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) ->
     if weights is None:
         return None
     if isinstance(weights, Mapping):
-        unknown = sorted(set(weights) - set(robot.motors))
-        missing = [m for m in robot.motors if m not in weights]
+        unknown, missing = {*weights}.difference(robot.motors), {*robot.motors}.difference(weights)
         if unknown or missing:
-            raise ActuationError(f"weights: unknown motors {unknown}, missing motors {missing}")
+            raise ActuationError(
+                f"weights: unknown motors {sorted(unknown)}, missing motors {sorted(missing)}"
+            )
         weights = np.array([weights[m] for m in robot.motors])
     out = np.asarray(weights, dtype=float)
     if out.shape != (len(robot.motors),) or not (np.isfinite(out).all() and (out > 0).all()):

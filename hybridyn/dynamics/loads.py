@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..description.names import did_you_mean
-from ..effects.choice import STANDARD, Effects
+from ..effects.choice import Effects
 from ..errors import TrajectoryError
 from ..spatial import Array, rotate, wrench_to_base
 from ..structure.robot import HybridRobot
@@ -111,15 +111,15 @@ class Loads:
         modules: External wrenches on each module.
         root: Wrench on the root body, shape (T, 6), root frame.
         on: The effects that are computed.
-        joints: Efforts of joint laws on the spanning tree, shape (T, nv), or None.
-        rotors: Inertia that rotors add to the diagonal of the mass matrix, shape (nv,), or None.
+        joints: Efforts of joint laws on the spanning tree, shape (T, nv).
+        rotors: Inertia that rotors add to the diagonal of the mass matrix, shape (nv,).
     """
 
     modules: list[ModuleLoad]
     root: Array
-    on: Effects = STANDARD
-    joints: Array | None = None
-    rotors: Array | None = None
+    on: Effects
+    joints: Array
+    rotors: Array
 
     def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
         """Compute what the loads on module k exert on its base and along x, as `ModuleLoad.on_legs`."""
@@ -128,7 +128,7 @@ class Loads:
 
     def rotor_diagonal(self, state: ModuleState) -> Array:
         """Return the inertia that rotors add to the diagonal along x, shape (1, n)."""
-        return self._along(state, None if self.rotors is None else self.rotors[None])
+        return self._along(state, self.rotors[None])
 
     def leg_matrix(self, state: ModuleState) -> Array:
         """Compute M_leg with rotors, shape (T, 6 + n, 6 + n)."""
@@ -143,11 +143,10 @@ class Loads:
         f_base, f = self.on_legs(k, state)
         return LegTerms(M, p - f_base, h, f)
 
-    def _along(self, state: ModuleState, of_robot: Array | None) -> Array:
-        """Return numbers of the robot's freedoms, shape (T, nv), along x, (T, n); zero without any."""
-        out = np.zeros((1 if of_robot is None else len(of_robot), state.mechanism.tree.nv))
-        if of_robot is not None:
-            state.mechanism.cut.to_tree(of_robot[:, state.module.v_index], out)
+    def _along(self, state: ModuleState, of_robot: Array) -> Array:
+        """Return numbers of the robot's freedoms, shape (T, nv), along x, (T, n)."""
+        out = np.zeros((len(of_robot), state.mechanism.tree.nv))
+        state.mechanism.cut.to_tree(of_robot[:, state.module.v_index], out)
         return out
 
 

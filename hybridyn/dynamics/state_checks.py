@@ -6,7 +6,6 @@ rounding. To recognise it as rounding, it is compared with sizes from the robot'
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,53 +26,37 @@ REST = 1e-12
 SLOWEST = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class NaturalSizes:
-    """Sizes of a robot's rates and accelerations at every sample, divided by the units of its freedoms.
+def largest_rates(robot: HybridRobot, v: Array, a: Array) -> tuple[Array, Array]:
+    """Compute a robot's largest rate and acceleration, divided by the units of its freedoms.
 
-    Attributes:
-        speed: Largest rate, shape (T,), [rad/s]. The linear velocity of the base is excluded (Galilean
-            invariance).
-        stated: Largest acceleration, shape (T,), [rad/s^2].
-        gravity: Acceleration of gravity [m/s^2].
+    Args:
+        v: Rates, shape (T, nv); the linear velocity of the base is left out (Galilean invariance).
+        a: Accelerations, shape (T, nv).
+
+    Returns:
+        Shapes (T,), [rad/s], and (T,), [rad/s^2].
     """
+    relative = np.abs(v / robot.unit)
+    if robot.base != "fixed":
+        relative[:, :3] = 0.0
+    return relative.max(axis=1, initial=0.0), np.abs(a / robot.unit).max(axis=1, initial=0.0)
 
-    speed: Array
-    stated: Array
-    gravity: float
 
-    @classmethod
-    def of(cls, robot: HybridRobot, v: Array, a: Array | None = None) -> NaturalSizes:
-        """Compute the sizes for a motion of a robot.
+def natural_sizes(robot: HybridRobot, largest: tuple[Array, Array], length: float) -> tuple[Array, Array]:
+    """Compute the reference rate and acceleration for the rounding of rates and accelerations.
 
-        Args:
-            v: Rates, shape (T, nv).
-            a: Accelerations, shape (T, nv); zero if None.
-        """
-        relative = np.abs(v / robot.unit)
-        if robot.base != "fixed":
-            relative[:, :3] = 0.0
-        stated = np.zeros(len(v)) if a is None else np.abs(a / robot.unit).max(axis=1, initial=0.0)
-        gravity = float(np.linalg.norm(robot.gravity))
-        return cls(relative.max(axis=1, initial=0.0), stated, gravity)
+    The rate is the largest of the robot's rates, the rate of a pendulum and `SLOWEST`.
 
-    def rate(self, length: float) -> Array:
-        """Compute the reference rate for the rounding of rates, shape (T,), [rad/s].
+    Args:
+        largest: The robot's `largest_rates`.
+        length: Length of the pendulum [m].
 
-        It is the largest of the robot's rates, the rate of a pendulum and `SLOWEST`.
-
-        Args:
-            length: Length of the pendulum [m].
-        """
-        return np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
-
-    def acceleration(self, length: float) -> Array:
-        """Compute the reference acceleration for the rounding of accelerations, shape (T,), [rad/s^2].
-
-        Args:
-            length: Length of the pendulum in `rate` [m].
-        """
-        return np.maximum(self.stated, self.rate(length) ** 2)
+    Returns:
+        Shapes (T,), [rad/s], and (T,), [rad/s^2].
+    """
+    swing = np.sqrt(float(np.linalg.norm(robot.gravity)) / length)
+    rate = np.maximum(largest[0], max(swing, SLOWEST))
+    return rate, np.maximum(largest[1], rate**2)
 
 
 def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
@@ -89,7 +72,7 @@ def natural_force(robot: HybridRobot, v: Array, a: Array) -> Array:
         Shape (T,), [N m].
     """
     length = robot.bodies.size
-    return robot_mass(robot) * length**2 * NaturalSizes.of(robot, v, a).acceleration(length)
+    return robot_mass(robot) * length**2 * natural_sizes(robot, largest_rates(robot, v, a), length)[1]
 
 
 def robot_mass(robot: HybridRobot) -> float:
@@ -126,10 +109,11 @@ def check_closed(
     Raises:
         AssemblyError: The message names module, closure and sample.
     """
-    natural, worst = NaturalSizes.of(robot, v, a), np.zeros(len(q))
+    worst, given = np.zeros(len(q)), np.zeros_like(v) if a is None else a
+    largest = largest_rates(robot, v, given)
     levels = (("rates", "opening"), ("accelerations", "accelerating apart"))[: 1 if a is None else 2]
     for s in states:
-        m, spanning, own = s.mechanism, s.spanning, v[:, s.module.v_index]
+        m, spanning, index = s.mechanism, s.spanning, s.module.v_index
         if not m.spanning_closures.rows:
             continue
         slack, unit = STATE_CLOSED + m.rounding, m.reduction.col_scale
@@ -137,29 +121,29 @@ def check_closed(
         worst = np.maximum(worst, open_by.max(axis=1))
         every = list(zip(s.module.closures, m.spanning_closures.row_slices, strict=True))
         _check(s, "positions", "open", every, open_by, np.full(len(q), slack))
+        natural = natural_sizes(robot, largest, m.length)
         speed, size = (np.abs(x / unit).max(axis=1, initial=0.0) for x in (s.v, s.a))
-        limits = _limits(natural, m.length, slack, speed, size)
         rates = np.abs(m.closures.rates(s.motion, s.v, s.a)) * m.reduction.row_scale
-        for (what, how), value, limit in zip(levels, rates, limits, strict=False):
+        for (what, how), value, limit in zip(
+            levels, rates, _limits(natural, slack, speed, size), strict=False
+        ):
             _check(s, what, how, s.module.named_rows(), value, limit)
         if all(wrist.carries for wrist in m.spec.wrists):
             continue
         turning, turned = (np.abs(x).max(axis=(1, 2)) for x in (spanning.w, spanning.w_dot))
-        limits = _limits(natural, m.length, slack, np.maximum(speed, turning), np.maximum(size, turned))
-        ak = np.zeros_like(own) if a is None else a[:, s.module.v_index]
-        rates = np.abs(m.spanning_closures.rates(spanning, own, ak)) * m.spanning_row_scale
+        limits = _limits(natural, slack, np.maximum(speed, turning), np.maximum(size, turned))
+        own = m.spanning_closures.rates(spanning, v[:, index], given[:, index])
+        rates = np.abs(own) * m.spanning_row_scale
         for (what, how), value, limit in zip(levels, rates, limits, strict=False):
             _check(s, what, how, every, _of_free_wrists(s, value, limit), limit)
     return worst
 
 
-def _limits(
-    natural: NaturalSizes, length: float, slack: float, speed: Array, size: Array
-) -> tuple[Array, Array]:
+def _limits(natural: tuple[Array, Array], slack: float, speed: Array, size: Array) -> tuple[Array, Array]:
     """Return how fast closures may open, and accelerate apart, at rates and accelerations of these sizes."""
     return (
-        np.maximum(slack * speed, REST * natural.rate(length)),
-        np.maximum(slack * (size + speed**2), REST * natural.acceleration(length)),
+        np.maximum(slack * speed, REST * natural[0]),
+        np.maximum(slack * (size + speed**2), REST * natural[1]),
     )
 
 

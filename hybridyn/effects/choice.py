@@ -113,19 +113,15 @@ class Effects:
         """Compute crf(V) (I V) of bodies, shape (..., 6)."""
         return self.velocity.of_body(V, inertia) if self.velocity and V.size else np.zeros_like(V)
 
-    def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:
-        """Compute the efforts of joint laws on the spanning tree, shape (T, nv); None without laws."""
-        if not self.joints:
-            return None
+    def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array:
+        """Compute the efforts of joint laws on the spanning tree, shape (T, nv)."""
         out = np.zeros((len(q), robot.nv))
         for law in self.joints:
             out[:, law.columns] += law.effort(q, v)  # a law acts on each joint once
         return out
 
-    def rotor_diagonal(self, robot: HybridRobot) -> Array | None:
-        """Compute the rotors' part of the diagonal of the spanning tree's inertia, shape (nv,), or None."""
-        if not self.rotors:
-            return None
+    def rotor_diagonal(self, robot: HybridRobot) -> Array:
+        """Compute the rotors' part of the diagonal of the spanning tree's inertia, shape (nv,)."""
         out = np.zeros(robot.nv)
         for law in self.rotors:
             out[law.columns] += law.p[0]

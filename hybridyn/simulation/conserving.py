@@ -121,8 +121,7 @@ class Conserving:
         self._law = law
         self._model = effective_model(law.robot, law.on)
         self._data = self._model.createData()
-        rotors = law.on.rotor_diagonal(robot)
-        self._rotors = np.zeros(robot.nv) if rotors is None else rotors
+        self._rotors = law.on.rotor_diagonal(robot)
 
     def step(self, system: System, state: State, h: float) -> Stepped:
         """Advance a state by h [s]; a negative h runs backwards.
@@ -197,12 +196,10 @@ class Conserving:
         M = upper + np.triu(upper, 1).T
         M[np.diag_indices_from(M)] += self._rotors
         V = float(pin.computePotentialEnergy(self._model, self._data, q))
-        elastic = np.zeros_like(v)
         for law in self._law.on.joints:
             V += float(law.energy(q[None])[0])
-        stored = self._law.on.joint_efforts(self._law.robot, q[None], np.zeros((1, len(v))))
-        if stored is not None:  # at rest: springs and stops, no friction
-            elastic = stored[0]
+        # At rest: springs and stops, no friction.
+        elastic = self._law.on.joint_efforts(self._law.robot, q[None], np.zeros((1, len(v))))[0]
         other = None
         if not self._law.conserves:
             a = self._law.acceleration(t, q, v)

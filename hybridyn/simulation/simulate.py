@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from ..dynamics.state_checks import REST, STATE_CLOSED, NaturalSizes
+from ..dynamics.state_checks import REST, STATE_CLOSED, largest_rates, natural_sizes
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..manifold.manifold import Manifold
@@ -199,7 +199,8 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
             f"(limit {STATE_CLOSED + rounding:.0e}). Take it from hybridyn.assemble",
             module=name, residual=residual,
         )  # fmt: skip
-    rest = REST * float(NaturalSizes.of(robot, v[None]).rate(robot.bodies.size)[0])
+    largest = largest_rates(robot, v[None], np.zeros((1, robot.nv)))
+    rest = REST * float(natural_sizes(robot, largest, robot.bodies.size)[0][0])
     opening, name = manifold.opening(q, v, least=rest / STATE_CLOSED)
     if opening > STATE_CLOSED + rounding and initial_velocity == "refuse":
         raise AssemblyError(

@@ -142,8 +142,7 @@ class Request:
         """Return the rotor inertias on the diagonal of the mass matrix, over the tree after the cuts."""
         diagonal = self.on.rotor_diagonal(self.robot)
         own = np.zeros((1, module.mechanism.tree.nv))
-        if diagonal is not None:
-            module.mechanism.cut.to_tree(diagonal[None, module.v_index], own)
+        module.mechanism.cut.to_tree(diagonal[None, module.v_index], own)
         return tuple(own[0].tolist())
 
     def children(self, k: int, output: int) -> list[int]:

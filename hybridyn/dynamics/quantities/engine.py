@@ -106,7 +106,8 @@ class Engine:
     def mass(self, q: Array) -> Array:
         """Compute the mass matrix, shape (T, N, N): the inertias of all outputs and legs, over u."""
         states, motions = self.motions(q)
-        loads = Loads([], np.zeros((len(q), 6)), self.on, None, self.on.rotor_diagonal(self.robot))
+        none = np.zeros((len(q), self.robot.nv))
+        loads = Loads([], np.zeros((len(q), 6)), self.on, none, self.on.rotor_diagonal(self.robot))
         M = np.zeros((len(q), self.u.size, self.u.size))
         twists: list[tuple[Index, Array]] = []
         for s, basis, own in zip(states, motions.bases, self.u.own, strict=True):

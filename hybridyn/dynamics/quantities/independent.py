@@ -167,8 +167,9 @@ class Motions(NamedTuple):
 
 
 def independent_motions(
-    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array | None, u: Coordinates
-) -> Motions:
+    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array | None, u: Coordinates,
+    *, others_stay: bool = False,
+) -> Motions:  # fmt: skip
     """Compute the motions of a robot over its independent coordinates.
 
     Args:
@@ -176,12 +177,15 @@ def independent_motions(
         q: Positions, shape (T, nq).
         v: Rates that the states have, shape (T, nv); None where no drift is needed.
         u: The coordinates.
+        others_stay: Whether modules without any of them are left out, also if they could move.
 
     Raises:
         SingularityError: Closures lose rank, or the coordinates are not independent at a sample.
     """
     out = Motions([], np.zeros((len(q), robot.nv, u.size)), np.zeros((len(q), robot.nv)))
     for s, own, freedoms in zip(states, u.own, u.freedoms, strict=True):
+        if others_stay and not len(own):
+            continue
         basis, E, drift = module_motions(s, q, v, freedoms, u)
         out.bases.append(basis)
         out.E[:, s.module.v_index[:, None], own], out.drift[:, s.module.v_index] = E, drift

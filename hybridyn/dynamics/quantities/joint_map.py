@@ -23,7 +23,7 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from .engine import closed_states, polar_form
-from .independent import Coordinates, check_joints, located, module_motions
+from .independent import Coordinates, check_joints, independent_motions, located
 from .posture import holding, modules_of, positions_of, posture_at
 
 #: Computes dv/d(side), shape (T, nv, N), and the accelerations at rest of that side, shape (T, nv), at
@@ -247,12 +247,8 @@ def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinate
     Raises:
         HybridynError: As `joint_map` raises.
     """
-    E, drift = np.zeros((len(q), robot.nv, side.size)), np.zeros((len(q), robot.nv))
-    for s, own, freedoms in zip(closed_states(robot, q, v), side.own, side.freedoms, strict=True):
-        if len(own):
-            _, block, drift[:, s.module.v_index] = module_motions(s, q, v, freedoms, side)
-            E[:, s.module.v_index[:, None], own] = block
-    return E, drift
+    found = independent_motions(robot, closed_states(robot, q, v), q, v, side, others_stay=True)
+    return found.E, found.drift
 
 
 def _times(matrix: Array, vector: ArrayLike) -> Array:

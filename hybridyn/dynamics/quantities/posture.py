@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -78,11 +78,9 @@ def posture_at(
     return close(motors=given, guess=guess)[0]
 
 
-def _held_joints(module: Module) -> Iterator[str]:
-    """Yield the joints that hold a module: its motors, or in a tree every joint with one freedom."""
+def _held_joints(module: Module) -> Sequence[str]:
+    """Return the joints that hold a module: its motors, or in a tree every joint with one freedom."""
     if module.closures:
-        yield from module.motors
-        return
-    for name, joint in zip(module.joints, module.mechanism.spanning.joints, strict=True):
-        if NV[joint.kind] == 1:
-            yield name
+        return module.motors
+    joints = zip(module.joints, module.mechanism.spanning.joints, strict=True)
+    return [name for name, joint in joints if NV[joint.kind] == 1]

@@ -17,7 +17,7 @@ import numpy as np
 from ...compiled.compiling import compile
 from ...compiled.programs.designs import DesignsInSlots
 from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
-from ...dynamics.state_checks import NaturalSizes, natural_force
+from ...dynamics.state_checks import largest_rates, natural_force
 from ...effects import choose
 from ...errors import HybridynError, ModelError
 from ...spatial import Array, Index
@@ -215,7 +215,7 @@ def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Arra
     natural size: that of the coordinates' units, of accelerations at these rates, of the robot's weight.
     """
     _, v, a, _ = theirs
-    smallest, speed = float(robot.unit.min()), float(NaturalSizes.of(robot, v).speed.max())
+    smallest, speed = float(robot.unit.min()), float(largest_rates(robot, v, v)[0].max())
     effort = float(natural_force(robot, v, a).max()) / float(robot.unit.max())
     natural = [max(size, 1e-300) for size in (smallest, 0.0, smallest * speed**2, effort)]
     kinds = zip(ours, theirs, natural, strict=True)
