@@ -4,8 +4,6 @@ The modules are solved in order from the base. The given motors and poses of a m
 Newton problem on its tree after the cuts. The positions of cut wrists follow from the bodies they connect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -284,5 +282,4 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, {})
     _assemble_modules(robot, [(module, request)], q, *np.zeros((2, 2, robot.nv)))
-    posture: Array = q[1]
-    return posture
+    return q[1]

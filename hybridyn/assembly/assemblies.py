@@ -5,8 +5,6 @@ converges to some posture. Postures with small basins of attraction are therefor
 postures reached are closed to rounding as in `assemble`, and counted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

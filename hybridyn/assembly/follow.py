@@ -5,8 +5,6 @@ Newton prediction, from which a change of branch deviates. A step that is too lo
 divided into smaller ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

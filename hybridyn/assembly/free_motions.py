@@ -1,7 +1,5 @@
 """Motions of a module that no motor drives, that are idle, or that have no inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -90,8 +88,7 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
         motion: Motion of its tree, T samples.
     """
     moved = np.matmul(_all_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
-    out: Mask = np.linalg.norm(moved, axis=(1, 2)) <= IDLE
-    return out
+    return np.linalg.norm(moved, axis=(1, 2)) <= IDLE
 
 
 def _undriven(module: Module, motions: Array, moved: Array) -> tuple[Array, Array]:

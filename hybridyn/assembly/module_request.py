@@ -1,7 +1,5 @@
 """The request for one module: given joints of its tree after the cuts, and targets for its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """How much a module's motors take part in its motions; modules where they lose one in every posture."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..spatial import Array

@@ -1,7 +1,5 @@
 """Check at which samples of a trajectory the loops do not close, for all samples at once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

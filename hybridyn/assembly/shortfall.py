@@ -135,5 +135,4 @@ def _lacking(loop: list[_Corner], tolerance: float) -> Array:
     every = np.array(sides)
     # Where the point is given only in part, the last side is at least this long.
     longest = every[-1] if partial else every.max(axis=0)
-    out: Array = 2.0 * longest - every.sum(axis=0) - tolerance * slack
-    return out
+    return 2.0 * longest - every.sum(axis=0) - tolerance * slack

@@ -4,8 +4,6 @@ Q and the columns of B are work per scaled coordinate [N m], so that forces and 
 efforts of redundant motors are distributed by weights, and efforts of different units are never compared.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,8 +105,7 @@ def _least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Sha
         check(LOST_MOTORS, module, np.where(s[:, 0] > 0, s[:, 0], 1.0), s[:, -1], words, at)
     keep = s > SINGULAR_MOTOR_MAP * s[:, :1]
     y = np.where(keep, np.einsum("tji,tj->ti", U, along[..., -1]) / np.where(keep, s, 1.0), 0.0)
-    out: Array = np.einsum("tji,tj->ti", Vt, y) * share
-    return out
+    return np.einsum("tji,tj->ti", Vt, y) * share
 
 
 def load_share(robot: HybridRobot, module: Module, weights: Array | None) -> Array:

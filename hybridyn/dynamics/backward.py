@@ -1,7 +1,5 @@
 """Backward sweep of the inverse model: compute forces, efforts and reactions, the outermost modules first."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..linkage.reduction import Basis

@@ -4,8 +4,6 @@ There are three recursions: forward for placements and twists (`forward`), backw
 (`articulate`), and forward for accelerations (`accelerate`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal, overload
 

@@ -10,8 +10,6 @@ Eqs. (45), (47), which keeps them positive semidefinite; the paper's S2, S3, K a
 refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -4,8 +4,6 @@ Both dynamic models start with this recursion. Gravity is included in the accele
 nowhere else.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..effects.terms import Gravity

@@ -4,8 +4,6 @@ A guard accepts a sample if value <= limit * scale. An error names the first sam
 the worst one. `check` finds the sample and composes the words.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple

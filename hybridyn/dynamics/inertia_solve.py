@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 def congruence(B: Array, M: Array) -> Array:
     """Compute B^T M B for B of shape (..., n, N) and M of shape (..., n, n)."""
-    out: Array = np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
-    return out
+    return np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +85,7 @@ def seeming(x: ArticulatedModule, noise: Array) -> Array:
     terms += congruence(np.abs(x.a_maps), np.abs(x.I_star)).sum(axis=1)
     carried = congruence(x.a_maps, noise).sum(axis=1)
     rounding = 4 * x.state.mechanism.tree.nv * EPS * terms + carried
-    out: Array = np.diagonal(rounding, axis1=1, axis2=2) + _inertia_of_slips(x)
-    return out
+    return np.diagonal(rounding, axis1=1, axis2=2) + _inertia_of_slips(x)
 
 
 def seeming_at_base(x: ArticulatedModule, noise: Array) -> Array:
@@ -126,15 +124,13 @@ def force_of_slips(x: ArticulatedModule) -> Array:
     unit, columns = m.reduction.col_scale, x.state.module.motor_columns
     joints = (np.abs(x.legs.f) + np.abs(x.legs.h)) @ unit + np.abs(x.tau) @ unit[columns]
     outputs = np.abs(x.beta_star).sum(axis=1) @ np.repeat([m.length, 1.0], 3)
-    out: Array = _slips(x).max(axis=1, initial=0.0) * (joints + outputs)
-    return out
+    return _slips(x).max(axis=1, initial=0.0) * (joints + outputs)
 
 
 def largest_term_of(x: ArticulatedModule) -> Array:
     """Compute the largest term in the sum Q_0, shape (T,), [N m]."""
     joints = _size(x.basis.Psi, np.abs(x.f) + np.abs(x.legs.h) + np.abs(x.legs.f))
-    out: Array = np.maximum(joints, _size(x.a_maps, x.b).max(axis=1, initial=0.0))
-    return out
+    return np.maximum(joints, _size(x.a_maps, x.b).max(axis=1, initial=0.0))
 
 
 def largest_term(x: ArticulatedModule, carried: Array) -> Array:
@@ -148,8 +144,7 @@ def largest_term(x: ArticulatedModule, carried: Array) -> Array:
     """
     largest = np.diagonal(x.A_t, axis1=1, axis2=2).max(axis=1, initial=0.0)
     resisted = np.where(x.inertia.massless.all(axis=1), np.inf, largest)
-    out: Array = x.size / resisted + np.abs(carried).max(axis=1, initial=0.0)
-    return out
+    return x.size / resisted + np.abs(carried).max(axis=1, initial=0.0)
 
 
 def _slips(x: ArticulatedModule) -> Array:
@@ -162,8 +157,7 @@ def _slips(x: ArticulatedModule) -> Array:
     if not m.closures.rows:
         return np.zeros(Psi.shape[::2])
     largest_rate = np.abs(Psi / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
-    out: Array = 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
-    return out
+    return 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
 
 
 def _inertia_of_slips(x: ArticulatedModule) -> Array:
@@ -171,8 +165,7 @@ def _inertia_of_slips(x: ArticulatedModule) -> Array:
     m = x.state.mechanism
     joints = np.einsum("tii,i->t", x.legs.M[:, 6:, 6:], m.reduction.col_scale**2)
     outputs = np.einsum("toii,i->t", x.I_star, np.repeat([m.length**2, 1.0], 3))
-    out: Array = np.square(_slips(x)) * (joints + outputs)[:, None]
-    return out
+    return np.square(_slips(x)) * (joints + outputs)[:, None]
 
 
 def _felt(inertia: Array, terms: Array) -> Array:
@@ -183,11 +176,9 @@ def _felt(inertia: Array, terms: Array) -> Array:
         terms: Magnitudes of the terms of its motion per motion of the base, shape (..., n, 6).
     """
     root = np.sqrt(np.abs(np.diagonal(inertia, axis1=-2, axis2=-1)))
-    out: Array = np.square(np.einsum("...i,...ij->...j", root, terms))[..., None] * np.eye(6)
-    return out
+    return np.square(np.einsum("...i,...ij->...j", root, terms))[..., None] * np.eye(6)
 
 
 def _size(B: Array, force: Array) -> Array:
     """Compute the largest entry of abs(B)^T abs(force), shapes (..., n, N), (..., n) and (...)."""
-    out: Array = np.einsum("...ij,...i->...j", np.abs(B), np.abs(force)).max(axis=-1, initial=0.0)
-    return out
+    return np.einsum("...ij,...i->...j", np.abs(B), np.abs(force)).max(axis=-1, initial=0.0)

@@ -1,7 +1,5 @@
 """Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal, overload
 

@@ -3,8 +3,6 @@
 `backward` checks the results, and `actuation` distributes Q among the motors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Compute poses, twists and accelerations of links in the world."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 

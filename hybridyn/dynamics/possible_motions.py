@@ -7,8 +7,6 @@ these motions. Without a force, the acceleration along a motion without inertia 
 is chosen.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the two models return, and the advice to compile for programs that compute one sample at a time."""
 
-from __future__ import annotations
-
 import itertools
 import warnings
 from typing import NamedTuple

@@ -4,8 +4,6 @@ In free fall, in motion without efforts and at rest, all terms of an effort or o
 rounding. To recognise it as rounding, it is compared with sizes from the robot's weight, size and rates.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

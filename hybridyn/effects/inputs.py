@@ -1,7 +1,5 @@
 """Effects on the input or output of the models: effort limits and a prescribed base motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Laws of joint efforts: rotors, friction, dampers, springs and stops."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -203,10 +201,8 @@ class Stop(JointEffect):
         low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
         push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
         push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
-        out: Array = p[0] * (push_low - push_high)
-        return out
+        return p[0] * (push_low - push_high)
 
     def energy(self, p: Numerals, x: Array) -> Array:
         """Compute k d^2 / 2."""
-        out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
-        return out
+        return 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)

@@ -5,8 +5,6 @@ robot once and returns an `OnJoints`, which evaluates the law for a batch. Effor
 Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s for the others.
 """
 
-from __future__ import annotations
-
 from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -102,13 +100,11 @@ class OnJoints:
 
     def energy(self, q: Array) -> Array:
         """Compute the stored energy, shape (T,), [J]."""
-        out: Array = self.effect.energy(self.p, self.positions(q)).sum(axis=1)
-        return out
+        return self.effect.energy(self.p, self.positions(q)).sum(axis=1)
 
     def power(self, q: Array, v: Array) -> Array:
         """Compute the dissipated power, shape (T,), [W]."""
-        out: Array = self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
-        return out
+        return self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
 
 
 def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:

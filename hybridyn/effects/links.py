@@ -1,7 +1,5 @@
 """Effects on links: wrenches as functions of time, positions and rates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

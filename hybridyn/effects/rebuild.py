@@ -1,7 +1,5 @@
 """`with_effects`: rebuild a robot for effects that change its structure."""
 
-from __future__ import annotations
-
 from ..errors import ModelError
 from ..structure.bodies import Payload
 from ..structure.building import rebuilt

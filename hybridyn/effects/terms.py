@@ -3,8 +3,6 @@
 Each effect contains the code of its term, which a recursion calls only if the effect is selected.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

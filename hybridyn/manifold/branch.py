@@ -14,8 +14,6 @@ its weak rows are rounding, or if its deviation from the branch exceeds their re
 position across the branch is known to 1e-16 / d, a tangent to 1e-16 / d^2, an acceleration to 1e-16 / d^3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -164,8 +162,7 @@ class _Path:
     def rows(self, q: Array, x: Array) -> Array:
         """Compute the rows at a displacement from a posture, shape (rows, n)."""
         motion = self._m.tree.sweep(self._moved(q, x))
-        out: Array = self._m.reduction.scaled(self._m.closures.matrix(motion))[0]
-        return out
+        return self._m.reduction.scaled(self._m.closures.matrix(motion))[0]
 
     def gamma(self, q: Array, x: Array, rate: Array) -> Array:
         """Compute the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
@@ -178,8 +175,7 @@ class _Path:
         U, size, Vt = parts
         q, v = self.at(s)
         wanted = U[:, :strong].T @ self.gamma(q, 0 * v, v[None])[0]
-        out: Array = -Vt[:strong].T @ (wanted / size[:strong])
-        return out
+        return -Vt[:strong].T @ (wanted / size[:strong])
 
     def slopes(self, s: float) -> tuple[Array, Array, Array]:
         """Compute K', K' + gamma_v and gamma' at path length s, shapes (rows, n), (rows, n), (rows,)."""

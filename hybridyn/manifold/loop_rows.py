@@ -4,8 +4,6 @@
 and scales are the same (`linkage/closures.py` defines them, a test compares both).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..linkage.closures import TreeClosure, coupling_residual, coupling_rows

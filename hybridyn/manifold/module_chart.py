@@ -1,7 +1,5 @@
 """The part of a chart that belongs to one module with loops: Newton's method, and the check of its branch."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..errors import AssemblyError
@@ -140,5 +138,4 @@ class ModuleChart:
         along = self.Z @ u
         right = self.U.T @ (self.K @ along)
         solved = np.linalg.pinv(self.G, rcond=HELD) @ right if self.lost else np.linalg.solve(self.G, right)
-        out: Array = along - self.V @ solved
-        return out
+        return along - self.V @ solved

@@ -5,8 +5,6 @@ and Pinocchio's joint frame. Joints are numbered as in `pin.buildModelFromXML`: 
 (`Description.siblings`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """The two trees of a module, the maps between them, and the motion of the wrists that were cut."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import replace
 

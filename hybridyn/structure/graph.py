@@ -6,8 +6,6 @@ joints and all joints on the paths between them. Each class of joints is a modul
 tree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

@@ -195,8 +195,7 @@ class Mechanism:
         if not len(self.postures):
             return np.zeros(self.tree.nv, dtype=bool)
         Psi = self.basis(self.generic_K).Psi / self.reduction.col_scale[:, None]
-        out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
-        return out
+        return np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
 
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index
@@ -218,8 +217,7 @@ class Mechanism:
         def missing(rates: Array, drift: Array) -> Array:
             """Compute the platforms' rates that close what other rates and a drift leave open."""
             miss = np.einsum("tij,tj->ti", K, rates / r.col_scale) + drift * r.row_scale
-            out: Array = least_squares(K[:, :, cols], -miss, relative=GIMBAL_LOCK) * r.col_scale[cols]
-            return out
+            return least_squares(K[:, :, cols], -miss, relative=GIMBAL_LOCK) * r.col_scale[cols]
 
         x_dot[np.ix_(samples, cols)] += missing(x_dot[samples], np.zeros(K.shape[:2]))
         right = self.tree.sweep(x[samples], x_dot[samples])

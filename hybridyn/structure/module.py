@@ -1,7 +1,5 @@
 """A module of a robot (its names, and its indices in q, v and tau), and its state at every sample."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -5,8 +5,6 @@ after the cuts, each with its own numbers. In the tree after the cuts, `floating
 to the base.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

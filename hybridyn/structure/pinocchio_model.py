@@ -1,7 +1,5 @@
 """Pinocchio's joints, inertias, and model of the spanning tree of a whole robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

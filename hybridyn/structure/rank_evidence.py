@@ -4,8 +4,6 @@ A row with a small singular value is rounding if the file is coarse, and a const
 A file whose loops close at home to the last digit is not rounded to four digits.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from ..linkage.closures import Closures

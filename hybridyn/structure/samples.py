@@ -1,7 +1,5 @@
 """Check arguments before anything is computed: arrays of samples, a single one or a batch, and choices."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

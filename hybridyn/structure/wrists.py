@@ -9,8 +9,6 @@ intersect in one point (spherical). If wrists at the ends of legs are cut, a leg
 move mass. The positions of the cut joints follow from the bodies that the wrist connects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 

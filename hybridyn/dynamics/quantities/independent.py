@@ -11,8 +11,6 @@ and P is the least-norm right inverse of S Q. Motions that u does not determine 
 and take least-norm rates, as in `assemble` and `idm`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

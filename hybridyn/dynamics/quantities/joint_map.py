@@ -9,8 +9,6 @@ With H = d(motors)/d(joints) and G = d(joints)/d(motors), both from the loops, n
 Only the modules that hold the joints take part.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -72,8 +70,7 @@ class JointMap:
         """Compute accelerations of the motors from the motion of the joints, shape (m,) or (T, m)."""
         rates = np.asarray(joint_rates, dtype=float)
         bend = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
-        out: Array = _times(self.motors_per_joints, joint_accelerations) + bend
-        return out
+        return _times(self.motors_per_joints, joint_accelerations) + bend
 
     def joint_accelerations(self, motor_rates: ArrayLike, motor_accelerations: ArrayLike) -> Array:
         """Compute accelerations of the joints from the motion of the motors, shape (k,) or (T, k)."""
@@ -125,8 +122,7 @@ class JointMap:
             Symmetric, shape (k, k) or (T, k, k).
         """
         turned = np.einsum("...i,...ijk->...jk", np.asarray(motor_efforts, dtype=float), self.curvature)
-        out: Array = self.at_joints(motor_stiffness) + turned
-        return out
+        return self.at_joints(motor_stiffness) + turned
 
     @cached_property
     def curvature(self) -> Array:
@@ -253,11 +249,9 @@ def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinate
 
 def _times(matrix: Array, vector: ArrayLike) -> Array:
     """Return matrix times vector for one sample or many."""
-    out: Array = np.einsum("...ij,...j->...i", matrix, np.asarray(vector, dtype=float))
-    return out
+    return np.einsum("...ij,...j->...i", matrix, np.asarray(vector, dtype=float))
 
 
 def _congruence(matrix: Array, diagonal: ArrayLike) -> Array:
     """Return matrix^T diag(diagonal) matrix for one sample or many."""
-    out: Array = np.einsum("...ij,i,...ik->...jk", matrix, np.asarray(diagonal, dtype=float), matrix)
-    return out
+    return np.einsum("...ij,i,...ik->...jk", matrix, np.asarray(diagonal, dtype=float), matrix)

@@ -5,8 +5,6 @@ nothing else, gives the columns of the Delassus matrix, each linear in the modul
 motions of the robot count, also those that no motor drives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -181,5 +179,4 @@ def inverse_of(
     limited = FIXED_LINKS._replace(limit=1 / immovable)
     check(limited, None, np.where(size[:, -1] > 0, size[:, -1], 1.0), size[:, 0], lambda t: words)
     out = np.matmul(axes / size[:, None], np.swapaxes(axes, 1, 2))
-    inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
-    return inertia
+    return (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit

@@ -1,7 +1,5 @@
 """The closed-loop model tau = M u_dot + c + g, v = E u: what controllers and optimisers ask of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import overload
 
@@ -236,5 +234,4 @@ def of_brackets(M: Array, v: Array) -> Array:
     """
     twist = np.broadcast_to(v[:, None, :6], (len(v), 6, 6))
     brackets = np.swapaxes(crm(twist, np.broadcast_to(np.eye(6), twist.shape)), 1, 2)
-    out: Array = np.matmul(M[:, :, :6], brackets) / 2
-    return out
+    return np.matmul(M[:, :, :6], brackets) / 2

@@ -1,7 +1,5 @@
 """Postures from positions of a few joints, driven or not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Parameters by name: "mass:LINK", "position:JOINT", ..., and the numbers of a description that they set."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Slots: single numbers of a description, which can be read and replaced."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Arguments of a robot's xacro file as parameters: the numbers of the description that depend on them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
