@@ -201,8 +201,7 @@ def spin(robot: HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random
         tree = state.v if a is None else state.a
         for one in spins_of(m, state.module.motor_columns):
             tree[:, list(one.cols)] += rng.normal(size=(len(q), 1)) * one.axis.astype(float)
-        own = np.zeros((len(q), len(at)))
-        m.cut.to_spanning(tree, own)
+        own = m.cut.to_spanning(tree)
         target = m.tree.sweep(state.q, state.v, None if a is None else tree)
         rates = (own, None) if a is None else (v[:, at], own)
         m.wrists.recover(q[:, state.module.q_index], *rates, target)

@@ -173,9 +173,7 @@ def _assemble_modules(
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
     target = m.tree.sweep(x, x_dot, x_ddot, placed)
     qk = spanning_positions(module, x, target, guess, trajectories=len(parts))
-    vk, ak = np.zeros((2, len(x), m.spanning.nv))
-    m.cut.to_spanning(x_dot, vk)
-    m.cut.to_spanning(x_ddot, ak)
+    vk, ak = m.cut.to_spanning(x_dot), m.cut.to_spanning(x_ddot)
     m.wrists.recover(qk, vk, None, target)
     m.wrists.recover(qk, vk, ak, target)
     for robots, own, index in ((q, qk, q_index), (v, vk, v_index), (a, ak, v_index)):

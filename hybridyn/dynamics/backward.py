@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..linkage.reduction import Basis
-from ..spatial import Array
-from ..structure.module import ModuleState, RobotMotion
+from ..spatial import Array, spatial_inertia
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from .actuation import Need, Sharing, motor_efforts
 from .forward import base_motion, forward
@@ -32,7 +32,9 @@ def backward(
     sharing: Sharing | None,
     tau: Array,
     result: Reactions | None,
-    motion: RobotMotion,
+    q: Array,
+    v: Array,
+    a: Array,
 ) -> None:
     """Compute the forces that every module needs, the efforts of its motors and the wrench on its base.
 
@@ -42,7 +44,9 @@ def backward(
         sharing: How the load is distributed among motors, or None if efforts are known and not checked.
         tau: Efforts, shape (T, motors); filled in place, or read if `sharing` is None.
         result: Reactions, filled in place, or None.
-        motion: Motion of the robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
 
     Raises:
         SingularityError: Closures lose rank and `on_singular` is "raise"; or a velocity belongs to no branch;
@@ -51,9 +55,9 @@ def backward(
     """
     strict = sharing is not None and sharing.on_singular == "raise"
     weight = robot_mass(robot) * float(np.linalg.norm(robot.gravity))
-    rounding = NOISE * robot.nv * natural_force(robot, motion.v, motion.a)  # one term for each freedom
-    sizes = [np.zeros((len(motion.q), len(s.module.outputs))) for s in states]
-    root = np.zeros((len(motion.q), 6))
+    rounding = NOISE * robot.nv * natural_force(robot, v, a)  # one term for each freedom
+    sizes = [np.zeros((len(q), len(s.module.outputs))) for s in states]
+    root = np.zeros((len(q), 6))
     for k, needed in needed_forces(states, loads, lambda k: _motions(states[k], strict)):
         s, module = states[k], states[k].module
         if sharing is not None:
@@ -68,32 +72,29 @@ def backward(
         if module.parent < 0:
             root += needed.F
     if result is not None:
-        result.base[:] = root + _root_body(robot, loads, motion)
+        result.base[:] = root
+        if robot.base != "floating":  # else the root body belongs to a module
+            classical = loads.on.velocity is not None
+            V, V_dot = base_motion(robot, q, v, a, loads.on.gravity, classical=classical)
+            root_body = robot.bodies.bodies[0]
+            I0 = spatial_inertia(root_body.mass, root_body.com, root_body.inertia)
+            result.base[:] += V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
 
 
-def reactions_of(robot: HybridRobot, motion: RobotMotion, tau: Array, loads: Loads) -> Reactions:
+def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:
     """Compute the wrenches between modules and in the closures from a motion and known efforts.
 
     Args:
-        motion: Motion of the robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
         tau: Efforts of the motors, shape (T, motors).
         loads: External wrenches and effects.
     """
-    result, on = Reactions.empty(len(motion.q)), loads.on
-    states = forward(robot, motion.q, motion.v, motion.a, on.gravity, classical=on.velocity is not None)
-    backward(robot, states, loads, None, tau, result, motion)
+    result, on = Reactions.empty(len(q)), loads.on
+    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+    backward(robot, states, loads, None, tau, result, q, v, a)
     return result
-
-
-def _root_body(robot: HybridRobot, loads: Loads, motion: RobotMotion) -> Array:
-    """Compute the wrench that the root body needs; zero for a floating base, whose module includes it."""
-    if robot.base == "floating":
-        return np.zeros_like(loads.root)
-    V, V_dot = base_motion(
-        robot, motion.q, motion.v, motion.a, loads.on.gravity, classical=loads.on.velocity is not None
-    )
-    I0 = robot.root_inertia
-    return V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
 
 
 def _motions(s: ModuleState, strict: bool) -> Basis:

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, Effects, choose, times
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
-from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
@@ -110,7 +109,7 @@ def direct_model(
         tau = on.limits.clip(robot, tau)
     loads = all_loads(robot, on, q, v, time, wrenches)
     residual = solve(robot, q, v, a, tau, loads)
-    result = reactions_of(robot, RobotMotion(q, v, a), tau, loads) if reactions else None
+    result = reactions_of(robot, q, v, a, tau, loads) if reactions else None
     return Result(a, residual, result)
 
 

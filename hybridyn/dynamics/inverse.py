@@ -10,7 +10,6 @@ from ..description.names import listed
 from ..effects.choice import Choice, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
-from ..structure.module import RobotMotion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
@@ -131,7 +130,7 @@ def inverse_model(
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
-    backward(robot, states, loads, sharing, tau, result, RobotMotion(q, v, a))
+    backward(robot, states, loads, sharing, tau, result, q, v, a)
     if on.limits is not None:
         on.limits.check(robot, tau)
     return Result(tau, residual, result)

@@ -145,9 +145,7 @@ class Loads:
 
     def _along(self, state: ModuleState, of_robot: Array) -> Array:
         """Return numbers of the robot's freedoms, shape (T, nv), along x, (T, n)."""
-        out = np.zeros((len(of_robot), state.mechanism.tree.nv))
-        state.mechanism.cut.to_tree(of_robot[:, state.module.v_index], out)
-        return out
+        return state.mechanism.cut.to_tree(of_robot[:, state.module.v_index])
 
 
 def all_loads(

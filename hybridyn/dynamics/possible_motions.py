@@ -41,8 +41,7 @@ def motions_of(state: ModuleState, prescribed: Array | None, passing: bool) -> t
     motors = state.module.motor_columns
     if prescribed is None or not len(motors):
         return basis, unforced
-    wanted = np.zeros((len(prescribed), m.tree.nv))
-    m.cut.to_tree(prescribed[:, state.module.v_index], wanted)
+    wanted = m.cut.to_tree(prescribed[:, state.module.v_index])
     unit = m.reduction.col_scale[motors]
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit

@@ -215,7 +215,9 @@ def build_robot(
     base = description.base if base is None else base
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
-    gravity = _gravity(description.gravity or EARTH if gravity is None else gravity)
+    gravity = np.asarray(description.gravity or EARTH if gravity is None else gravity, dtype=float)
+    if gravity.shape != (3,) or not (np.abs(gravity) <= LARGEST).all():
+        raise ModelError(f"gravity must be three finite numbers of at most {LARGEST:.0e}, not {gravity}")
     kept = joints_to_keep(description, held)
     bodies, graphs = find_modules(description, kept)
     joints = [j.joint.name for j in bodies.joints]
@@ -248,14 +250,6 @@ def build_robot(
         held=kept,
         rebuild=_with_parameters,
     )
-
-
-def _gravity(stated: ArrayLike) -> Array:
-    """Return the acceleration of gravity, shape (3,), [m/s^2]; raise ModelError if it is none."""
-    gravity = np.asarray(stated, dtype=float)
-    if gravity.shape != (3,) or not (np.abs(gravity) <= LARGEST).all():
-        raise ModelError(f"gravity must be three finite numbers of at most {LARGEST:.0e}, not {gravity}")
-    return gravity
 
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:

@@ -48,23 +48,19 @@ class Cut:
         Returns:
             Positions, rates and accelerations of `tree`: shapes (T, its nq), (T, its nv), (T, its nv).
         """
-        T = len(q)
-        out_q = np.zeros((T, self.tree.nq))
-        out_v, out_a = np.zeros((2, T, self.tree.nv))
+        out_q = np.zeros((len(q), self.tree.nq))
         out_q[:, self._q_to] = q[:, self._q_from]
-        if v is not None:
-            out_v[:, self._v_to] = v[:, self._v_from]
-        if a is not None:
-            out_a[:, self._v_to] = a[:, self._v_from]
+        out_v, out_a = (
+            self.to_tree(np.zeros((len(q), self.spanning.nv)) if x is None else x) for x in (v, a)
+        )
         for joint in self._spec.platforms:
-            body = self.bodies[joint + 1]
             at, to = self.tree.q_slices[joint], self.tree.v_slices[joint]
-            out_q[:, at.start : at.start + 3] = motion.p[:, body]
-            out_q[:, at.start + 3 : at.stop] = quaternion_from_rotation(motion.R[:, body])
+            platform = motion.of_body(self.bodies[joint + 1])
+            out_q[:, at] = np.concatenate([platform.p, quaternion_from_rotation(platform.R)], axis=1)
             if v is not None:
-                out_v[:, to] = motion.of_body(body).twist()
+                out_v[:, to] = platform.twist()
             if a is not None:
-                out_a[:, to] = motion.of_body(body).acceleration()
+                out_a[:, to] = platform.acceleration()
         return out_q, out_v, out_a
 
     def positions(self, q: Array) -> Array:
@@ -75,23 +71,31 @@ class Cut:
         """Select the motion of the bodies of `tree` from the motion of the spanning tree."""
         return Motion(*(select(x, self.bodies) for x in spanning.arrays))
 
-    def to_spanning(self, x: Array, out: Array) -> None:
-        """Copy rates (or accelerations) of the legs from `tree` to the spanning tree, in place.
+    def to_spanning(self, x: Array) -> Array:
+        """Copy rates (or accelerations) of the legs from `tree` to the spanning tree; wrists have zeros.
 
         Args:
-            x: Rates of `tree`, shape (T, its nv).
-            out: Rates of the spanning tree, shape (T, nv).
-        """
-        out[:, self._v_from] = x[:, self._v_to]
+            x: Rates of `tree`, shape (T, its nv) or, of many columns, (T, its nv, k).
 
-    def to_tree(self, x: Array, out: Array) -> None:
-        """Copy rates (or accelerations, or efforts) of the legs from the spanning tree to `tree`, in place.
+        Returns:
+            Rates of the spanning tree, shape (T, nv) or (T, nv, k).
+        """
+        out = np.zeros((len(x), self.spanning.nv, *x.shape[2:]))
+        out[:, self._v_from] = x[:, self._v_to]
+        return out
+
+    def to_tree(self, x: Array) -> Array:
+        """Copy rates (or accelerations, or efforts) of the legs from the spanning tree to `tree`.
 
         Args:
             x: Rates of the spanning tree, shape (T, nv).
-            out: Rates of `tree`, shape (T, its nv).
+
+        Returns:
+            Rates of `tree`, zero for platforms, shape (T, its nv).
         """
+        out = np.zeros((len(x), self.tree.nv))
         out[:, self._v_to] = x[:, self._v_from]
+        return out
 
     def positions_to_spanning(self, x: Array, out: Array) -> None:
         """Copy positions of the legs from `tree`, shape (T, its nq), to the spanning tree, in place."""
@@ -247,14 +251,12 @@ def _miss(motion: Motion, end: int, target: Motion, body: int, accelerations: bo
     Returns:
         Linear and angular difference at the origin of the end, base axes, shape (T, 6).
     """
-    r = motion.p[:, end] - target.p[:, body]
-    w = target.w[:, body]
+    there, here = target.of_body(body), motion.of_body(end)
+    r, w = here.p - there.p, there.w
     if not accelerations:
-        linear = target.p_dot[:, body] + cross(w, r) - motion.p_dot[:, end]
-        return np.concatenate([linear, w - motion.w[:, end]], axis=-1)
-    w_dot = target.w_dot[:, body]
-    linear = target.p_ddot[:, body] + cross(w_dot, r) + cross(w, cross(w, r)) - motion.p_ddot[:, end]
-    return np.concatenate([linear, w_dot - motion.w_dot[:, end]], axis=-1)
+        return np.concatenate([there.p_dot + cross(w, r) - here.p_dot, w - here.w], axis=-1)
+    linear = there.p_ddot + cross(there.w_dot, r) + cross(w, cross(w, r)) - here.p_ddot
+    return np.concatenate([linear, there.w_dot - here.w_dot], axis=-1)
 
 
 def is_locked(S: Array) -> Mask:

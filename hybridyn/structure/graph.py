@@ -109,12 +109,7 @@ def joints_to_keep(description: Description, held: Iterable[str]) -> frozenset[s
             raise ModelError(
                 f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
             )
-    tables = [
-        numbers
-        for _, values in description.effects
-        for numbers in values.values()
-        if isinstance(numbers, dict)
-    ]
-    stated = {name for numbers in tables for name in numbers}
-    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
+    tables = (numbers for _, values in description.effects for numbers in values.values())
+    stated = {joint.name for joint in description.joints if joint.rotor_inertia}
+    stated.update(*(numbers for numbers in tables if isinstance(numbers, dict)))
     return frozenset(held) | (stated & set(movable)) - set(description.motors)

@@ -27,7 +27,7 @@ from ..spatial import Array, Index, Mask, indices, spatial_inertia, to_body_axes
 from .cut import GIMBAL_LOCK, Cut, WristMotion
 from .leg_model import LegModel, LongLegs
 from .module_spec import ModuleSpec, freedom_units, leg_by_leg, module_length, row_factors
-from .rank_evidence import rank_by_home, rank_decision
+from .rank_evidence import dropped_rows, rank_by_home
 
 #: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
 #: limit is about 5e4 times the machine epsilon.
@@ -101,16 +101,11 @@ class Mechanism:
         self.inertias = np.array(inertias).reshape(-1, 6, 6)
         model = LegModel if self.tree.nv <= MOST_PINOCCHIO_FREEDOMS else LongLegs
         self.legs = model(self.tree, list(spec.leg_bodies))
-        self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
         self.spanning_col_scale = freedom_units(self.spanning, self.length)
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
         self.wrists = WristMotion(spec.wrists, self.cut, self.length, self.spanning_col_scale)
-        if like is not None and self._follows(like, tolerances):
-            return
-        if like is not None:  # blocks may have been merged
-            self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
-        open_by = self._find_postures(tolerances.closure)
-        self._fix_ranks(tolerances.rank, open_by)
+        if like is None or not self._follows(like, tolerances):
+            self._fix_ranks(tolerances.rank, self._find_postures(tolerances.closure))
 
     def _follows(self, like: Mechanism, tolerances: Tolerances) -> bool:
         """Close the loops near the postures of another mechanism; return whether the ranks are the same."""
@@ -131,6 +126,7 @@ class Mechanism:
             tolerance: Largest residual of a closed posture, relative to the length.
             near: Postures near which they are looked for, shape (samples, nq), or None.
         """
+        self.reduction = leg_by_leg(self.spec, self.tree, self.closures, self.length)
         home = self.cut.positions(self.spec.home[None])
         row_scale, col_scale = self.reduction.row_scale, self.reduction.col_scale
         residual = self.closures.residual(home, self.tree.sweep(home)) * row_scale
@@ -178,7 +174,7 @@ class Mechanism:
             self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
             self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
             self.reduction.report = replace(self.reduction.report, doubted=None)
-        self.rank_decision = rank_decision(self.reduction.report, evidence, open_by)
+        self.rank_decision = evidence.words if evidence else dropped_rows(self.reduction.report, open_by)
 
     @property
     def mobility(self) -> int:

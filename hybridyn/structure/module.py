@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -123,20 +122,6 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
         )
 
 
-class RobotMotion(NamedTuple):
-    """Motion of a whole robot on its spanning tree.
-
-    Attributes:
-        q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv), [m/s, rad/s].
-        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
-    """
-
-    q: Array
-    v: Array
-    a: Array
-
-
 @dataclass(eq=False)
 class ModuleState:
     """State of one module at every sample.
@@ -201,8 +186,7 @@ class ModuleState:
             Shape (T, nv of the module). The joints of wrists that were cut follow the bodies they connect.
         """
         m = self.mechanism
-        out = np.zeros((len(x_ddot), m.spanning.nv))
-        m.cut.to_spanning(x_ddot, out)
+        out = m.cut.to_spanning(x_ddot)
         if m.spec.wrists:
             target = m.tree.sweep(self.q, self.v, x_ddot, unforced)
             own = q[:, self.module.q_index], v[:, self.module.v_index]

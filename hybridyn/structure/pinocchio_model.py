@@ -17,26 +17,17 @@ MOST_JOINTS = 10_000
 
 def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
     """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
-    aligned = {
-        "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
-        "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
-        "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
+    single = {
+        "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
+        "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ, _continuous),
+        "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned),
     }
-    if joint.kind in aligned:
-        for i in range(3):
-            if joint.axis[i] == 1.0:
-                return aligned[joint.kind][i]()
-        unaligned = {
-            "revolute": pin.JointModelRevoluteUnaligned,
-            "continuous": _continuous,
-            "prismatic": pin.JointModelPrismaticUnaligned,
-        }
-        return unaligned[joint.kind](joint.axis)
-    return {
-        "spherical": pin.JointModelSpherical,
-        "planar": pin.JointModelPlanar,
-        "floating": pin.JointModelFreeFlyer,
-    }[joint.kind]()
+    if joint.kind in single:
+        *aligned, along = single[joint.kind]
+        at = next((i for i in range(3) if joint.axis[i] == 1.0), None)
+        return along(joint.axis) if at is None else aligned[at]()
+    several = {"spherical": pin.JointModelSpherical, "planar": pin.JointModelPlanar}
+    return several.get(joint.kind, pin.JointModelFreeFlyer)()
 
 
 def _continuous(axis: Array) -> pin.JointModel:

@@ -28,14 +28,12 @@ class RankEvidence(NamedTuple):
     Attributes:
         postures: Generic postures that close with these rows, shape (samples, nq).
         tolerance: Relative singular value above which rows count as independent.
-        counted: Smallest relative singular value of the rows that count as independent.
-        locks: Whether these rows leave the module no freedom.
+        words: How the rows were counted.
     """
 
     postures: Array
     tolerance: float
-    counted: float
-    locks: bool
+    words: str
 
 
 def rank_by_home(
@@ -67,29 +65,30 @@ def rank_by_home(
     locks = report.rank == reduction.n
     if not report.clear or (locks and report.kept < FINEST_LOCK):
         return None
-    return RankEvidence(postures, tolerance, report.kept, locks)
+    return RankEvidence(
+        postures,
+        tolerance,
+        f"closure rows of relative singular values down to {report.kept:.1e} count as independent"
+        f"{' and lock it' if locks else ''}: {_closed(open_by)}, so the file is not rounded that much "
+        "(rank_tolerance overrides this)",
+    )
 
 
-def rank_decision(report: RankReport, evidence: RankEvidence | None, open_by: float) -> str:
-    """Describe how doubtful rows were counted; return an empty text if no row was in doubt.
+def dropped_rows(report: RankReport, open_by: float) -> str:
+    """Describe how rows that depend on others up to rounding were counted; "" if there are none.
 
     Args:
         report: How the rank was determined.
-        evidence: Evidence from home, or None.
         open_by: Closure residual at home, relative to the module's length.
     """
-    closes = f"its loops are closed to {open_by:.1e} of its size at home"
-    if evidence:
-        locks = " and lock it" if evidence.locks else ""
-        return (
-            f"closure rows of relative singular values down to {evidence.counted:.1e} count as "
-            f"independent{locks}: {closes}, so the file is not rounded that much "
-            "(rank_tolerance overrides this)"
-        )
-    if report.dropped > ROUNDED_ROWS:
-        so = "" if report.dropped <= max(EVIDENT * open_by, ROUNDED_ROWS) else ", though "
-        return (
-            f"closure rows of relative singular values up to {report.dropped:.1e} count as dependent, as "
-            f"rounding in the file{so or '; '}{closes} (rank_tolerance overrides this)"
-        )
-    return ""
+    if report.dropped <= ROUNDED_ROWS:
+        return ""
+    so = "; " if report.dropped <= max(EVIDENT * open_by, ROUNDED_ROWS) else ", though "
+    return (
+        f"closure rows of relative singular values up to {report.dropped:.1e} count as dependent, as "
+        f"rounding in the file{so}{_closed(open_by)} (rank_tolerance overrides this)"
+    )
+
+
+def _closed(open_by: float) -> str:
+    return f"its loops are closed to {open_by:.1e} of its size at home"

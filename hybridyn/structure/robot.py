@@ -17,7 +17,7 @@ import numpy as np
 from ..description.names import counted
 from ..description.records import Description, Joint
 from ..linkage.joints import ROOT_JOINT
-from ..spatial import Array, Index, spatial_inertia
+from ..spatial import Array, Index
 from .bodies import Bodies, Payload, payloads_of
 from .module import Module
 
@@ -192,12 +192,6 @@ class HybridRobot:
             np.array([end for end, size in ends if size == width], dtype=int)[:, None] + np.arange(-width, 0)
             for width in (2, 4)
         )
-
-    @cached_property
-    def root_inertia(self) -> Array:
-        """6-D inertia of the root body, shape (6, 6), body frame."""
-        root = self.bodies.bodies[0]
-        return spatial_inertia(root.mass, root.com, root.inertia)
 
     @cached_property
     def model(self) -> pin.Model:

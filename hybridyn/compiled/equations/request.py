@@ -132,8 +132,7 @@ class Request:
         for n, law in enumerate(self.on.joints):
             on = np.zeros(self.robot.nv)
             on[law.columns] = 1.0
-            own = np.zeros((1, m.tree.nv))
-            m.cut.to_tree(on[None, module.v_index], own)
+            own = m.cut.to_tree(on[None, module.v_index])
             for k in np.flatnonzero(own[0]):
                 out[k] += f"law {n} "
         return tuple(out)
@@ -141,9 +140,7 @@ class Request:
     def rotor(self, module: Module) -> tuple[float, ...]:
         """Return the rotor inertias on the diagonal of the mass matrix, over the tree after the cuts."""
         diagonal = self.on.rotor_diagonal(self.robot)
-        own = np.zeros((1, module.mechanism.tree.nv))
-        module.mechanism.cut.to_tree(diagonal[None, module.v_index], own)
-        return tuple(own[0].tolist())
+        return tuple(module.mechanism.cut.to_tree(diagonal[None, module.v_index])[0].tolist())
 
     def children(self, k: int, output: int) -> list[int]:
         """Return the indices of the modules that stand on an output."""

@@ -65,8 +65,7 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         rates = np.einsum(
             "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
         )
-        out = np.zeros((count, m.spanning.nv))
-        m.cut.to_spanning(rates, out)
+        out = m.cut.to_spanning(rates)
         if m.spec.wrists:
             m.wrists.recover(own, out, None, m.tree.sweep(x, rates))
         v[:, module.v_index] = out
@@ -82,8 +81,7 @@ def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0) -> 
         basis = m.basis(state.K, m.closures.rates(m.tree.sweep(state.q, state.v), state.v)[1])
         u_dot = rng.normal(size=basis.Psi.shape[::2])
         x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
-        own = np.zeros((len(q), len(at)))
-        m.cut.to_spanning(x_ddot, own)
+        own = m.cut.to_spanning(x_ddot)
         if m.spec.wrists:
             target = m.tree.sweep(state.q, state.v, x_ddot)
             m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)

@@ -69,9 +69,8 @@ class Efforts:
         """Return the effort on one freedom: symbols, their sources, the sum, and a key of equal efforts."""
         request, w = self._request, self._writer
         module = request.robot.modules[k]
-        own = np.zeros((1, module.mechanism.tree.nv))
         numbers = np.arange(1, request.robot.nv + 1, dtype=float)
-        module.mechanism.cut.to_tree(numbers[None, module.v_index], own)
+        own = module.mechanism.cut.to_tree(numbers[None, module.v_index])
         at = int(own[0, column]) - 1
         inputs: list[ca.SX] = []
         sources: list[Source] = []

@@ -240,8 +240,7 @@ def _spanning_rates(s: ModuleState, X: Array) -> Array:
         Shape (T, nv, k). The joints of wrists that were cut follow the bodies that they connect.
     """
     m = s.mechanism
-    out = np.zeros((len(X), m.spanning.nv, X.shape[2]))
-    m.cut.to_spanning(X, out)
+    out = m.cut.to_spanning(X)
     for number in range(len(m.spec.wrists)):
         out[:, m.wrists.columns(number)] = m.wrists.rates_of(s.spanning, s.motion, number, X)
     return out

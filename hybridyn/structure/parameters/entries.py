@@ -38,8 +38,9 @@ class Entry:
 
     @property
     def of_matrix(self) -> bool:
-        """Whether it is an entry of a rotation matrix itself."""
-        return self.own is _same and any(slot.in_rotation for slot in self.slots)
+        """Whether it is an entry of a rotation matrix itself, which no other number may change alone."""
+        framed = (slot for slot in self.slots if slot.field in ("placement", "frame_a", "frame_b"))
+        return self.own is _same and any(slot.index[1] < 3 for slot in framed)
 
     @property
     def size(self) -> int:

@@ -42,11 +42,6 @@ class Slot:
     field: str
     index: tuple[int, ...] = ()
 
-    @property
-    def in_rotation(self) -> bool:
-        """Whether it is an entry of a rotation matrix, which no other number may change alone."""
-        return self.field in ("placement", "frame_a", "frame_b") and self.index[1] < 3
-
     def __str__(self) -> str:
         """Describe the slot in messages."""
         at = "".join(f"[{i}]" for i in self.index)

@@ -119,9 +119,7 @@ def _move(part: Part, number: int, start: Array, wanted: State) -> State:
     x_ddot = basis.Psi @ rng.normal(size=m.mobility) + basis.drift
     motion = tree.sweep(x, x_dot, x_ddot)
     q = spanning_positions(module, x, motion, start[at])
-    v, a = np.zeros((2, 1, m.spanning.nv))
-    m.cut.to_spanning(x_dot, v)
-    m.cut.to_spanning(x_ddot, a)
+    v, a = m.cut.to_spanning(x_dot), m.cut.to_spanning(x_ddot)
     m.wrists.recover(q, v, None, motion)
     m.wrists.recover(q, v, a, motion)
     wanted[0][at], wanted[1][to], wanted[2][to] = q[0], v[0], a[0]
