@@ -125,12 +125,11 @@ def _one_by_one(robot: HybridRobot, requests: Requests, numbers: range, q: Array
         place_bodies(robot, module, motion, bodies)
 
 
-def by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
+def by_name(wanted: Any) -> Mapping[str, object]:
     """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
     if not is_table(wanted):
         return wanted or {}
-    table: Any = wanted
-    return {str(name): table[name] for name in table.columns}
+    return {str(name): wanted[name] for name in wanted.columns}
 
 
 def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:

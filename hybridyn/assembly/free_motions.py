@@ -42,7 +42,7 @@ def free_motions(module: Module) -> FreeMotions:
     scaled = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
     motions = np.linalg.qr(scaled)[0]  # orthonormal in scaled coordinates
     names = module.freedom_names()
-    free, calm = _undriven(module, motions, _all_effects(m, motion)[0])
+    free, calm = _undriven(module, motions, effects(m, motion)[0])
     idle, moving = motions @ free @ calm, motions @ free @ _null_space(calm.T, DRIVEN)
     values, vectors = np.linalg.eigh(own_inertia(m, motions * m.reduction.col_scale[:, None]))
     light = motions @ vectors[:, values <= MASSLESS_MOTION * max(values[-1], 0.0)]
@@ -75,7 +75,7 @@ def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Arr
     Returns:
         Orthonormal columns of shape (N, k), sample by sample.
     """
-    for own, moved in zip(motions, _all_effects(module.mechanism, motion), strict=True):
+    for own, moved in zip(motions, effects(module.mechanism, motion), strict=True):
         free, calm = _undriven(module, own, moved)
         yield free @ calm
 
@@ -87,7 +87,7 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
         motions: The motions, orthonormal in scaled coordinates, shape (T, n, k).
         motion: Motion of its tree, T samples.
     """
-    moved = np.matmul(_all_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
+    moved = np.matmul(effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
     return np.linalg.norm(moved, axis=(1, 2)) <= IDLE
 
 
@@ -96,26 +96,26 @@ def _undriven(module: Module, motions: Array, moved: Array) -> tuple[Array, Arra
 
     Args:
         motions: Its motions, orthonormal in scaled coordinates, shape (n, N).
-        moved: Rows of `_all_effects` at one sample, shape (rows, n).
+        moved: Rows of `effects` at one sample, shape (rows, n).
     """
     free = _null_space(motions[module.motor_columns], DRIVEN)
     return free, _null_space(moved @ (motions @ free * module.mechanism.reduction.col_scale[:, None]), IDLE)
 
 
-def effects(m: Mechanism, motion: Motion) -> list[Array]:
-    """Compute the scaled Jacobians of outputs, then of the legs' centres of mass, shape (T, rows, n) each."""
+def effects(m: Mechanism, motion: Motion) -> Array:
+    """Compute the scaled Jacobians of outputs, six rows each, then of the legs' centres of mass, three each.
+
+    Returns:
+        Shape (T, rows, n).
+    """
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
-    rows = [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
+    rows = [np.zeros((len(motion.p), 0, m.tree.nv))]
+    rows += [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
     for i, body in enumerate(m.spec.leg_bodies):
         if body is not None and body.mass:
             centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
             rows.append(m.tree.jacobian(motion, i + 1, centre)[:, :3] / m.length)
-    return rows
-
-
-def _all_effects(m: Mechanism, motion: Motion) -> Array:
-    """Compute all rows of `effects`, shape (T, rows, n)."""
-    return np.concatenate([np.zeros((len(motion.p), 0, m.tree.nv)), *effects(m, motion)], axis=1)
+    return np.concatenate(rows, axis=1)
 
 
 def _null_space(A: Array, tolerance: float) -> Array:

@@ -58,7 +58,14 @@ class ModuleRequest:
         kind = m.tree.joints[joint].kind
         far = FAR * m.length if m.closures.rows else np.inf
         limit = {"revolute": BLUR if endless else WOUND_UP, "continuous": BLUR}.get(kind, far)
-        _check_range(name, position, limit, "m" if kind == "prismatic" else "rad")
+        bad = np.flatnonzero(np.abs(position) > limit)  # catches mistakes in units
+        if len(bad):
+            unit = "m" if kind == "prismatic" else "rad"
+            raise AssemblyError(
+                f"joint '{name}' is out of reach{AT_SAMPLE}: {position[bad[0]]:.4g} {unit} (limit "
+                f"{limit:.4g} {unit}); positions are in m and rad",
+                sample=int(bad[0]),
+            )
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
         if kind == "continuous":
             self.known[:, at.start], self.known[:, at.start + 1] = np.cos(position), np.sin(position)
@@ -229,14 +236,3 @@ def _in_base(
             module=module.name,
         )
     return bodies[other_body].then(placed).then(motion).seen_from(bodies[base_body])
-
-
-def _check_range(name: str, position: Array, limit: float, unit: str) -> None:
-    """Check that positions, shape (T,), are within a limit that catches mistakes in units."""
-    bad = np.flatnonzero(np.abs(position) > limit)
-    if len(bad):
-        raise AssemblyError(
-            f"joint '{name}' is out of reach{AT_SAMPLE}: {position[bad[0]]:.4g} {unit} (limit "
-            f"{limit:.4g} {unit}); positions are in m and rad",
-            sample=int(bad[0]),
-        )

@@ -15,7 +15,7 @@ from ..description.groups import Groups
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
-from ..spatial import Array, Index, Mask
+from ..spatial import Array, Index, Mask, indices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions
@@ -53,10 +53,8 @@ class Task:
 
     def with_known(self, q: Array, samples: Index) -> Array:
         """Return positions with the given joints set to their values."""
-        q = q.copy()
-        for joint in self.given:
-            at = self.problem.tree.q_slices[joint]
-            q[:, at] = self.known[samples, at]
+        q, at = q.copy(), indices(self.problem.tree.q_slices[joint] for joint in self.given)
+        q[:, at] = self.known[samples][:, at]
         return q
 
     def solve(self, q: Array, samples: Index) -> Closed:
@@ -130,17 +128,14 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
 def _check_idle(module: Module, problem: LoopProblem, motion: Array) -> None:
     """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass."""
     m = module.mechanism
-    names = [f"motor '{name}'" for name in module.motors]
-    sizes = [np.abs(motion[c]).max() for c in module.motor_columns]
     legs = [i for i, link in enumerate(m.spec.leg_bodies) if link is not None and link.mass]
-    links = [f"link '{name}'" for name in module.outputs]
-    links = links or [f"joint '{module.joints[m.spec.tree_joint[i] or 0]}'" for i in legs]
-    for name, J in zip(links, effects(m, m.tree.sweep(m.postures[:1])), strict=False):  # outputs come first
-        names.append(name)
-        sizes.append(np.abs(J[0] @ (motion * problem.col_scale[:, None])).max())
-    if not sizes or max(sizes) <= IDLE:
+    links = [f"link '{name}'" for name in module.outputs for _ in range(6)]  # outputs come first
+    links = links or [f"joint '{module.joints[m.spec.tree_joint[i] or 0]}'" for i in legs for _ in range(3)]
+    moved = effects(m, m.tree.sweep(m.postures[:1]))[0, : len(links)] @ (motion * problem.col_scale[:, None])
+    sizes = np.abs(np.concatenate([motion[module.motor_columns], moved])).max(axis=1)
+    if sizes.max(initial=0.0) <= IDLE:
         return
-    worst = names[int(np.argmax(sizes))]
+    worst = [*(f"motor '{name}'" for name in module.motors), *links][int(np.argmax(sizes))]
     raise AssemblyError(
         f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms "
         f"open; {worst} could still move. Give {module.mobility} positions of its motors or coordinates of "

@@ -135,7 +135,7 @@ class Effects:
     def wrenches(
         self, motions: Mapping[str, Motion], time: Array | None, samples: int
     ) -> Iterator[dict[str, Array]]:
-        """Yield each law's wrenches by link, shape (T, 6), [N, N m], in the links' frames at their origins.
+        """Compute each law's wrenches by link, shape (T, 6), [N, N m], in the links' frames at their origins.
 
         Args:
             motions: Motion in the world of the links in `observed_links`.
@@ -145,8 +145,7 @@ class Effects:
         Raises:
             TrajectoryError: A law depends on a table and there is no time, or its table is too short.
         """
-        for law in self.links:
-            yield law.wrenches(time, motions, samples)
+        return (law.wrenches(time, motions, samples) for law in self.links)
 
 
 def times(time: object, samples: int) -> Array | None:

@@ -39,20 +39,20 @@ class LoopRows:
         self.model = pin.Model()
         for joint in tree.joints:
             self.model.addJoint(joint.parent, pinocchio_joint(joint), pin.SE3(joint.R, joint.p), joint.name)
+
+        def frame(name: str, body: int, R: Array, p: Array) -> int:
+            """Add a closure's frame to the model."""
+            where = f"{name} {self.model.nframes}"
+            return int(self.model.addFrame(pin.Frame(where, body, pin.SE3(R, p), pin.FrameType.OP_FRAME)))
+
         self._frames = [
-            (self._frame(c.name, c.body_a, c.R_a, c.p_a), self._frame(c.name, c.body_b, c.R_b, c.p_b))
+            (frame(c.name, c.body_a, c.R_a, c.p_a), frame(c.name, c.body_b, c.R_b, c.p_b))
             for c in closures.closures
         ]
         self.data = self.model.createData()
         support = tree.support.astype(float)
         self._sign = [support[c.body_b] - support[c.body_a] for c in closures.closures]
         self._coupled = coupling_rows(tree, closures.couplings)
-
-    def _frame(self, name: str, body: int, R: Array, p: Array) -> int:
-        where = f"{name} {self.model.nframes}"
-        import pinocchio as pin
-
-        return int(self.model.addFrame(pin.Frame(where, body, pin.SE3(R, p), pin.FrameType.OP_FRAME)))
 
     def moved(self, q: Array, x: Array) -> Array:
         """Compute the posture at a scaled displacement x from q, shapes (nq,), (nv,)."""

@@ -9,13 +9,13 @@ import pinocchio as pin
 import pytest
 
 from hybridyn import HybridRobot, assemble, idm, load
+from hybridyn.compiled.equations.arguments.traced import Traced, expressed
 from hybridyn.description.records import Description
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters, _angles
 from hybridyn.structure.parameters.slots import values_of, with_values
-from hybridyn.structure.parameters.traced import Traced, expressed
 from tests.comparing import refused
 from tests.samples import slow
 from tests.shipped import shipped

@@ -75,7 +75,7 @@ def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
         return out
     K = m.reduction.scaled(m.generic_K)
     motion = m.tree.sweep(m.postures)
-    moved = np.concatenate([np.zeros((len(K), 0, m.tree.nv)), *effects(m, motion)], axis=1)
+    moved = effects(m, motion)
     for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.v_slices, strict=True)):
         cols = range(at.start, at.stop)
         if joint.kind not in SPINNING or i in m.spec.platforms or any(col in driven for col in cols):

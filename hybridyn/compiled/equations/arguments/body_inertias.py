@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from ....structure.module import Module
-from ....structure.parameters.traced import Decision
 from ....structure.robot import HybridRobot
 from ..expressions import unpack
 from .module_arguments import ModuleArguments
+from .traced import Decision
 
 #: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
 AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])

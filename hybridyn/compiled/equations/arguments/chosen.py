@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 
 from ....structure.parameters.slots import Slot
-from ....structure.parameters.traced import Decision, Expressed, expressed
 from ....structure.robot import HybridRobot
 from ..expressions import Expression, unpack
 from ..rigid import ten_expressions
 from .module_arguments import ModuleArguments
 from .numbers_of import depends, numbers_of, placed
+from .traced import Decision, Expressed, expressed
 
 
 @dataclass(frozen=True)

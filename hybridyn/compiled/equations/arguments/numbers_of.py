@@ -14,9 +14,9 @@ from ....linkage.joints import TreeJoint
 from ....spatial import Array
 from ....structure.bodies import Body
 from ....structure.module_spec import ModuleSpec
-from ....structure.parameters.traced import Traced
 from ....structure.wrists import Wrist
 from ..expressions import Expression
+from .traced import Traced
 
 
 def numbers_of(spec: ModuleSpec) -> ModuleSpec:

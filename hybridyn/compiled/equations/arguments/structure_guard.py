@@ -7,9 +7,9 @@ from typing import Any
 
 import casadi as ca
 
-from ....structure.parameters.traced import Decision
 from ..expressions import Expression, dot
 from ..guards import largest
+from .traced import Decision
 
 #: Guard where arguments decide the structure otherwise.
 OTHER_STRUCTURE = 2.0

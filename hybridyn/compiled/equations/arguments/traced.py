@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from ...spatial import Array
-from ..graph import find_modules
-from ..module_spec import ModuleSpec, module_spec
-from ..robot import HybridRobot
-from .slots import Slot, values_of, with_values
+from ....spatial import Array
+from ....structure.graph import find_modules
+from ....structure.module_spec import ModuleSpec, module_spec
+from ....structure.parameters.slots import Slot, values_of, with_values
+from ....structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)
