@@ -81,11 +81,10 @@ def ddm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
     """
-    found = direct_model(
+    return direct_model(
         robot, q, v, tau, base_acceleration=base_acceleration, wrenches=wrenches, effects=effects, time=time,
         reactions=reactions,
-    )  # fmt: skip
-    return found.returned(np.ndim(q) == 1)
+    ).returned(np.ndim(q) == 1)  # fmt: skip
 
 
 def direct_model(

@@ -156,7 +156,8 @@ def power(
     all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm
     motions = observed_motions(robot, on, q, v)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
-        supplied += _work(robot, q, v, given)
+        for link, motion in link_motions(robot, q, v, list(given)).items():
+            supplied += np.sum(given[link] * motion.twist(), axis=1)
     for joint_law in on.joints:
         lost += joint_law.power(q, v)
     for link_law in on.links:
@@ -228,12 +229,4 @@ def leg_bodies(robot: HybridRobot) -> set[int]:
         for i, inertia in enumerate(spec.leg_bodies):
             if inertia is not None:
                 out.add(robot.body_of_joint[module.joints[spec.tree_body[i + 1] - 1]])
-    return out
-
-
-def _work(robot: HybridRobot, q: Array, v: Array, wrenches: Mapping[str, Array]) -> Array:
-    """Compute the power of wrenches on links, shape (T,)."""
-    out = np.zeros(len(q))
-    for link, m in link_motions(robot, q, v, list(wrenches)).items():
-        out += np.sum(wrenches[link] * m.twist(), axis=1)
     return out

@@ -28,8 +28,7 @@ def base_motion(
     This base is the world if `robot.base` is "fixed" or "floating", and the root body, whose motion is
     prescribed, if it is "moving". `classical` is defined in `forward`.
     """
-    T = len(q)
-    V, V_dot = np.zeros((2, T, 6))
+    V, V_dot = np.zeros((2, len(q), 6))
     if robot.base == "moving":
         V, V_dot = v[:, :6].copy(), a[:, :6].copy()
         if classical:

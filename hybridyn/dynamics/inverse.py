@@ -96,11 +96,10 @@ def idm(
         Ibrahim & Khalil (2010), Eqs. (30)-(33), extended here to trees of modules and to any mobility and
         number of motors.
     """
-    found = inverse_model(
+    return inverse_model(
         robot, q, v, a, wrenches=wrenches, effects=effects, time=time, passive=passive, weights=weights,
         on_singular=on_singular, reactions=reactions,
-    )  # fmt: skip
-    return found.returned(np.ndim(q) == 1)
+    ).returned(np.ndim(q) == 1)  # fmt: skip
 
 
 def inverse_model(

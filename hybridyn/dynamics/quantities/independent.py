@@ -101,12 +101,10 @@ def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) ->
         TrajectoryError: A joint is unknown, named twice, or has several freedoms.
         SingularityError: A module has more of these joints than freedoms.
     """
-    names = tuple(robot.motors if joints is None else joints)
-    names = tuple(name for name in names if name != ROOT_JOINT or robot.base != "floating")
+    base = (ROOT_JOINT,) if robot.base == "floating" else ()
+    names = tuple(name for name in (robot.motors if joints is None else joints) if name not in base)
     check_joints(robot, names)
-    if robot.base == "floating":
-        names = (ROOT_JOINT, *names)
-    out = located(robot, names, chosen=joints is not None)
+    out = located(robot, (*base, *names), chosen=joints is not None)
     for module, entries in zip(robot.modules, out.own, strict=True):
         out.check_count(module, len(entries))
     return out
