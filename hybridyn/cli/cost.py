@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
+import sys
 import textwrap
+import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .common.figures import figure_file, save
-from .common.files import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
-from .common.progress import Progress
+from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
+from .common.report import report_file, write_report
 from .common.text import aligned_rows
 
 if TYPE_CHECKING:
-    from ..studies.cost.points import Study
-
-COLUMNS = (
-    "line", "setting", "error", "seconds", "own_seconds", "on_front", "use", "asked_for_by", "failure",
-)  # fmt: skip
+    from ..studies.cost.points import Point, Study
 
 #: Number of characters of a failure that are printed; the CSV file has all.
 WIDTH = 120
 
-#: The error to which the closing advice refers.
+#: Most rows of the front that are printed.
+MOST_ROWS = 12
+
+#: The error to which the advice refers.
 SENTENCE = 1e-3
+
+#: Exit status after Ctrl-C.
+INTERRUPTED = 130
 
 
 def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -43,13 +46,6 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
-def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check that a file ends in .csv and can be written."""
-    if value is not None and value != "-" and not value.lower().endswith(".csv"):
-        raise click.BadParameter(f"'{value}' must end in .csv", ctx, param)
-    return result_file(ctx, param, value)
-
-
 @click.command("cost", short_help="Measure what accuracy costs in time, for your robot.")
 @click.argument("source", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
 @click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
@@ -59,21 +55,21 @@ def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str
     callback=_target,
     help="Print only the fastest setting with this error, as lines for a scene; exit status 1 if none.",
 )
+@click.option("--all", "every", is_flag=True, help="Print every setting, not only those worth having.")
+@click.option(
+    "--seconds", type=click.FloatRange(0, min_open=True), default=30.0, show_default=True,
+    help="Time that the runs of a scene take together [s], besides building C.",
+)  # fmt: skip
 @click.option(
     "--until", type=click.FloatRange(0, min_open=True), help="Simulate a scene to this time [s] only."
-)
-@click.option(
-    "--limit",
-    type=click.FloatRange(0, min_open=True),
-    help="Stop runs of a scene that take longer [s]  [default: 10, or three times the scene's own solver]",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
-    callback=_table,
-    help="Write all measurements as CSV; '-' is standard output, the table then goes to standard error.",
+    callback=report_file,
+    help="Write all measurements, .csv or .json.",
 )
 @click.option(
     "--plot", metavar="FILE", callback=figure_file, help="Error against time as a figure: .png, .svg or .pdf."
@@ -82,50 +78,73 @@ def command(
     source: str,
     trajectory: str | None,
     target: float | None,
+    every: bool,
+    seconds: float,
     until: float | None,
-    limit: float | None,
     allow_python: bool,
     output: str | None,
     plot: str | None,
 ) -> int:
     """Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
 
-    The command measures error and time of many settings. For a robot and a trajectory these are effects,
-    general path or compiled C, float32 or float64, tolerance of closures, and source of rates. For a scene
-    they are methods, steps, tolerances, projection, general path or compiled C, and effects. Errors are
-    relative to a reference, whose own error is shown. Times are measured on this machine.
+    The command measures error and time of settings, and what each effect is worth. For a robot and a
+    trajectory the settings are compiled or general path, float32 or float64, batch or single calls, effects,
+    and the source of rates. For a scene they are methods, steps and tolerances. Errors are relative to a
+    reference, whose own error is shown. Times are measured on this machine. Ctrl-C prints what was measured.
     """
     from ..description.shipped import own_trajectory
+    from ..studies.cost.points import Study
 
     scene = source.endswith(".toml")
     if not scene and trajectory is None:
         trajectory = own_trajectory(source)
-    if scene == (trajectory is not None):
+    if trajectory is not None and trajectory.lower().endswith(".toml"):
+        raise click.UsageError(
+            f"'{trajectory}' is a scene, which names its robot: 'hybridyn cost {trajectory}'"
+        )
+    if scene and trajectory is not None:
+        raise click.UsageError(
+            f"a scene has its own motion: 'hybridyn cost {source}', without '{trajectory}'"
+        )
+    if not scene and trajectory is None:
         raise click.UsageError("give a robot and a trajectory, or a scene alone (a .toml file)")
-    if not scene and (until or limit or allow_python):
-        raise click.UsageError("--until, --limit and --allow-python are for scenes")
-    with Progress("configurations") as bar:
-        done = [0]
-
-        def progress(_: str) -> None:
-            """Count one more configuration."""
-            done[0] += 1
-            bar.show(done[0], None)
-
+    if not scene and (until or allow_python):
+        raise click.UsageError("--until and --allow-python are for scenes")
+    study, status, lines = Study("", "per run" if scene else "per sample"), 0, list[str]()
+    try:
         if scene:
-            study = _scene(source, until, limit, allow_python, progress)
+            lines = _scene(study, source, (until, seconds, target), allow_python, _shown(study))
         else:
-            study = _robot(source, str(trajectory), progress)
+            _robot(study, source, str(trajectory), _shown(study))
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+        study.remarks.append("stopped by Ctrl-C: what follows was not measured")
+        if not study.points:
+            raise
     if output:
-        _write(study, output)
+        write_report(output, _rows(study))
     if plot:
         from ..figures.cost import figure_of
 
         save(figure_of(study, os.path.basename(source)), plot)
-    return _tell(study, target, to_stderr=output == "-")
+    return _tell(study, target, lines, every=every) or status
 
 
-def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Study:
+def _shown(study: Study) -> Callable[[Point], None]:
+    """Return a function that prints each point when it is measured, if a person looks."""
+    started = time.perf_counter()
+
+    def show(point: Point) -> None:
+        """Print a point on standard error."""
+        if sys.stderr.isatty():
+            told = point.failure or f"{point.error:.1e} in {_time(point.seconds)}"
+            text = f"{time.perf_counter() - started:4.0f} s  {point.line}, {point.setting}: {told}"
+            click.echo(textwrap.shorten(text, WIDTH), err=True)
+
+    return show
+
+
+def _robot(study: Study, source: str, trajectory: str, progress: Callable[[Point], None]) -> None:
     """Measure a robot on a trajectory, with every effect that its files state."""
     import hybridyn
 
@@ -135,7 +154,7 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
     from ..studies.cost.models import Trajectory, study_models
 
     robot = hybridyn.load(source)
-    _, blocks = all_postures(robot, trajectory)
+    layout, blocks = all_postures(robot, trajectory)
     motion, q, v, a = Postures.joined(blocks)
     if motion.wrenches:
         raise TrajectoryError(
@@ -143,15 +162,18 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
             "their columns out",
             file=trajectory,
         )
-    return study_models(robot, Trajectory(q, v, a, motion.time), choose(robot, "model"), progress)
+    table = None if layout.full_state or motion.time is None else motion
+    study_models(robot, Trajectory(q, v, a, motion.time, table), choose(robot, "model"), progress, study)
 
 
 def _scene(
-    source: str, until: float | None, limit: float | None, allow_python: bool, progress: Callable[[str], None]
-) -> Study:
+    study: Study, source: str, bounds: tuple[float | None, float, float | None], allow_python: bool,
+    progress: Callable[[Point], None],
+) -> list[str]:  # fmt: skip
+    """Measure a scene; return lines that request the effects that it needs."""
     from ..errors import TrajectoryError
     from ..scenes.stage import stage
-    from ..studies.cost.runs import LIMIT, study_runs
+    from ..studies.cost.runs import needed_effects, study_runs
 
     ready = stage(source, allow_python=allow_python)
     if ready.motion is not None:
@@ -159,47 +181,65 @@ def _scene(
             "the scene's motion is given: nothing is integrated. Try 'hybridyn cost ROBOT TRAJECTORY'",
             file=source,
         )
+    until, seconds, target = bounds
     duration = ready.source.scene.duration
-    return study_runs(ready, min(duration, until or duration), progress, limit or LIMIT)
+    study_runs(ready, min(duration, until or duration), progress, seconds, study)
+    return needed_effects(study, ready, target or SENTENCE)
 
 
-def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
+def _tell(study: Study, target: float | None, lines: list[str], *, every: bool) -> int:
     """Print the table or, with a target, the lines for a scene; return the exit status."""
     from ..studies.cost.points import advice, cheapest
 
     if target is None:
-        for line in _report(study):
-            click.echo(line, err=to_stderr)
+        for line in _report(study, lines, every=every):
+            click.echo(line)
         return 0
     sentence, best = advice(study, target), cheapest(study, target)
     if best is None:
         click.echo(f"error: {sentence}", err=True)
         return 1
-    click.echo(f"# {sentence}\n{best.fragment}", err=to_stderr)
+    click.echo("\n".join([f"# {sentence}", best.fragment, *lines]))
     return 0
 
 
-def _report(study: Study) -> list[str]:
+def _report(study: Study, needed: list[str], *, every: bool) -> list[str]:
+    """Return the advice, the settings worth having, and what effects are worth."""
     from ..studies.cost.points import advice, error_words, front
 
-    worth = front(study.points, study.own_error)
+    worth = front(study.points, study.own_error)[-MOST_ROWS:]
     per_sample = study.time_unit == "per sample"
-    rows = [
-        ["", "choice", "setting", "error", f"time {study.time_unit}", "of it this choice"][: 5 + per_sample]
+    shown = [p for p in study.points if not p.failure and (every or p in worth or p.use == "usual")]
+    rows = [["", "choice", "setting", "error", f"time {study.time_unit}", ""]]
+    for p in sorted(shown, key=lambda p: p.seconds):
+        mark = "*" if p in worth else "-" if p.use == "comparison" else ""
+        rows.append([mark, p.line, p.setting, error_words(p, study), _time(p.seconds), p.how])
+    lines = [advice(study, SENTENCE), "", study.question, *aligned_rows(rows, right=(3, 4))]
+    if every:
+        lines += _failures(study)
+        lines.append("* nothing else is both faster and more accurate")
+    if study.worth:
+        lines += ["", *_effects(study, "along this motion" if per_sample else "in this scene")]
+    if needed:
+        lines += ["", f"effects for {SENTENCE:g}, in the scene:", *needed]
+    lines += [
+        "",
+        f"errors are against {study.reference} (its own error: {study.own_error:.0e})",
+        *study.remarks,
     ]
-    for point in study.points:
-        if point.failure:
-            continue
-        mark = "*" if point in worth else "-" if point.use == "comparison" else ""
-        cells = [mark, point.line, point.setting, error_words(point, study), _time(point.seconds)]
-        rows.append([*cells, _time(point.own)][: 5 + per_sample])
-    lines = [study.question, "", *aligned_rows(rows, right=(3, 4, 5)), ""]
-    lines += _failures(study)
-    lines.append("* worth having: nothing else is both faster and more accurate")
-    if any(point.use == "comparison" for point in study.points):
-        lines.append("- for comparison only: its loops are open")
-    lines.append(f"errors are against {study.reference} (its own error: {study.own_error:.0e})")
-    return [*lines, advice(study, SENTENCE)]
+    left = len(study.points) - len(shown)
+    return [*lines, f"{left} more settings were measured: --all shows them"] if left else lines
+
+
+def _effects(study: Study, where: str) -> list[str]:
+    """Return a table of what effects are worth."""
+    rows = [[f"effect, {where}", "changes", "takes", ""]]
+    for one in sorted(study.worth, key=lambda one: -one.error):
+        matters = one.error > SENTENCE
+        word = ("" if one.computed else "add it") if matters else ("leave it out" if one.computed else "")
+        share = "" if math.isnan(one.share) else f"{100 * one.share:.2g} %"
+        rows.append([one.effect.replace("_", " "), f"{one.error:.1e}", share, word])
+    return aligned_rows(rows, right=(1, 2))
 
 
 def _failures(study: Study) -> list[str]:
@@ -218,21 +258,14 @@ def _time(seconds: float) -> str:
     return f"{seconds * factor:.3g} {unit}"
 
 
-def _write(study: Study, output: str) -> None:
+def _rows(study: Study) -> list[dict[str, Any]]:
+    """Return the settings, and what each effect is worth, as rows of a report."""
     from ..studies.cost.points import front
 
     worth = front(study.points, study.own_error)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for p in study.points:
-        lines = p.fragment.replace("\n", "; ")
-        writer.writerow(
-            [p.line, p.setting, p.error, p.seconds, p.own, int(p in worth), p.use, lines, p.failure]
-        )
-    if output == "-":
-        click.echo(text.getvalue(), nl=False)
-        return
-    from ..description.writing import write_text
-
-    write_text(output, text.getvalue())
+    rows = [asdict(p) | {"on_front": p in worth} for p in study.points]
+    rows += [{"line": "effect", "setting": one.effect, **one._asdict()} for one in study.worth]
+    return [
+        {k: None if isinstance(x, float) and not math.isfinite(x) else x for k, x in row.items()}
+        for row in rows
+    ]

@@ -1,13 +1,14 @@
-"""Work-precision diagram: error against computing time, one line per family; lower left is better."""
+"""Work-precision diagram: error against computing time, one colour per family; lower left is better."""
 
 from __future__ import annotations
 
-from itertools import cycle, product
+from itertools import cycle
 from typing import TYPE_CHECKING
 
-from ..studies.cost.points import Study, front
+from ..studies.cost.points import Study, cheapest, front
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLOURS = ("#0b6e99", "#c8553d", "#3f8f5f", "#7a5195", "#d99a1c", "#555f6b", "#1c9ba6", "#a63d6f")
@@ -15,48 +16,61 @@ COLOURS = ("#0b6e99", "#c8553d", "#3f8f5f", "#7a5195", "#d99a1c", "#555f6b", "#1
 #: Value drawn for an error of zero, since the axis is logarithmic.
 LEAST = 1e-17
 
-#: Families whose settings are not ordered from coarse to fine. Their points are not joined by a line.
-UNORDERED = ("effects", "C in float64", "C in float32", "rates of the trajectory", "as the scene says")
+#: The error of the advised setting.
+ADVISED = 1e-3
 
 
 def figure_of(study: Study, source: str) -> Figure:
-    """Draw the work-precision diagram of a study."""
+    """Draw the work-precision diagram of a study, and beside it what effects are worth."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 5.6), layout="constrained")
-    ax = figure.add_subplot()
+    figure = Figure(figsize=(12 if study.worth else 9, 5.6), layout="constrained")
+    axes = figure.subplots(
+        1, 2 if study.worth else 1, squeeze=False, width_ratios=(3, 1)[: 1 + bool(study.worth)]
+    )[0]
+    _draw_settings(axes[0], study)
+    axes[0].set_title(f"{source}: {study.question}", fontsize=10)
+    if study.worth:
+        _draw_effects(axes[1], study)
+    return figure
+
+
+def _draw_settings(ax: Axes, study: Study) -> None:
+    """Draw the settings, the front, and the names of the present and of the advised setting."""
     scale = 1e6 if study.time_unit == "per sample" else 1.0
-    lines: dict[str, list[tuple[float, float]]] = {}
-    for point in study.points:
-        if not point.failure and point.seconds > 0:
-            name = point.line + " (comparison)" * (point.use == "comparison")
-            lines.setdefault(name, []).append((point.seconds * scale, max(point.error, LEAST)))
-    for (name, places), (marker, colour) in zip(lines.items(), cycle(product("osv", COLOURS)), strict=False):
-        x, y = zip(*sorted(places), strict=True)
-        style = "none" if name in UNORDERED else "--" if "comparison" in name else "-"
-        ax.plot(x, y, marker, color=colour, ms=5, label=name, ls=style)
+    drawn = [p for p in study.points if not p.failure and p.seconds > 0]
+    families = list(dict.fromkeys(p.line for p in drawn))
+    for name, colour in zip(families, cycle(COLOURS), strict=False):
+        own = [p for p in drawn if p.line == name]
+        filled = any(p.one_call for p in own)
+        x, y = [p.seconds * scale for p in own], [max(p.error, LEAST) for p in own]
+        ax.plot(x, y, "o", color=colour, mfc=colour if filled else "none", ms=6, label=name)
     best = [(p.seconds * scale, max(p.error, LEAST)) for p in front(study.points, study.own_error)]
     if best:
         ax.step(*zip(*best, strict=True), where="post", color="#888888", lw=1, ls=":", label="worth having")
     if study.own_error > 0:
-        ax.axhline(study.own_error, color="#bbbbbb", lw=1)
-        ax.annotate(
-            "error of the reference",
-            (1, study.own_error),
-            xycoords=("axes fraction", "data"),
-            ha="right",
-            va="bottom",
-            color="#777777",
-            fontsize=8,
-        )
-    ax.set(
-        xscale="log",
-        yscale="log",
-        xlabel=f"time {study.time_unit} [{'µs' if scale > 1 else 's'}]",
-        ylabel="relative error",
-        title=f"{source}: {study.question}",
-    )
+        ax.axhline(study.own_error, color="#bbbbbb", lw=1, label="error of the reference")
+    usual = next((p for p in drawn if p.use == "usual"), None)
+    for point, words in ((usual, "now"), (cheapest(study, ADVISED), "advised")):
+        if point is not None:
+            place = point.seconds * scale, max(point.error, LEAST)
+            ax.annotate(words, place, (8, 8), textcoords="offset points", fontsize=9, weight="bold")
+    unit = "µs" if scale > 1 else "s"
+    ax.set(xscale="log", yscale="log", xlabel=f"time {study.time_unit} [{unit}]", ylabel="relative error")
     ax.grid(color="#eeeeee")
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
+
+
+def _draw_effects(ax: Axes, study: Study) -> None:
+    """Draw a bar for what each effect changes, labelled with what it takes."""
+    order = sorted((one for one in study.worth if one.error > 0), key=lambda one: one.error)
+    names = [one.effect.replace("_", " ") + ("" if one.computed else " (not computed)") for one in order]
+    bars = ax.barh(names, [one.error for one in order], color="#0b6e99")
+    for bar, one in zip(bars, order, strict=True):
+        bar.set_alpha(1.0 if one.computed else 0.4)
+    ax.bar_label(bars, [f" {100 * one.share:.2g} %" for one in order], fontsize=8)
+    ax.set(xscale="log", xlabel="change; label: time", title="effects")
+    ax.axvline(ADVISED, color="#bbbbbb", lw=1)
+    ax.margins(x=0.3)
+    ax.spines[["top", "right"]].set_visible(False)

@@ -2,17 +2,18 @@
 
 import re
 from collections import Counter
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from benchmarks import sweeps
 from docs.extensions import tolerances
-from hybridyn.cli.cost import COLUMNS
 from hybridyn.description.side_cars.effect_tables import known_keys
 from hybridyn.scenes import scene_tables as scenes
 from hybridyn.scenes.stage import play, stage
 from hybridyn.studies.check.check import CODES
+from hybridyn.studies.cost.points import Point
 from hybridyn.studies.sweep.evaluation import STATUSES
 from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
 from hybridyn.studies.sweep.reading import FIXED_COLUMNS
@@ -41,7 +42,7 @@ NAMED: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "sweeps.md": (
         {*OF_SWEEPS, *OF_MOTORS, *OF_WORKSPACE, *STATISTICS, *STATUSES, *FIXED_COLUMNS}, ("`", "designs."),
     ),
-    "cost.md": ({f"{column}`" for column in COLUMNS}, ("`",)),
+    "cost.md": ({f"{column.name}`" for column in fields(Point)}, ("`",)),
 }  # fmt: skip
 
 

@@ -1,33 +1,50 @@
-"""Measure error and time of the inverse model along a trajectory: effects, arithmetic, closures, rates."""
+"""Measure error and time of motor efforts along a trajectory: closing, effects, arithmetic, calls, rates.
+
+The time of a sample is the sum of its stages: closing its loops from the sample before, and the model; a
+setting replaces one of them. Compiled ways come first, since they are the ones to take.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...assembly.assemble import assemble
+from ...description.names import listed
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from .generated import generated_idm
-from .loops import by_closing
-from .points import Point, Study, Use, timed
+from .generated import exact_efforts
+from .operations import operations
+from .points import Point, Study, Worth, timed
 from .rates import by_rates
 
-#: Number of rows of the trajectory that are used, evenly spread.
-SAMPLES = 400
+if TYPE_CHECKING:
+    from ...compiled.model import CompiledRobot
+    from ...tables.trajectory import Motion
 
+#: Rows of the trajectory on which models are compared, evenly spread; and consecutive rows that are closed in
+#: C, and by the general path, which takes a hundred times as long.
+SAMPLES, CLOSED, CLOSED_SLOWLY = 400, 400, 40
+#: Rows of the batch that threads share.
+THREADED = 20_000
+#: Calls for one sample each that are timed.
+CALLS = 100
 #: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
-
 #: Effects that are never omitted: those of platforms and serial links.
 KEPT = ("gravity", "inertia")
+#: Speed of the second motion, relative to the first, on the same path.
+SLOWER = 0.7
 
-GENERAL = "effects"
-WORDS = {"float64": "C in float64", "float32": "C in float32"}
+GENERAL, IN_C, SINGLE, RATES = "general path", "compiled", "compiled, float32", "rates of the trajectory"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,210 +56,248 @@ class Trajectory:
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
         time: Times, shape (T,), [s], or None.
+        motion: Rows of the table from which the postures were assembled; None if it states every joint.
     """
 
     q: Array
     v: Array
     a: Array
     time: Array | None
+    motion: Motion | None = None
 
     def thinned(self, samples: int = SAMPLES) -> Trajectory:
         """Return at most `samples` of its rows, evenly spread."""
         at = np.unique(np.linspace(0, len(self.q) - 1, min(samples, len(self.q))).round().astype(int))
         return Trajectory(self.q[at], self.v[at], self.a[at], None if self.time is None else self.time[at])
 
+    def slower(self) -> Trajectory:
+        """Return the motion at `SLOWER` times its speed: it closes the loops, too."""
+        return Trajectory(self.q, SLOWER * self.v, SLOWER**2 * self.a, None)
+
 
 def study_models(
-    robot: HybridRobot, trajectory: Trajectory, effects: Effects, progress: Callable[[str], None]
+    robot: HybridRobot,
+    trajectory: Trajectory,
+    effects: Effects,
+    progress: Callable[[Point], None] = lambda point: None,
+    study: Study | None = None,
 ) -> Study:
-    """Measure the inverse model's configurations along a trajectory.
+    """Measure the settings of the inverse model along a trajectory.
 
-    The time of a sample is the sum of three parts: computing its rates, closing its loops from the sample
-    before, and the model. Each configuration changes one part (`Point.own`). The defaults of the others are
-    given rates, loops closed to rounding, and the general path with every effect (C code where the closing
-    tolerance varies).
+    The error of a setting is the largest difference of any effort from the reference, relative to the motor's
+    largest effort. The reference is the model with all of `effects` in 113-bit arithmetic.
 
-    The error of a configuration is the largest difference of any effort from the reference, relative to the
-    motor's largest effort. The reference is the model with all of `effects` in extended precision.
+    Args:
+        progress: Called with each point when it is measured.
+        study: Filled as points are measured; a new one by default.
 
     Raises:
         HybridynError: The model cannot follow the trajectory.
     """
+    study = Study("", "per sample") if study is None else study
+    study.question = f"error of motor efforts against time per sample, {len(trajectory.q):,} rows"
+    study.second = f"the same path at {SLOWER:g} times the speed"
+    for point in _points(study, robot, trajectory, effects):
+        study.points.append(point)
+        progress(point)
+    return study
+
+
+def _points(study: Study, robot: HybridRobot, trajectory: Trajectory, effects: Effects) -> Iterator[Point]:
+    """Yield the points of a study as they are measured, and fill in the rest of it."""
+    if not robot.motors:
+        raise HybridynError(f"robot '{robot.name}' has no motors, and so no efforts: name some (--motors)")
     some = trajectory.thinned()
-    progress("reference")
-    reference, own, words = _reference(robot, some, effects)
-    peak = np.abs(reference).max(axis=0)
-    peak = np.where(peak > 0, peak, 1.0)
-
-    def error(tau: Array) -> float:
-        """Compute the largest error over a motor's peak effort."""
-        return float((np.abs(np.asarray(tau, dtype=float) - reference) / peak).max(initial=0.0))
-
-    def keep(part: Iterator[Point]) -> list[Point]:
-        """Collect the points of a part, and show each."""
-        found = []
-        for point in part:
-            progress(f"{point.line}, {point.setting}")
-            found.append(point)
-        return found
-
-    closing = keep(by_closing(robot, some.q, some.v, some.a, effects, error))
-    exact = closing[-1].seconds if closing else 0.0  # for all other points: loops closed to rounding
-    general = keep(_by_general(robot, some, effects, error))
-    written = keep(_by_arithmetic(robot, some, effects, _effect_sets(effects, general), error))
-    usual = next((p.seconds for p in general if p.use == "usual"), 0.0)
-    whole = {p.line: p.seconds for p in written if not p.failure and p.setting.endswith(EVERY)}
-    rates = keep(by_rates(robot, trajectory.time, trajectory.q, trajectory.v, trajectory.a, effects))
-    points = [
-        *(replace(p, seconds=p.seconds + exact) for p in general + written),
-        *(  # after closing the loops, a model in C is evaluated
-            replace(p, seconds=p.seconds + sum(x for line, x in whole.items() if p.setting.endswith(line)))
-            for p in closing
-        ),
-        *(replace(p, seconds=p.seconds + exact + usual) for p in rates),
-    ]
-    question = f"error of motor efforts against time per sample, {len(some.q):,} at once"
-    return Study(question, points, words, own, "per sample")
-
-
-def _reference(robot: HybridRobot, some: Trajectory, effects: Effects) -> tuple[Array, float, str]:
-    """Compute the reference efforts.
-
-    Returns:
-        Efforts, shape (T, motors), [N or N m], their relative error, and a description of the model.
-
-    Raises:
-        HybridynError: The general path cannot follow the motion.
-    """
-    plain = idm(robot, some.q, some.v, some.a, effects=effects)
-    exact, near = (generated_idm(robot, effects, dtype) for dtype in ("float128", "longdouble"))
-    if isinstance(exact, str) or isinstance(near, str):
-        reason = exact if isinstance(exact, str) else near
-        return plain, UNJUDGED, f"the general path in float64, as no higher precision is available ({reason})"
-    tau = exact(some.q, some.v, some.a)[0]
-    size = np.abs(tau).max(axis=0)
-    off = np.abs(np.asarray(near(some.q, some.v, some.a)[0], dtype=tau.dtype) - tau)
-    own = float((off / np.where(size > 0, size, 1.0)).max(initial=0.0))
-    return np.asarray(tau, dtype=float), max(own, 2.0**-53), "the same model in 113-bit arithmetic"
+    slower = some.slower()
+    models = {dtype: compiled_model(robot, effects, dtype) for dtype in ("float64", "float32")}
+    fast = models["float64"]
+    general, seconds = timed(partial(idm, robot, some.q, some.v, some.a, effects=effects), 2)
+    seconds /= len(some.q)
+    exact = exact_efforts(robot, effects, some.q, some.v, some.a)
+    known = isinstance(exact, np.ndarray)
+    study.reference = "the same model in 113-bit arithmetic" if known else f"the general path ({exact})"
+    study.own_error = 2.0**-53 if known else UNJUDGED
+    error = _errors(exact if isinstance(exact, np.ndarray) else general)
+    closing = _closing(robot, trajectory, partial(assemble, robot), CLOSED_SLOWLY)
+    yield Point(
+        GENERAL, "every effect (usual)", error(general), closing + seconds, _lines(effects.names, "general"),
+        use="usual", what="keep the general path and every effect", own=seconds,
+    )  # fmt: skip
+    close: Callable[..., tuple[Array, Array, Array]] = partial(assemble, robot)
+    whole = seconds
+    if isinstance(fast, str):
+        study.remarks.append(f"no compiled models: {fast}")
+    else:
+        close = fast.assemble
+        closing = _closing(robot, trajectory, close, CLOSED)
+        for dtype, model in models.items():
+            if isinstance(model, str):
+                continue
+            tau, seconds = timed(partial(model.idm, some.q, some.v, some.a))
+            point = _in_c(dtype, error(tau), seconds / len(some.q), closing, effects.names)
+            whole = point.own if dtype == "float64" else whole
+            yield point
+        yield from _by_calls(fast, some, trajectory.motion, closing, error)
+        yield from _in_threads(robot, effects, some, closing, error)
+    yield from _by_effects(study, robot, effects, (some, slower), (error, general), (closing, whole))
+    for point in by_rates(robot, trajectory.time, trajectory.q, trajectory.v, trajectory.a, effects, close):
+        yield replace(point, seconds=point.seconds + closing + whole)
 
 
-EVERY = "every effect"
+def compiled_model(robot: HybridRobot, effects: Effects, dtype: str) -> CompiledRobot | str:
+    """Build the compiled models, without their warnings, or return why they cannot be built."""
+    from ...compiled.compiling import compile
 
-#: Label of a set of effects, and the names of these effects.
-Choice = tuple[str, tuple[str, ...]]
-
-
-def _growing_sets(effects: Effects) -> Iterator[Choice]:
-    """Yield sets of effects that grow by one effect each, then the sets of all effects except one."""
-    order = [name for name in effects.names if name not in KEPT]
-    names = [name for name in KEPT if name in effects.names]
-    yield "platforms and serial links only" if order else EVERY, tuple(names)
-    for name in order:
-        names.append(name)
-        yield f"+ {_readable(name)}" + (f": {EVERY}" if name == order[-1] else ""), tuple(names)
-    if len(order) > 1:
-        for name in order[:-1]:
-            yield f"all but {_readable(name)}", tuple(x for x in effects.names if x != name)
-
-
-def _reduced_sets(effects: Effects, worth: dict[str, float]) -> Iterator[Choice]:
-    """Yield the sets of all effects except the least important two, three, and so on.
-
-    Args:
-        effects: All effects.
-        worth: Error without one effect alone, by its name.
-    """
-    order = sorted(worth, key=lambda name: worth[name])
-    for count in range(2, len(order)):
-        out = order[:count]
-        yield "all but " + ", ".join(map(_readable, out)), tuple(x for x in effects.names if x not in out)
-
-
-def _effect_sets(effects: Effects, measured: Sequence[Point]) -> list[Choice]:
-    """Return all sets of effects to measure; the errors of `measured` decide which are omitted together."""
-    growing = list(_growing_sets(effects))
-    errors = {p.setting: p.error for p in measured}
-    order = [name for name in effects.names if name not in KEPT]
-    known = {frozenset(names): words for words, names in growing}
-    without = {name: known.get(frozenset(effects.names) - {name}, "") for name in order}
-    worth = {name: errors[words] for name, words in without.items() if words in errors}
-    return growing + [x for x in _reduced_sets(effects, worth) if frozenset(x[1]) not in known]
-
-
-def _readable(name: str) -> str:
-    """Return an effect's name with spaces."""
-    return name.replace("_", " ")
-
-
-def _dropped(effects: Effects, names: Sequence[str]) -> str:
-    """Describe in words which effects a set omits."""
-    out = [_readable(name) for name in effects.names if name not in names]
-    if len(out) < 2:
-        return f"drop {', '.join(out) or 'nothing'}"
-    return f"drop {', '.join(out[:-1])} and {out[-1]}"
-
-
-def _fragment(names: Sequence[str], how: str) -> str:
-    """Write lines to paste into a scene, and the equivalent options of `hybridyn idm` as a comment."""
-    listed = ", ".join(f'"{name}"' for name in names)
-    return f"[effects]\nuse = [{listed}]\n# {how}".rstrip("# ")
-
-
-def _by_general(
-    robot: HybridRobot, some: Trajectory, effects: Effects, error: Callable[[Array], float]
-) -> Iterator[Point]:
-    """Measure sets of effects with the general path; their errors select the last sets."""
-    found: list[Point] = []
-    for setting, names in _growing_sets(effects):
-        found.append(_general(robot, some, effects, (setting, names), error))
-        yield found[-1]
-    for choice in _effect_sets(effects, found)[len(found) :]:
-        yield _general(robot, some, effects, choice, error)
-
-
-def _general(
-    robot: HybridRobot, some: Trajectory, effects: Effects, choice: Choice, error: Callable[[Array], float]
-) -> Point:
-    """Measure one set of effects with the general path."""
-    setting, names = choice
-    on = effects.only(names)
-    whole = setting.endswith(EVERY)
-    fragment = _fragment(names, f"hybridyn idm --engine general --effects {','.join(names)}")
-    what = "keep the general path and every effect" if whole else _dropped(effects, names)
+    log = logging.getLogger("hybridyn.compiled")
+    before = log.level
+    log.setLevel(logging.ERROR)  # without its legs' inertia, a robot may have massless motions
     try:
-        tau, seconds = timed(lambda: idm(robot, some.q, some.v, some.a, effects=on))
-    except HybridynError as failure:
-        return Point(GENERAL, setting, np.inf, np.inf, fragment, str(failure))
-    own = seconds / len(some.q)
+        return compile(robot, effects, dtype=dtype)
+    except HybridynError as error:
+        return str(error)
+    finally:
+        log.setLevel(before)
+
+
+def _errors(reference: Array) -> Callable[[Array], float]:
+    """Return a function that computes the largest error over a motor's peak effort."""
+    peak = np.abs(reference).max(axis=0)
+    unit = np.where(peak > 0, peak, 1.0)
+    return lambda tau: float((np.abs(np.asarray(tau, dtype=float) - reference) / unit).max(initial=0.0))
+
+
+def _closing(
+    robot: HybridRobot, trajectory: Trajectory, close: Callable[..., tuple[Array, Array, Array]], most: int
+) -> float:
+    """Measure the time in which loops close, from row to row, for at most so many rows [s per row]."""
+    if trajectory.motion is None:
+        return 0.0
+    part = trajectory.motion.part(0, most)
+    call = partial(close, motors=part.joints, platforms=part.platforms, guess=trajectory.q[0])
+    call()  # builds what it needs
+    return timed(call, 2)[1] / part.size
+
+
+def _state(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    """Return positions, rates and accelerations."""
+    return trajectory.q, trajectory.v, trajectory.a
+
+
+def _in_c(dtype: str, error: float, own: float, closing: float, names: Sequence[str]) -> Point:
+    """Return the point of the compiled model with every effect, many samples at once."""
+    if dtype == "float64":
+        what, fragment = "keep every effect and compute in C", _lines(names, "compiled")
+        return Point(IN_C, "every effect", error, closing + own, fragment, what=what, own=own)
+    call = 'hybridyn.compile(robot, effects, dtype="float32").idm'
     return Point(
-        GENERAL, setting + " (usual)" * whole, error(tau), own, fragment,
-        use="usual" if whole else "command", what=what, own=own,
+        SINGLE, "every effect", error, closing + own, f"# {call}", use="program",
+        what="compute in C (float32)", own=own,
     )  # fmt: skip
 
 
-def _by_arithmetic(
-    robot: HybridRobot,
-    some: Trajectory,
-    effects: Effects,
-    choices: Sequence[Choice],
+def _by_calls(
+    model: CompiledRobot, some: Trajectory, motion: Motion | None, closing: float,
     error: Callable[[Array], float],
+) -> Iterator[Point]:  # fmt: skip
+    """Measure calls for one sample each, as a controller makes them: from the motors where they are given."""
+    rows = min(CALLS, len(some.q))
+    calls: Callable[[], object]
+    fragment, line = "# hybridyn.compile(robot, effects).idm", "compiled, one call a sample"
+    if motion is not None and set(motion.joints) == set(model.robot.motors) and not motion.platforms:
+        given = np.array([motion.joints[name] for name in model.robot.motors])[:, :, :rows]
+        fragment = "# hybridyn.compile(robot, effects).idm_from_motors"
+        start = some.q[0]
+
+        def calls() -> object:
+            """Close and compute sample after sample."""
+            last: Any = start
+            for k in range(given.shape[2]):
+                _, last, _, _ = model.idm_from_motors(*given[:, :, k].T.copy(), last=last)
+            return None
+
+        words, before = "every effect, from the motors", 0.0
+    else:
+
+        def calls() -> object:
+            """Compute sample after sample."""
+            for k in range(rows):
+                model.idm(some.q[k], some.v[k], some.a[k])
+            return None
+
+        words, before = "every effect", closing
+    calls()
+    seconds = timed(calls)[1] / rows
+    tau = np.array([model.idm(*(x[k] for x in _state(some))) for k in range(len(some.q))])
+    yield Point(
+        line, words, error(tau), before + seconds, fragment, use="program", what="call it sample by sample",
+        own=seconds, one_call=True,
+    )  # fmt: skip
+
+
+def _in_threads(
+    robot: HybridRobot, effects: Effects, some: Trajectory, closing: float, error: Callable[[Array], float]
 ) -> Iterator[Point]:
-    """Measure the generated C model by number type and set of effects."""
-    for dtype, line in WORDS.items():
-        for setting, names in choices:
-            if setting.startswith("all but") and dtype == "float32":
-                continue
-            program = generated_idm(robot, effects.only(names), dtype)
-            if isinstance(program, str):
-                yield Point(line, setting, np.inf, np.inf, "", program)
-                break
-            (tau, _), seconds = timed(lambda program=program: program(some.q, some.v, some.a))  # type: ignore[misc]
-            own = seconds / len(some.q)
-            of_command = dtype == "float64"
-            call = f'hybridyn.compile(robot, effects, dtype="{dtype}").idm'
-            how = f"hybridyn idm --engine compiled --effects {','.join(names)}" if of_command else call
-            what = f"{_dropped(effects, names)} and compute in C" + " (float32)" * (not of_command)
-            use: Use = "command" if of_command else "program"
-            yield Point(
-                line, setting, error(tau), own, _fragment(names, how), use=use, what=what, own=own,
-            )  # fmt: skip
+    """Measure a batch that two threads share."""
+    from ...compiled.compiling import compile
+
+    model = compile(robot, effects, threads=2)
+    copies = -(-THREADED // len(some.q))
+    batch = [np.tile(x, (copies, 1)) for x in _state(some)]
+    tau, seconds = timed(partial(model.idm, *batch), 3)
+    own = seconds / len(batch[0])
+    yield Point(
+        IN_C, "every effect, 2 threads", error(tau[: len(some.q)]), closing + own,
+        "# hybridyn.compile(robot, effects, threads=2).idm", use="program",
+        what="let two threads share a batch", own=own,
+    )  # fmt: skip
+
+
+def _by_effects(
+    study: Study,
+    robot: HybridRobot,
+    effects: Effects,
+    motions: tuple[Trajectory, Trajectory],
+    judged: tuple[Callable[[Array], float], Array],
+    times: tuple[float, float],
+) -> Iterator[Point]:
+    """Measure sets of effects: without each, then without the least important ones together.
+
+    Errors are those of the general path; times follow from the operations of the compiled model.
+
+    Args:
+        motions: The motion, and the second one on which errors are compared.
+        judged: Computes the error of efforts on the first motion; the general path's efforts there.
+        times: Seconds per sample of closing, and of the compiled model with every effect.
+    """
+    (some, slower), (error, _), (closing, whole) = motions, judged, times
+    optional = [name for name in effects.names if name not in KEPT]
+    every = operations(robot, effects, "idm")
+    again = _errors(idm(robot, *_state(slower), effects=effects))
+
+    def measured(out: Sequence[str]) -> Point:
+        """Measure the model without some effects."""
+        names = tuple(name for name in effects.names if name not in out)
+        on = effects.only(names)
+        words = "without " + listed([name.replace("_", " ") for name in out])
+        part = operations(robot, on, "idm") / every
+        own = whole * (part if np.isfinite(part) else 1.0)
+        return Point(
+            IN_C, words, error(idm(robot, *_state(some), effects=on)), closing + own,
+            _lines(names, "compiled"), what=words.replace("without", "drop", 1) + " and compute in C",
+            own=own, elsewhere=again(idm(robot, *_state(slower), effects=on)), how="time by operations",
+        )  # fmt: skip
+
+    alone = {name: measured([name]) for name in optional}
+    for name, point in alone.items():
+        share = 1.0 - point.own / whole
+        study.worth.append(Worth(name, point.error, share, computed=True))
+        yield point
+    order = sorted(optional, key=lambda name: alone[name].error)
+    for count in range(2, len(order) + 1):
+        yield measured(order[:count])
+
+
+def _lines(names: Sequence[str], engine: str) -> str:
+    """Write lines to paste into a scene, and the equivalent options of `hybridyn idm` as a comment."""
+    listed = ", ".join(f'"{name}"' for name in names)
+    return f"[effects]\nuse = [{listed}]\n# hybridyn idm --engine {engine} --effects {','.join(names)}"

@@ -1,10 +1,10 @@
-"""Measured configurations: error against time, the Pareto front, and the cheapest one for a given error."""
+"""Measured settings: error against time, the Pareto front, and the cheapest setting for a given error."""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 #: Number of measurements of a time. The least is used, since disturbances only make a computation slower.
@@ -18,7 +18,7 @@ Use = Literal["usual", "command", "program", "comparison"]
 
 @dataclass(frozen=True)
 class Point:
-    """One configuration.
+    """One setting.
 
     Attributes:
         line: Family that it belongs to: one line of the plot.
@@ -31,6 +31,10 @@ class Point:
             own can use it, "comparison" if it is for comparison only.
         what: How to obtain it, in words that continue "For 0.1 %, ...".
         own: The part of `seconds` that the setting affects [s].
+        one_call: Whether it is the time of one sample at a time; else that of a batch or a run.
+        elsewhere: Error on a second motion; nan if there is none.
+        part: Part of the scene that was run; the time is extrapolated if it is not 1.
+        how: How error or time was found if not by a complete run, in words.
     """
 
     line: str
@@ -42,28 +46,55 @@ class Point:
     use: Use = "command"
     what: str = ""
     own: float = 0.0
+    one_call: bool = False
+    elsewhere: float = float("nan")
+    part: float = 1.0
+    how: str = ""
 
 
-class Study(NamedTuple):
-    """All configurations of one question.
+class Worth(NamedTuple):
+    """What one effect is worth along a motion or in a scene.
+
+    Attributes:
+        effect: Its name.
+        error: Error without it; for an effect that is not computed, the change that it causes.
+        share: The part of the operations (or of the time of a run) that it takes.
+        computed: Whether the motion's model or the scene computes it.
+    """
+
+    effect: str
+    error: float
+    share: float
+    computed: bool
+
+
+@dataclass(eq=False)
+class Study:
+    """All settings of one question, as far as they have been measured.
 
     Attributes:
         question: Definition of error and time, in words.
-        points: The configurations.
-        reference: The reference of the errors, in words.
-        own_error: Relative error of the reference; smaller errors of points are not known.
         time_unit: "per sample" or "per run".
         subject: The quantity that has the errors: "motor efforts" or "the last posture".
-        usual: The usual configuration, in words.
+        usual: The usual setting, in words.
+        reference: The reference of the errors, in words.
+        own_error: Relative error of the reference; smaller errors of points are not known.
+        second: The second motion of `Point.elsewhere`, in words.
+        points: The settings.
+        worth: What each effect is worth.
+        remarks: Further findings, in words.
     """
 
     question: str
-    points: list[Point]
-    reference: str
-    own_error: float
     time_unit: str
     subject: str = "motor efforts"
     usual: str = "the general path with every effect"
+    reference: str = ""
+    own_error: float = 0.0
+    second: str = ""
+    points: list[Point] = field(default_factory=list)
+    worth: list[Worth] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
 
 def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float]:
@@ -81,6 +112,8 @@ def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float
 def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
     """Return the Pareto front: the points for which no other is both faster and more accurate, fastest first.
 
+    A point that saves less than `NOISE` of a more accurate one's time is left out.
+
     Args:
         points: The points; comparisons and failures are ignored.
         own_error: Error of the reference; errors below it count as equal.
@@ -92,7 +125,11 @@ def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
         if error < least:
             least = error
             out.append(point)
-    return out
+    kept: list[Point] = []
+    for point in reversed(out):
+        if not kept or point.seconds * NOISE <= kept[-1].seconds:
+            kept.append(point)
+    return kept[::-1]
 
 
 def cheapest(study: Study, target: float) -> Point | None:
@@ -114,7 +151,11 @@ def advice(study: Study, target: float) -> str:
     more = ""
     if own is not None and own.use == "program" and best.seconds > NOISE * own.seconds:
         ratio = _speed(own, usual or best)
-        more = f"; in a program of your own, {own.what}: {ratio:.2g} times (error {error_words(own, study)})"
+        more = (
+            f"; in a program of your own, {own.what}: {_times(ratio)} times (error {error_words(own, study)})"
+        )
+    if best.elsewhere > target:
+        more += f"; it does not carry over to {study.second}, where its error is {best.elsewhere:.1e}"
     if usual is None or best is usual:
         kept = "" if usual is None else ": nothing cheaper suffices"
         return f"{wanted}, {best.what} (error {error_words(best, study)}){kept}{more}."
@@ -122,7 +163,7 @@ def advice(study: Study, target: float) -> str:
 
 
 def _counts(point: Point) -> bool:
-    return not point.failure and point.use != "comparison"
+    return not point.failure and point.use != "comparison" and point.part == 1.0
 
 
 def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
@@ -139,8 +180,13 @@ def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
 def _against(point: Point, usual: Point, study: Study) -> str:
     """Compare a point's time with the usual one's, in words."""
     ratio = _speed(point, usual)
-    faster = f"{ratio:.2g} times as fast as" if ratio >= NOISE else "no faster than"
+    faster = f"{_times(ratio)} times as fast as" if ratio >= NOISE else "no faster than"
     return f"{faster} {study.usual}"
+
+
+def _times(ratio: float) -> str:
+    """Write a ratio of times with two digits."""
+    return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
 
 
 def _speed(point: Point, usual: Point) -> float:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
-from ...assembly.assemble import assemble
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
@@ -26,8 +25,9 @@ LINE = "rates of the trajectory"
 
 
 def by_rates(
-    robot: HybridRobot, time: Array | None, q: Array, v: Array, a: Array, effects: Effects
-) -> Iterator[Point]:
+    robot: HybridRobot, time: Array | None, q: Array, v: Array, a: Array, effects: Effects,
+    close: Callable[..., tuple[Array, Array, Array]],
+) -> Iterator[Point]:  # fmt: skip
     """Compare rates from a spline and from differences of the motors' positions with those of the table.
 
     Args:
@@ -35,6 +35,7 @@ def by_rates(
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
+        close: Closes the loops like `hybridyn.assemble`, but for the robot.
     """
     kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
     obstacle = _obstacle(time, kinds - {"revolute", "prismatic"}, robot)
@@ -60,7 +61,7 @@ def by_rates(
         (rate, acceleration), seconds = timed(rule)
         try:
             motors = {m: (p[:, i], rate[:, i], acceleration[:, i]) for i, m in enumerate(robot.motors)}
-            moved = assemble(robot, motors=motors, guess=q[0])
+            moved = close(motors=motors, guess=q[0])
             tau = idm(robot, *(x[inner] for x in moved), effects=effects)
         except HybridynError as failure:
             yield Point(LINE, words, np.inf, np.inf, "", str(failure))

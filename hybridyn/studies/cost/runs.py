@@ -1,14 +1,20 @@
-"""Measure error and time of a scene's integration: method, step or tolerance, projection, C code, effects."""
+"""Measure error and time of a scene's integration: method, step or tolerance, compiled or not, effects.
+
+Accelerations are compiled where they can be. The general path takes a hundred times as long: it runs for a
+short time only, and its time is extrapolated. So is that of any run that takes too long; its error is then
+that at the posture it came to.
+"""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...effects.choice import UNITS, Effects, choose
 from ...errors import HybridynError
 from ...linkage.joints import TreeJoint
 from ...scenes.stage import Stage
@@ -16,23 +22,25 @@ from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .fragments import effects_fragment, solver_fragment
-from .points import Point, Study
-from .settings import FACTORS, Setting, of_effects, of_integration, own_options, usual_setting
+from .models import compiled_model
+from .operations import operations
+from .points import Point, Study, Worth
+from .settings import FACTORS, Setting, families, own_options, usual_setting
 
-if TYPE_CHECKING:
-    from ...compiled.model import CompiledRobot
-
-#: Time limit of a run [s]. Three times the time of the scene's own solver is allowed if that is longer.
-LIMIT = 10.0
-
+#: Time that all measurements take at most [s], but for one run that is under way and for building C.
+SECONDS = 30.0
+#: Parts of it: for one family of settings, for the general path, and for the effects together.
+ONE_RUN, SLOW_RUN, FOR_EFFECTS = 1 / 12, 1 / 20, 1 / 4
 #: Relative tolerances of the runs that lead to the reference, coarse to fine.
 LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
-
-#: Time limit of all reference runs of a method, relative to that of one run.
-PATIENCE = 10
-
-#: Number of measurements of a short run.
-ROUNDS = 3
+#: Relative tolerance of the runs that show what effects are worth.
+OF_EFFECTS = 1e-8
+#: Number of measurements of a short run, and the longest time of such a run [s].
+ROUNDS, SHORT = 3, 0.3
+#: Effects that can be left out without changing the task of a scene.
+DROPPABLE = (
+    "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
+)  # fmt: skip
 
 
 class Run(NamedTuple):
@@ -43,16 +51,14 @@ class Run(NamedTuple):
         seconds: Computing time [s].
         t: Time reached in the scene [s].
         steps: Steps taken.
+        whole: Whether the run came to the end of the scene; else it was stopped for its time.
     """
 
     q: Array
     seconds: float
     t: float
     steps: int
-
-
-class TooLongError(HybridynError):
-    """A run exceeded its time limit and was stopped."""
+    whole: bool
 
 
 class Runner:
@@ -61,84 +67,82 @@ class Runner:
     Attributes:
         ready: The scene.
         duration: Time to simulate [s].
-        limit: Time limit of a run [s].
     """
 
-    def __init__(self, ready: Stage, duration: float, limit: float) -> None:
-        self.ready, self.duration, self.limit = ready, duration, limit
-        self._compiled: dict[str, CompiledRobot | HybridynError] = {}
+    def __init__(self, ready: Stage, duration: float) -> None:
+        self.ready, self.duration = ready, duration
+        self._compiled: dict[tuple[Any, ...], Any] = {}
 
-    def compiled(self, dtype: str) -> CompiledRobot | None:
-        """Return the scene's model compiled from C code, or None for the general path (`dtype` "").
+    def compiled(self, dtype: str, effects: Effects | None = None) -> Any:
+        """Return the scene's compiled model, or why there is none; None for the general path (`dtype` "")."""
+        on = self.ready.effects if effects is None else effects
+        key = dtype, on.names
+        if dtype and key not in self._compiled:
+            self._compiled[key] = compiled_model(self.ready.robot, on, dtype)
+        return self._compiled.get(key)
 
-        Raises:
-            HybridynError: The model cannot be built.
-        """
-        if not dtype:
-            return None
-        if dtype not in self._compiled:
-            from ...compiled.compiling import compile
-
-            try:
-                self._compiled[dtype] = compile(self.ready.robot, self.ready.effects, dtype=dtype)
-            except HybridynError as error:
-                self._compiled[dtype] = error
-        model = self._compiled[dtype]
-        if isinstance(model, HybridynError):
-            raise model
-        return model
-
-    def run(self, setting: Setting, limit: float | None = None, *, watch: bool = False) -> Run:
+    def run(
+        self, setting: Setting, limit: float, *, effects: Effects | None = None, until: float | None = None,
+        watch: bool = False,
+    ) -> Run:  # fmt: skip
         """Run once.
 
         Args:
-            limit: Time limit [s]; `self.limit` by default.
+            limit: Time after which the run is stopped [s].
+            effects: The effects; those of the scene by default.
+            until: End [s]; that of the scene by default.
             watch: Whether the scene's events may end the run.
 
         Raises:
-            TooLongError: The run exceeds the time limit.
             HybridynError: The run fails.
         """
-        ready, most = self.ready, self.limit if limit is None else limit
-        model = self.compiled(setting.dtype)
-        effects = ready.effects if setting.effects is None else ready.effects.only(setting.effects)
-        late = [0.0]
+        ready, end = self.ready, self.duration if until is None else until
+        model = self.compiled(setting.dtype, effects)
+        if isinstance(model, str):
+            raise HybridynError(model)
+        stopped = False
         start = clock.perf_counter()
 
         def after_step(t: float, end: float) -> None:
             """Stop a run that takes too long."""
-            if clock.perf_counter() - start > most:
-                late[0] = t / end
+            nonlocal stopped
+            if clock.perf_counter() - start > limit:
+                stopped = True
                 raise KeyboardInterrupt
 
         result = simulate(
-            ready.robot, ready.q0, ready.v0, np.array([0.0, self.duration]), effort=ready.effort,
-            effects=effects, compiled=model, events=ready.events if watch else (),
-            output_times=None if watch else np.array([self.duration]), progress=after_step, **setting.options,
+            ready.robot, ready.q0, ready.v0, np.array([0.0, end]), effort=ready.effort,
+            effects=ready.effects if effects is None else effects, compiled=model,
+            events=ready.events if watch else (), output_times=None if watch else np.array([end]),
+            progress=after_step, **setting.options,
         )  # fmt: skip
         seconds = clock.perf_counter() - start
-        if result.status == "interrupted":
-            if not late[0]:
-                raise KeyboardInterrupt
-            raise TooLongError(f"given up after {most:.3g} s, at {100 * late[0]:.0f} % of the scene")
-        if result.status not in ("finished", "event"):
+        if result.status == "interrupted" and not stopped:
+            raise KeyboardInterrupt
+        if result.status not in ("finished", "event", "interrupted"):
             raise HybridynError(f"the run ended: {result.status} {result.message}".strip())
-        t = float(result.state.t)
-        return Run(np.array(result.state.q), seconds, t, result.counters.steps)
+        state = result.state
+        return Run(np.array(state.q), seconds, float(state.t), result.counters.steps, not stopped)
 
-    def measured(self, setting: Setting) -> Run:
+    def measured(self, setting: Setting, limit: float) -> Run:
         """Run, several times if a run is quick, and return the least time.
 
         Raises:
             HybridynError: As `run`.
         """
-        runs = [self.run(setting)]
-        while len(runs) < ROUNDS and runs[0].seconds < 1.0:
-            runs.append(self.run(setting))
+        runs = [self.run(setting, limit)]
+        while len(runs) < ROUNDS and runs[0].seconds < SHORT:
+            runs.append(self.run(setting, limit))
         return runs[0]._replace(seconds=min(run.seconds for run in runs))
 
 
-def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], limit: float = LIMIT) -> Study:
+def study_runs(
+    ready: Stage,
+    duration: float,
+    progress: Callable[[Point], None] = lambda point: None,
+    seconds: float = SECONDS,
+    study: Study | None = None,
+) -> Study:
     """Measure integrators on a scene.
 
     The error of a run is the distance of its last posture from that of the reference: the largest
@@ -147,28 +151,70 @@ def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], l
 
     Args:
         duration: Time to simulate [s]; an event that stops the scene ends every run there.
-        progress: Called with the name of each measurement.
-        limit: Time limit of a run [s]; three times the time of the scene's own solver if that is longer.
+        progress: Called with each point when it is measured.
+        seconds: Time that the measurements take [s], besides building C.
+        study: Filled as points are measured; a new one by default.
 
     Raises:
         HybridynError: The scene cannot be simulated at all.
     """
-    runner = Runner(ready, duration, np.inf)
-    usual = usual_setting(own_options(ready))
-    progress("as the scene says")
-    first = runner.run(usual, watch=True)
-    runner.duration, runner.limit = first.t, max(limit, 3 * first.seconds)
-    progress("reference")
-    exact, own_error, words = _reference(runner)
-    settings = [
-        usual,
-        *of_integration(typical_step(first.steps, first.t)),
-        *of_effects(ready.effects.names, own_options(ready)),
-    ]
-    points = list(_points(runner, settings, exact, progress))
-    ended = "" if first.t >= duration * (1 - 1e-12) else ", where an event ends it"
-    question = f"error of the last posture (after {first.t:.6g} s{ended}) against time of the run"
-    return Study(question, points, words, own_error, "per run", "the last posture", "what the scene says")
+    study = Study("", "per run") if study is None else study
+    study.subject, study.usual = "the last posture", "what the scene says"
+    for point in _points(study, Runner(ready, duration), seconds):
+        study.points.append(point)
+        progress(point)
+    return study
+
+
+def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
+    """Yield the points of a study as they are measured, and fill in the rest of it."""
+    ready, one = runner.ready, seconds * ONE_RUN
+    why = runner.compiled("float64")
+    engines = ("",) if isinstance(why, str) else ("float64", "float32")
+    if isinstance(why, str):
+        study.remarks.append(f"no compiled models: {why}")
+    usual = usual_setting(own_options(ready), engines[0])
+    first = _first(runner, engines[0], usual, one)
+    ended = "" if first.t >= runner.duration * (1 - 1e-12) else ", where an event ends it"
+    runner.duration = first.t
+    study.question = (
+        f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
+    )
+    reference, study.own_error, study.reference = _reference(runner, engines[0], seconds)
+    exact = {runner.duration: runner.run(reference, np.inf).q}
+
+    def judged(run: Run, setting: Setting) -> Point:
+        """Return the point of a run; one that was stopped is judged where it came to."""
+        point = _point_of(ready, setting)
+        if run.t not in exact:
+            exact[run.t] = runner.run(reference, np.inf, until=run.t).q
+        part = run.t / runner.duration
+        how = "" if run.whole else f"the first {100 * part:.2g} % of the scene, time extrapolated"
+        error = distance(ready.robot, run.q, exact[run.t])
+        took = run.seconds / part
+        return replace(point, error=error, seconds=took, own=took, part=part, how=how)
+
+    step = usual.options.get("step") if usual.options["method"] != "dopri5" else None
+    quick, *others = families(step or typical_step(first.steps, first.t), engines)
+    bounds = one, study.own_error
+    yield from _family(runner, quick, judged, bounds)
+    yield judged(runner.measured(usual, one), usual)
+    if engines[0]:
+        general = usual._replace(line="general path", dtype="", use="command")
+        yield judged(runner.run(general, seconds * SLOW_RUN), general)
+    _worth(study, runner, reference, seconds * FOR_EFFECTS)
+    for family in others:
+        yield from _family(runner, family, judged, bounds)
+
+
+def _first(runner: Runner, dtype: str, usual: Setting, limit: float) -> Run:
+    """Run the scene once, to see where an event ends it and how long its steps are."""
+    quick = Setting("", "", {"method": "dopri5", "rtol": OF_EFFECTS, "atol": OF_EFFECTS * 1e-2}, dtype)
+    try:
+        run = runner.run(quick, limit, watch=bool(runner.ready.events))
+    except HybridynError:
+        return runner.run(usual, np.inf, watch=True)
+    return run if run.whole else runner.run(usual, np.inf, watch=True)
 
 
 def typical_step(steps: int, duration: float) -> float:
@@ -176,77 +222,122 @@ def typical_step(steps: int, duration: float) -> float:
     return float(f"{min(duration / steps, 0.9 * duration / FACTORS[0]):.1g}")
 
 
-def _points(
-    runner: Runner, settings: Sequence[Setting], exact: Array, progress: Callable[[str], None]
-) -> Iterator[Point]:
-    """Measure settings; after a run that took too long, finer settings of the same line are skipped."""
-    given_up: dict[str, str] = {}
-    for setting in settings:
-        progress(f"{setting.line}, {setting.words}")
-        point = _point_of(runner.ready, setting)
-        if setting.line in given_up:
-            yield replace(point, failure=f"not tried: the one before was {given_up[setting.line]}")
-            continue
+def _family(
+    runner: Runner, family: Sequence[Setting], judged: Callable[[Run, Setting], Point],
+    bounds: tuple[float, float],
+) -> Iterator[Point]:  # fmt: skip
+    """Measure settings from coarse to fine, until one takes too long or is as exact as the reference.
+
+    Args:
+        bounds: Time of the family [s], and the error of the reference.
+    """
+    left, least = bounds
+    for setting in family:
         try:
-            run = runner.measured(setting)
-        except TooLongError as failure:
-            given_up[setting.line] = str(failure)
-            yield replace(point, failure=str(failure))
-            continue
+            run = runner.measured(setting, left)
         except HybridynError as failure:
-            yield replace(point, failure=str(failure))
-            continue
-        error = distance(runner.ready.robot, run.q, exact)
-        yield replace(point, error=error, seconds=run.seconds, own=run.seconds)
+            yield replace(_point_of(runner.ready, setting), failure=str(failure))
+            return
+        point = judged(run, setting)
+        yield point
+        left -= run.seconds
+        if not run.whole or left <= 0 or point.error <= least:
+            return
 
 
 def _point_of(ready: Stage, setting: Setting) -> Point:
     """Return the point of a setting before it is measured."""
-    if setting.effects is None:
-        fragment = solver_fragment(setting.options, setting.dtype)
-        what = f"take {setting.line}, {setting.words}".removesuffix(" (usual)")
-    else:
-        fragment = effects_fragment(ready.source, setting.effects)
-        what = setting.words.replace("without", "drop", 1)
+    fragment = solver_fragment(setting.options, setting.dtype)
+    what = f"take {setting.line}, {setting.words}".removesuffix(" (usual)")
     if setting.use == "usual":
         what = "keep what the scene says"
     return Point(setting.line, setting.words, np.inf, np.inf, fragment, use=setting.use, what=what)
 
 
-def _reference(runner: Runner) -> tuple[Array, float, str]:
-    """Compute the reference: the last posture at the tightest tolerance of `LADDER` that finishes in time.
+def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, float, str]:
+    """Find the reference: the tightest tolerance of `LADDER` that finishes in time.
 
     dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish.
 
     Returns:
-        The last posture, shape (nq,), its own error, and a description of the run.
+        The setting, its own error, and a description of it.
     """
-    dtype = "float64"
-    try:
-        runner.compiled(dtype)
-    except HybridynError:
-        dtype = ""
-    reason: HybridynError | None = None
     for method in ("dopri5", "implicit"):
-        found: list[tuple[float, Array]] = []
-        left = PATIENCE * runner.limit
+        found: list[tuple[Setting, Array]] = []
+        left = seconds / 3
         for rtol in LADDER:
-            options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2}
+            setting = Setting("", "", {"method": method, "rtol": rtol, "atol": rtol * 1e-2}, dtype)
             try:
-                run = runner.run(Setting("", "", options, dtype=dtype), min(left, 3 * runner.limit))
-            except HybridynError as error:
-                reason = error
+                run = runner.run(setting, left)
+            except HybridynError:
+                break
+            if not run.whole:
                 break
             left -= run.seconds
-            found.append((rtol, run.q))
+            found.append((setting, run.q))
         if len(found) > 1:
             own = max(distance(runner.ready.robot, found[-2][1], found[-1][1]), 2.0**-53)
-            engine = ", accelerations in C" if dtype else ""
-            return found[-1][1], own, f"{method} at a relative tolerance of {found[-1][0]:g}{engine}"
+            words = f"{method} at a relative tolerance of {found[-1][0].options['rtol']:g}"
+            return found[-1][0], own, words
     raise HybridynError(
-        f"no reference: two runs by dopri5 or the implicit method must finish ({reason}). Simulate only the "
-        "beginning (--until), or raise the time limit (--limit)"
+        "no reference: two runs by dopri5 or the implicit method must finish. Simulate only the beginning "
+        "(--until), or give more time (--seconds)"
     )
+
+
+def _worth(study: Study, runner: Runner, reference: Setting, seconds: float) -> None:
+    """Measure what each effect changes: those of the scene if left out, those of the files if added."""
+    robot, on = runner.ready.robot, runner.ready.effects
+    stated = choose(robot, "model")
+    options = {**reference.options, "rtol": OF_EFFECTS, "atol": OF_EFFECTS * 1e-2}
+    setting, every = reference._replace(options=options), operations(robot, on, "ddm")
+    own = runner.run(setting, seconds)
+    left = seconds - own.seconds
+    for name in DROPPABLE:
+        if name not in {*on.names, *stated.names}:
+            continue
+        if left <= 0 or not own.whole:
+            study.remarks.append(f"effects from {name} on were not tried: --seconds gives more time")
+            return
+        computed = name in on.names
+        other = on.only([x for x in on.names if x != name]) if computed else _with(on, stated, name)
+        try:
+            run = runner.run(setting, left, effects=other)
+        except HybridynError as error:
+            study.remarks.append(f"{name}: {error}")
+            continue
+        left -= run.seconds
+        share = operations(robot, other, "ddm") / every - 1.0
+        change = distance(robot, run.q, own.q) if run.whole else float("nan")
+        study.worth.append(Worth(name, change, -share if computed else share, computed))
+
+
+def _with(on: Effects, stated: Effects, name: str) -> Effects:
+    """Return effects with one more, as the robot's files state it."""
+    more = stated.only([name])
+    return replace(
+        on, leg_inertia=on.leg_inertia or more.leg_inertia, velocity=on.velocity or more.velocity,
+        joints=(*on.joints, *more.joints), rotors=(*on.rotors, *more.rotors),
+        names=tuple(unit for unit in UNITS if unit in {*on.names, name}),
+    )  # fmt: skip
+
+
+def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
+    """Return lines that request the effects that a scene needs for an error, if it names others.
+
+    Effects are left out, the least important first, as long as their changes together stay below the target.
+    """
+    known = [one for one in study.worth if np.isfinite(one.error)]
+    needed = {one.effect for one in known if not one.computed and one.error > target}
+    spent, gone = 0.0, set()
+    for one in sorted((one for one in known if one.computed), key=lambda one: one.error):
+        spent += one.error
+        if spent <= target:
+            gone.add(one.effect)
+    if not needed and not gone:
+        return []
+    names = [name for name in UNITS if name in {*ready.effects.names, *needed} - gone]
+    return effects_fragment(ready.source, names).split("\n")
 
 
 def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:

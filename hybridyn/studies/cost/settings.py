@@ -1,44 +1,34 @@
-"""The solver settings and effect sets of a scene that are compared."""
+"""The solver settings of a scene that are compared, each family from coarse to fine."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from ...scenes.stage import Stage
 from .points import Use
 
 #: Fixed steps relative to the mean step of the scene's own solver.
-FACTORS = (8.0, 4.0, 2.0, 1.0)
-
+FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5)
 #: Relative tolerances of the adaptive methods.
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
-
-#: Effects that can be omitted without changing the task of a scene.
-DROPPABLE = (
-    "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
-)  # fmt: skip
-
-ENGINES = {"": "", "float64": ", C in float64", "float32": ", C in float32"}
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
 class Setting(NamedTuple):
-    """One configuration.
+    """One setting.
 
     Attributes:
         line: Family that it belongs to.
         words: What distinguishes it within its family.
         options: Arguments of `simulate`.
-        dtype: Number type of the C code that computes accelerations, or "" for the general path.
-        effects: Names of the effects, or None for those of the scene.
+        dtype: Number type of the compiled accelerations, or "" for the general path.
         use: As in `Point`.
     """
 
     line: str
     words: str
     options: dict[str, Any]
-    dtype: str = ""
-    effects: tuple[str, ...] | None = None
+    dtype: str = "float64"
     use: Use = "command"
 
 
@@ -47,54 +37,54 @@ def own_options(ready: Stage) -> dict[str, Any]:
     return dict(ready.source.scene.solver.model_dump(exclude_none=True))
 
 
-def usual_setting(options: dict[str, Any]) -> Setting:
+def usual_setting(options: dict[str, Any], dtype: str) -> Setting:
     """Return the setting of the scene's own solver."""
     adaptive = options["method"] == "dopri5" or "step" not in options
     pace = f"rtol {options['rtol']:.0e}" if adaptive else f"step {options['step']:g} s"
-    return Setting("as the scene says", f"{options['method']}, {pace} (usual)", options, use="usual")
+    return Setting("as the scene says", f"{options['method']}, {pace} (usual)", options, dtype, use="usual")
 
 
-def of_integration(step: float) -> Iterator[Setting]:
-    """Yield settings that vary method, step or tolerance, projection, and general path or C code.
+def families(step: float, engines: tuple[str, ...]) -> Iterator[list[Setting]]:
+    """Yield the settings of each method, from coarse to fine.
 
     Args:
         step: The step that `FACTORS` multiplies [s].
+        engines: Number types of compiled accelerations, the usual one first; "" for the general path.
     """
-    lines = [("stages", dtype, engine) for dtype, engine in ENGINES.items()]
-    lines += [(projection, "", f", projected {projection}") for projection in ("steps", "never")]
-    for projection, dtype, suffix in lines:
-        yield from _adaptive("dopri5", projection, dtype, suffix)
-        yield from _fixed("rk4", projection, step, dtype, suffix)
-    yield from _adaptive("implicit", "stages", "", "")
-    yield from _fixed("implicit", "stages", step, "", ", fixed steps")
-    yield from _fixed("conserving", "stages", step, "", "")
+    usual = engines[0]
+    yield _adaptive("dopri5", usual)
+    yield _fixed("rk4", step, usual)
+    for dtype in engines[1:]:
+        yield _adaptive("dopri5", dtype)
+    yield _fixed("conserving", step, usual)
+    yield _adaptive("implicit", usual)
 
 
-def _adaptive(method: str, projection: str, dtype: str, suffix: str) -> Iterator[Setting]:
-    for rtol in TOLERANCES:
-        options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2, "projection": projection}
-        yield Setting(method + suffix, f"rtol {rtol:.0e}", options, dtype, use=_use(dtype, projection))
+def _adaptive(method: str, dtype: str) -> list[Setting]:
+    """Return settings of a method with adaptive steps."""
+    return [
+        Setting(
+            _named(method, dtype), f"rtol {rtol:.0e}", {"method": method, "rtol": rtol, "atol": rtol * 1e-2},
+            dtype, _use(dtype),
+        )
+        for rtol in TOLERANCES
+    ]  # fmt: skip
 
 
-def _fixed(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Yield settings of a method with fixed steps."""
-    for factor in FACTORS:
-        options = {"method": method, "step": float(f"{factor * step:g}"), "projection": projection}
-        words = f"step {options['step']:g} s"
-        yield Setting(method + suffix, words, options, dtype, use=_use(dtype, projection))
+def _fixed(method: str, step: float, dtype: str) -> list[Setting]:
+    """Return settings of a method with fixed steps."""
+    steps = [float(f"{factor * step:g}") for factor in FACTORS]
+    return [
+        Setting(_named(method, dtype), f"step {h:g} s", {"method": method, "step": h}, dtype, _use(dtype))
+        for h in steps
+    ]
 
 
-def _use(dtype: str, projection: str) -> Use:
-    """Return the use of a setting: commands offer no float32, and without projection loops drift open."""
-    if projection == "never":
-        return "comparison"
+def _named(method: str, dtype: str) -> str:
+    """Return the name of a family."""
+    return method + {"float64": "", "float32": ", float32", "": ", general path"}[dtype]
+
+
+def _use(dtype: str) -> Use:
+    """Return the use of a setting: commands offer no float32."""
     return "program" if dtype == "float32" else "command"
-
-
-def of_effects(names: Sequence[str], options: dict[str, Any]) -> Iterator[Setting]:
-    """Yield the scene's own solver without one effect each, then without all effects that can be omitted."""
-    there = [name for name in DROPPABLE if name in names]
-    for out in [*([name] for name in there), *([there] if len(there) > 1 else [])]:
-        kept = tuple(name for name in names if name not in out)
-        words = " and ".join(name.replace("_", " ") for name in out)
-        yield Setting("effects", f"without {words}", options, effects=kept)
