@@ -1,7 +1,6 @@
 """The public names and the files they live in: one table for imports, `__all__` and type checkers."""
 
 from .assembly.assemble import assemble
-from .assembly.assemblies import Assemblies, assemblies
 from .assembly.task import closure_residual
 from .compiled.compiling import compile
 from .compiled.derivatives import ddm_jacobian, idm_jacobian
@@ -30,6 +29,7 @@ from .loading import from_pinocchio, load
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot
+from .studies.assemblies import Assemblies, assemblies
 from .studies.check.check import check
 from .studies.sweep.sweep import sweep
 from .view.geometry_model import geometry_model

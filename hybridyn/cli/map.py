@@ -92,7 +92,7 @@ def command(
     """
     import numpy as np
 
-    from ..dynamics.quantities.independent import check_joints
+    from ..assembly.posture import check_joints
     from ..dynamics.quantities.joint_map import motors_beside
     from ..tables.results import open_results
 
@@ -174,8 +174,8 @@ def _along(
     """Compute the map along a trajectory, and its times."""
     import numpy as np
 
+    from ..assembly.posture import holding
     from ..dynamics.quantities.joint_map import joint_map, motors_beside
-    from ..dynamics.quantities.posture import holding
     from ..effects import choose
     from ..streams.postures import all_postures, rows_named
     from ..studies.map_table import MapTable, map_table

@@ -2,7 +2,8 @@
 
 `check/` checks a model. `sizing` computes the load of each motor. `workspace/` sweeps the poses that a module
 reaches. `effect_worth` evaluates each physical effect. `map_table` writes the map between motors and output
-joints in columns. `cost/` measures error against computing time. `sweep/` evaluates many designs of a robot.
+joints in columns. `assemblies` finds all postures, `home` those of the motors at home. `cost/` measures error
+against computing time. `sweep/` evaluates many designs of a robot.
 
 May import: `scenes`, `compiled` and below.
 """

@@ -69,7 +69,7 @@ def homes(
         if name not in robot.motors:
             raise ModelError(f"no such motor '{name}'{did_you_mean(name, robot.motors)}", element=name)
     home = {name: values[0] for name, values in positions(robot, robot.home).items() if name in robot.motors}
-    from ..assembly.assemblies import assemblies  # not needed to name the branch, as most commands do
+    from .assemblies import assemblies  # not needed to name the branch, as most commands do
 
     found = assemblies(robot, motors={**home, **given}, starts=starts, seed=seed)
     out = []
@@ -88,10 +88,10 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Index:
     Raises:
         AssemblyError: The motors do not determine its posture.
     """
-    from ..assembly.assemblies import postures
     from ..assembly.module_request import module_request
     from ..assembly.requests import gather_requests
     from ..assembly.task import module_task
+    from .assemblies import postures
 
     module = robot.modules[number]
     joints = {motor: float(joint_position(robot, robot.home, motor)) for motor in module.motors}

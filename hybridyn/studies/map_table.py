@@ -16,9 +16,8 @@ from itertools import product
 
 import numpy as np
 
-from ..dynamics.quantities.independent import check_joints
+from ..assembly.posture import check_joints, holding, positions_of, posture_at
 from ..dynamics.quantities.joint_map import JointMap
-from ..dynamics.quantities.posture import holding, positions_of, posture_at
 from ..effects.joint_laws import RotorInertia
 from ..errors import AssemblyError, HybridynError
 from ..spatial import Array

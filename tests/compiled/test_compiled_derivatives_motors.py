@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.assembly.posture import positions_of
 from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobian
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Shared
@@ -14,7 +15,6 @@ from hybridyn.compiled.programs.derivatives.linear import linearized
 from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
 from hybridyn.compiled.programs.derivatives.nodes import Node
 from hybridyn.compiled.programs.derivatives.tangents import Graph
-from hybridyn.dynamics.quantities.posture import positions_of
 from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot

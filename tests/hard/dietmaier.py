@@ -15,10 +15,10 @@ import mpmath
 import numpy as np
 
 import hybridyn
-from hybridyn.assembly.assemblies import Assemblies
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from hybridyn.studies.assemblies import Assemblies
 from tests.once import once
 
 BASE = np.array([

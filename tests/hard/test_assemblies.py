@@ -6,8 +6,8 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
-from hybridyn.assembly.assemblies import SAME_ASSEMBLY, Assemblies
 from hybridyn.structure.building import build_robot
+from hybridyn.studies.assemblies import SAME_ASSEMBLY, Assemblies
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused

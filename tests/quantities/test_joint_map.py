@@ -8,9 +8,9 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot
+from hybridyn.assembly.posture import holding
 from hybridyn.dynamics.quantities import joint_map
 from hybridyn.dynamics.quantities.joint_map import JointMap
-from hybridyn.dynamics.quantities.posture import holding
 from hybridyn.errors import SingularityError, TrajectoryError
 from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.dynamics.test_idm import flat_five_bar

@@ -16,9 +16,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...dynamics.quantities.independent import check_joints
+from ...assembly.posture import check_joints, modules_of
 from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside, regular_map
-from ...dynamics.quantities.posture import modules_of
 from ...errors import SingularityError
 from ...linkage.tree import Tree
 from ...spatial import Array, Index

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.assemble import by_name
+from ...assembly.posture import holding, posture_at
 from ...assembly.requests import Requests, check_guess, first_guess, gather_requests
-from ...dynamics.quantities.posture import holding, posture_at
 from ...effects.choice import Effects
 from ...errors import TrajectoryError
 from ...spatial import Array

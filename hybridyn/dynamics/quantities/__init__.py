@@ -4,7 +4,7 @@
 
 Read `independent` (which joints are u; E and its drift, module by module), `engine` (motions and forces of
 the robot at many states), `model` (E and its rate, M, c, g, and C with c = C u), `links` (Jacobians and
-inertias of links). `joint_map` relates motors and output joints, at postures that `posture` assembles.
+inertias of links). `joint_map` relates motors and output joints, at postures of `assembly.posture`.
 
 May import: `dynamics` and below; `compiled` imports it.
 """

@@ -18,9 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...assembly.free_motions import are_idle
-from ...description.names import counted, did_you_mean
-from ...errors import SingularityError, TrajectoryError
-from ...linkage.joints import NV, ROOT_JOINT
+from ...assembly.posture import check_joints
+from ...description.names import counted
+from ...errors import SingularityError
+from ...linkage.joints import ROOT_JOINT
 from ...linkage.reduction import Basis
 from ...spatial import Array, Index
 from ...structure.module import Module, ModuleState
@@ -126,25 +127,6 @@ def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> Coor
         own.append(np.array([i for i, _ in held], dtype=int))
         freedoms.append(np.array([i for _, i in held], dtype=int))
     return Coordinates(names, columns, tuple(own), tuple(freedoms), chosen)
-
-
-def check_joints(robot: HybridRobot, names: Sequence[str]) -> None:
-    """Refuse joints that cannot be coordinates.
-
-    Raises:
-        TrajectoryError: One is unknown, named twice, or has several freedoms.
-    """
-    for name in names:
-        if name not in robot.joint_index:
-            raise TrajectoryError(f"joints: unknown joint '{name}'{did_you_mean(name, robot.joint_index)}")
-        if list(names).count(name) > 1:
-            raise TrajectoryError(f"joints: '{name}' is named twice")
-        kind = robot.kinds[robot.joint_index[name]]
-        if NV[kind] > 1:
-            raise TrajectoryError(
-                f"joints: '{name}' is {kind} and has {NV[kind]} freedoms; independent coordinates are joints "
-                "with one freedom each"
-            )
 
 
 class Motions(NamedTuple):

@@ -16,13 +16,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...assembly.posture import check_joints, holding, modules_of, positions_of, posture_at
 from ...errors import SingularityError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from .engine import closed_states, polar_form
-from .independent import Coordinates, check_joints, independent_motions, located
-from .posture import holding, modules_of, positions_of, posture_at
+from .independent import Coordinates, independent_motions, located
 
 #: Computes dv/d(side), shape (T, nv, N), and the accelerations at rest of that side, shape (T, nv), at
 #: positions (T, nq) and rates (T, nv); without rates the accelerations are zero.

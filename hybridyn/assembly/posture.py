@@ -6,14 +6,33 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...assembly.assemble import assemble
-from ...errors import TrajectoryError
-from ...linkage.joints import NV
-from ...spatial import Array
-from ...structure.building import rebuilt
-from ...structure.module import Module
-from ...structure.robot import HybridRobot, joint_position
-from .independent import check_joints
+from ..description.names import did_you_mean
+from ..errors import TrajectoryError
+from ..linkage.joints import NV
+from ..spatial import Array
+from ..structure.building import rebuilt
+from ..structure.module import Module
+from ..structure.robot import HybridRobot, joint_position
+from .assemble import assemble
+
+
+def check_joints(robot: HybridRobot, names: Sequence[str]) -> None:
+    """Refuse joints that cannot be coordinates.
+
+    Raises:
+        TrajectoryError: One is unknown, named twice, or has several freedoms.
+    """
+    for name in names:
+        if name not in robot.joint_index:
+            raise TrajectoryError(f"joints: unknown joint '{name}'{did_you_mean(name, robot.joint_index)}")
+        if list(names).count(name) > 1:
+            raise TrajectoryError(f"joints: '{name}' is named twice")
+        kind = robot.kinds[robot.joint_index[name]]
+        if NV[kind] > 1:
+            raise TrajectoryError(
+                f"joints: '{name}' is {kind} and has {NV[kind]} freedoms; independent coordinates are joints "
+                "with one freedom each"
+            )
 
 
 def modules_of(robot: HybridRobot, joints: Sequence[str]) -> list[int]:

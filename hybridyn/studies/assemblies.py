@@ -10,6 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..assembly.assemble import place_base, settled, spanning_positions
+from ..assembly.follow import follow
+from ..assembly.module_request import module_request, on_own_bases, place_bodies
+from ..assembly.requests import Requests, gather_requests
+from ..assembly.task import Task, closure_residual, module_task
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
 from ..linkage.tree import Motion
@@ -17,11 +22,6 @@ from ..spatial import Array, Index, Mask
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
-from .assemble import place_base, settled, spanning_positions
-from .follow import follow
-from .module_request import module_request, on_own_bases, place_bodies
-from .requests import Requests, gather_requests
-from .task import Task, closure_residual, module_task
 
 #: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
 SAME_ASSEMBLY = 1e-5
