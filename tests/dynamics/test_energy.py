@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -9,6 +10,7 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import TrajectoryError
+from hybridyn.spatial import rotation_from_quaternion
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused
@@ -35,6 +37,21 @@ def against_pinocchio(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
         assert actual.potential[t] == pytest.approx(potential, rel=EXACT, abs=EXACT * potential_size(robot))
         close_to(centre[t], pin.centerOfMass(peer.model, peer.data, q[t]), 1e-11)
         close_to(motion[t], pin.computeCentroidalMomentum(peer.model, peer.data, q[t], v[t]).vector, 1e-11)
+    against_links(robot, hybridyn.kinematics(robot, q, v), motion, centre)
+
+
+def against_links(robot: HybridRobot, links: dict[str, Any], motion: np.ndarray, centre: np.ndarray) -> None:
+    """Compare momentum and centre of mass with sums over the links that move."""
+    mass, moment, momentum = 0.0, np.zeros_like(centre), np.zeros_like(centre)
+    for link in robot.description.links:
+        if robot.base != "fixed" or robot.bodies.place[link.name][0]:
+            pose, twist = links[link.name].pose, links[link.name].twist
+            arm = rotation_from_quaternion(pose[:, 3:]) @ link.com
+            mass += link.mass
+            moment += link.mass * (pose[:, :3] + arm)
+            momentum += link.mass * (twist[:, :3] + np.cross(twist[:, 3:], arm))
+    close_to(centre, moment / mass, 1e-11)
+    close_to(motion[:, :3], momentum, 1e-11)
 
 
 def potential_size(robot: HybridRobot) -> float:
