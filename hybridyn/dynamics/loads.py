@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import TrajectoryError
-from ..spatial import Array, rotate, wrench_to_base
+from ..spatial import Array, wrench_to_base
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch
 from .link_motion import observed_motions
@@ -72,14 +72,14 @@ class ModuleLoad:
         """
         m, s = state.mechanism, state.spanning
         wrist, cols = m.spec.wrists[number], m.wrists.columns(number)
-        out = np.zeros_like(state.V)
+        out, origin = np.zeros_like(state.V), np.zeros_like(state.V[:, :3])
         for end, wrench in self.wrist_ends:
             if end == number:
-                out += _turned(s.R[:, wrist.end], wrench)
+                out += wrench_to_base(s.R[:, wrist.end], origin, wrench)
         for body, wrench in self.bodies:
             if body - 1 in wrist.joints and body not in m.spec.tree_body:
                 own = m.spanning.jacobian(s, body)[:, :, cols] * m.spanning_col_scale[cols]
-                along = np.einsum("tij,ti->tj", own, _turned(s.R[:, body], wrench))
+                along = np.einsum("tij,ti->tj", own, wrench_to_base(s.R[:, body], origin, wrench))
                 inverse = np.linalg.pinv(m.wrists.jacobian(s, number), rcond=1e-12)
                 out += np.einsum("tij,ti->tj", inverse, along) / np.array([m.length] * 3 + [1.0] * 3)
         return out
@@ -206,8 +206,3 @@ def in_every_sample(given: ArrayLike, name: str, samples: int) -> Array:
     if not one and len(out) != samples:
         raise TrajectoryError(f"{name} has shape {out.shape}; wanted (6,) or ({samples}, 6)")
     return np.broadcast_to(out, (samples, 6))
-
-
-def _turned(R: Array, W: Array) -> Array:
-    """Turn wrenches from the axes R of a frame to the base's, shape (T, 6)."""
-    return np.concatenate([rotate(R, W[:, :3]), rotate(R, W[:, 3:])], axis=1)
