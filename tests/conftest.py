@@ -98,7 +98,7 @@ def expand_once() -> None:
     opening.expand = kept(opening.expand)
 
 
-def kept(expand: Callable[..., tuple[bytes, list[str]]]) -> Callable[..., tuple[bytes, list[str]]]:
+def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
     """Return `expand` with its answers for shipped robots kept in the session's folder."""
     from hybridyn.description.urdf import xacro
 
@@ -110,8 +110,8 @@ def kept(expand: Callable[..., tuple[bytes, list[str]]]) -> Callable[..., tuple[
         name = hashlib.sha256(repr(asked).encode()).hexdigest()
         if os.path.basename(file).startswith("stewart_ur5") and not robots_of_others():
             skip("robots")
-        text, notes = once.once(name, lambda: expand(file, arguments, packages))
-        return text, list(notes)
+        text, notes, places = once.once(name, lambda: expand(file, arguments, packages))
+        return text, list(notes), places
 
     return expanded
 

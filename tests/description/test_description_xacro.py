@@ -109,7 +109,33 @@ def test_what_is_expanded_is_checked_like_any_urdf(tmp_path: Path) -> None:
     path = save(
         tmp_path, f"{HEAD}{TREE}{LOOP}</robot>".replace("<loop", "<lopp").replace("/loop", "/lopp"), "r.xacro"
     )
-    refused(path, "(expanded):", "did you mean <loop>")
+    refused(path, "r.xacro:", "did you mean <loop>")
+
+
+@pytest.mark.parametrize(
+    ("mass", "place", "message"),
+    [
+        ("${lenght * 2}", "parts.xacro:5", "'lenght' is not defined"),
+        ("${length * -2}", "parts.xacro:4", "link 'a' has a negative mass"),
+        ("${length}", "r.xacro:6", "effort 'abc' is not a finite number"),
+    ],
+)
+def test_errors_name_file_and_line_where_the_element_was_written(
+    tmp_path: Path, mass: str, place: str, message: str
+) -> None:
+    bar = [
+        f"{HEAD}<xacro:macro name='bar' params='name length'>", "<link name='${name}'>", "<!-- light -->",
+        "<inertial>", f"<mass value='{mass}'/>",
+        "<inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link></xacro:macro></robot>",
+    ]  # fmt: skip
+    save(tmp_path, "\n".join(bar), "parts.xacro")
+    robot = [
+        HEAD, "<xacro:include filename='parts.xacro'/>", "<link name='base'/>",
+        "<xacro:bar name='a' length='1'/>",
+        "<joint name='j' type='revolute'><parent link='base'/><child link='a'/><axis xyz='0 0 1'/>",
+        "<limit effort='abc' velocity='1' lower='-1' upper='1'/></joint></robot>",
+    ]  # fmt: skip
+    refused(save(tmp_path, "\n".join(robot), "r.xacro"), place, message)
 
 
 def test_an_optional_glob_that_matches_nothing_is_noted(tmp_path: Path) -> None:

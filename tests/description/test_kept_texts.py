@@ -38,7 +38,7 @@ def expand(at: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str
 
     def expand(**arguments: object) -> tuple[str, bool]:
         before = len(made)
-        text, _ = xacro.expand(str(at / "r.xacro"), arguments, ())
+        text, *_ = xacro.expand(str(at / "r.xacro"), arguments, ())
         return text.decode(), len(made) > before
 
     return expand

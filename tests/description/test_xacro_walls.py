@@ -375,7 +375,8 @@ PLAIN = """
 import sys, xacro
 from xacro import substitution_args
 substitution_args._eval_find = substitution_args._eval_dict["find"] = lambda package: sys.argv[1]
-sys.stdout.buffer.write(b"\\0".join(xacro.process_file(file).toxml("utf-8") for file in sys.argv[2:]))
+expanded = (xacro.process_file(file) for file in sys.argv[2:])
+sys.stdout.buffer.write(b"\\0".join(one.toprettyxml(indent="", encoding="utf-8") for one in expanded))
 """
 SOME = ["five_bar", "delta"]
 MORE = ["gough_stewart", "lx4", "rps3", "tanev", "scara_delta", "snake", *[

@@ -14,7 +14,8 @@ from tests.snippets import blocks
 
 SHOWN = 1e-3  # numbers are printed with two to six digits
 ROUNDING = 1e-9  # what is printed of a closed loop is rounding, other on every machine
-MACHINE = re.compile(r"[\d,.]+(?= samples/s)|(?<=wall time )[\d.]+")  # speeds
+#: Speeds, and where packages are installed.
+MACHINE = re.compile(r"[\d,.]+(?= samples/s)|(?<=wall time )[\d.]+|\S+(?=/example-robot-data/)")
 
 
 def same_word(word: str, expected: str) -> bool:

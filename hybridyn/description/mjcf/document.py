@@ -66,7 +66,7 @@ class Document:
             ModelError: A file cannot be read, or is named twice.
         """
         self.root = root
-        main = os.path.abspath(root.file.removesuffix(" (expanded)"))
+        main = os.path.abspath(root.file)
         around = Path(main).parent
         granted = [str(around.parent)] if around.name in FILE_FOLDERS else []
         own = RobotFolders(main, package_dirs, [], LARGEST_FILE, granted)

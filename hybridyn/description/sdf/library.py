@@ -61,7 +61,7 @@ class Library:
         Raises:
             ModelError: The version is not read, or an element is unknown.
         """
-        path = os.path.abspath(root.file.removesuffix(" (expanded)"))
+        path = os.path.abspath(root.file)
         self.root = root
         self.unread = Unread()
         self._folders = RobotFolders(path, package_dirs, [], LARGEST_FILE)

@@ -14,6 +14,7 @@ import itertools
 import os
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from importlib.machinery import ModuleSpec
@@ -24,7 +25,7 @@ from typing import Any
 from ...errors import ModelError, install_advice
 from ..cache_folder import hashed
 from ..kept_texts import keep, kept, state_of
-from ..shipped import data_folder
+from ..shipped import data_folder, shown
 from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE, refuse_dangerous
 
@@ -41,10 +42,18 @@ MOST_ASKED = 10_000
 _lock = threading.Lock()
 
 
+#: Attribute of an element that holds file and line until the expansion is written.
+PLACE = "hybridyn-place"
+
+#: File and line of each element of an expanded file, in document order: "" for the file itself, and line 0
+#: where they are not known.
+Places = list[tuple[str, int]]
+
+
 def expand(
     file: str, arguments: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
-) -> tuple[bytes, list[str]]:
-    """Expand a xacro file; return the XML, and xacro's warnings as notes.
+) -> tuple[bytes, list[str], Places]:
+    """Expand a xacro file; return the XML, xacro's warnings as notes, and where its elements were written.
 
     An expansion without arguments is kept, and used again while all that it asked of the robot's folders gets
     the same replies. Those with arguments, of which a sweep makes many, are not kept.
@@ -63,13 +72,13 @@ def expand(
     known = kept(name)
     if known is None or not _unchanged(_Asked(folders()), known["replies"]):
         asked = _Asked(folders())
-        text, notes = _expanded(file, {}, asked)
-        known = {"replies": asked.replies, "text": text.decode(), "notes": notes}
+        text, notes, places = _expanded(file, {}, asked)
+        known = {"replies": asked.replies, "text": text.decode(), "notes": notes, "places": places}
         keep(name, known)
-    return known["text"].encode(), known["notes"]
+    return known["text"].encode(), known["notes"], [(where, line) for where, line in known["places"]]
 
 
-def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tuple[bytes, list[str]]:
+def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tuple[bytes, list[str], Places]:
     """Expand a xacro file, see `expand`."""
     given = _Arguments({str(name): str(value) for name, value in arguments.items()})
     notes: list[str] = []
@@ -79,12 +88,24 @@ def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tupl
         try:
             document = xacro.process_file(os.path.abspath(file), mappings=given, verbosity=0)
             given.refuse_unused()
-            text: bytes = document.toxml(encoding="utf-8")
+            places = _places(document)
+            text: bytes = document.toprettyxml(indent="", encoding="utf-8")  # each element on its own line
         except Exception as error:
             raise _failure(xacro, error, file) from None
     if len(text) > LARGEST_FILE:
         raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
-    return text, notes
+    return text, notes, places
+
+
+def _places(document: Any) -> Places:
+    """Return where the elements of a document were written, in document order, and remove the attributes."""
+    out = []
+    for element in document.getElementsByTagName("*"):
+        where, _, line = element.getAttribute(PLACE).rpartition(":")
+        out.append((where, int(line or 0)))
+        if line:
+            element.removeAttribute(PLACE)
+    return out
 
 
 class _Asked:
@@ -173,7 +194,7 @@ def _own_xacro() -> Any:
 
 def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> None:
     """Connect xacro with an expansion's folders, arguments and notes, and with our evaluation."""
-    import xml.dom.minidom
+    from xml.dom.expatbuilder import ExpatBuilderNS
 
     from .expressions import Evaluator  # an expansion that is kept needs neither
 
@@ -185,6 +206,18 @@ def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> 
         notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
         return ""
 
+    class Placing(ExpatBuilderNS):
+        """A parser that notes the place of each element that is not xacro's own."""
+
+        place = ""
+
+        def start_element_handler(self, name: str, attributes: Any) -> None:
+            """Begin an element."""
+            super().start_element_handler(name, attributes)
+            element: Any = self.curNode
+            if not element.tagName.startswith("xacro:"):
+                element.setAttribute(PLACE, f"{self.place}:{self.getParser().CurrentLineNumber}")
+
     def parse(_: None, filename: str) -> Any:
         """Parse a file."""
         try:
@@ -193,7 +226,9 @@ def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> 
             xacro.filestack.pop()
             raise xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from None
         refuse_dangerous(content, filename)
-        return xml.dom.minidom.parseString(content)
+        parser = Placing()
+        parser.place = "" if filename == asked.folders.file else shown(Path(filename))
+        return parser.parseString(content)
 
     def locate(name: str) -> str:
         """Return the path of an included file."""
@@ -280,7 +315,12 @@ def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
         message = message[:LONGEST_MESSAGE] + " ..."
     stack = [name for name in xacro.filestack if name]
     where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
-    return ModelError(message, file=where, line=getattr(error, "lineno", None))
+    line = getattr(error, "lineno", None)
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        node = frame.f_locals.get("node") if frame.f_code.co_name == "eval_all" else None
+        written = getattr(node, "getAttribute", lambda _: "")(PLACE).rpartition(":")
+        where, line = (written[0] or file, int(written[2])) if written[2] else (where, line)
+    return ModelError(message, file=where, line=line)
 
 
 def _described(error: BaseException) -> str:

@@ -46,8 +46,22 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
 
-def parse(text: bytes, file: str) -> Node:
+class Expanded(str):
+    """The path of a xacro file, with the file and line where the elements of its expansion were written.
+
+    Attributes:
+        places: File ("" for the file itself) and line by line of the expansion; each element has its own.
+    """
+
+    __slots__ = ("places",)
+    places: dict[int, tuple[str, int]]
+
+
+def parse(text: bytes, file: str, places: Sequence[tuple[str, int]] | None = None) -> Node:
     """Parse the text of an XML file into its root element.
+
+    Args:
+        places: Of the expansion of a xacro file: file and line of each element, in document order.
 
     Raises:
         ModelError: The text is not well-formed XML, or contains a forbidden declaration (see above).
@@ -65,6 +79,9 @@ def parse(text: bytes, file: str) -> Node:
     count = sum(1 for _ in root.iter("*"))
     if count > MOST_ELEMENTS:
         raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
+    if places is not None:
+        file = Expanded(file)
+        file.places = {x.sourceline or 0: place for x, place in zip(root.iter("*"), places, strict=True)}
     return Node(root, file, tuple(notes))
 
 
@@ -162,13 +179,19 @@ class Node:
         name = str(self.xml.get("name", ""))[:100]
         return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
 
+    @property
+    def place(self) -> tuple[str, int | None]:
+        """File and line of the element; those of its macro if xacro wrote it."""
+        if not isinstance(self.file, Expanded):
+            return self.file, self.line
+        file, line = self.file.places.get(self.line or 0, ("", 0))
+        return file or str(self.file), line or None
+
     def error(self, message: str) -> ModelError:
         """Return (do not raise) an error with this element's file, line and name."""
+        file, line = self.place
         return ModelError(
-            f"{self.label}: {message}",
-            file=self.file,
-            line=self.line,
-            element=self.xml.get("name") or self.tag,
+            f"{self.label}: {message}", file=file, line=line, element=self.xml.get("name") or self.tag
         )
 
     def children(self, *tags: str) -> list[Node]:
@@ -206,11 +229,7 @@ class Node:
             wrong = "is empty" if attribute in self.xml.attrib else "is missing"
             raise self.error(f"attribute '{attribute}' {wrong}{did_you_mean(attribute, self.attributes())}")
         if len(value) > LONGEST_TEXT:
-            raise ModelError(
-                f"<{self.tag}>: attribute '{attribute}' has {len(value)} characters, limit {LONGEST_TEXT}",
-                file=self.file,
-                line=self.line,
-            )
+            raise self.error(f"attribute '{attribute}' has {len(value)} characters, limit {LONGEST_TEXT}")
         return value
 
     def attributes(self) -> list[str]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from ...description.urdf.xml_node import Node
 from ...errors import install_advice
 from .finding import Finding
-from .places import Places
 from .shapes import UNREAD
 from .subject import Subject
 
@@ -17,14 +16,14 @@ REPORTED_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both i
 
 def duplicated_names(root: Node) -> list[Finding]:
     """Return a finding for every name that two elements of one kind share. Such a file cannot be read."""
-    out, places = [], Places(root)
+    out = []
     for kind in NAMED:
-        lines: dict[str, int | None] = {}
+        known: dict[str, tuple[str, int | None]] = {}
         for node in root.children(kind):
             name = str(node.xml.get("name", "")).strip()
-            if name and name in lines:
-                place = places.of(kind, name, node.line)
-                first = "" if places.expanded else f", first in line {lines[name]}"
+            if name and name in known:
+                place = node.place
+                first = "" if known[name] == place else ", first in {}:{}".format(*known[name])
                 out.append(
                     Finding(
                         "duplicate-name",
@@ -36,7 +35,7 @@ def duplicated_names(root: Node) -> list[Finding]:
                     )
                 )
             elif name:
-                lines[name] = node.line
+                known[name] = node.place
     return out
 
 

@@ -59,7 +59,7 @@ def read_shapes(
         package_dirs: Folders in which `package://` searches.
         meshes: Whether mesh files are loaded.
     """
-    load = _MeshBoxes(root.file.removesuffix(" (expanded)"), package_dirs) if meshes else None
+    load = _MeshBoxes(root.file, package_dirs) if meshes else None
     out: dict[str, list[Shape]] = {}
     for shape in shapes_of(root, "visual", "collision"):
         out.setdefault(shape.link, []).append(_boxed(shape, load))
