@@ -110,8 +110,8 @@ def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
         name = hashlib.sha256(repr(asked).encode()).hexdigest()
         if os.path.basename(file).startswith("stewart_ur5") and not robots_of_others():
             skip("robots")
-        text, notes, places = once.once(name, lambda: expand(file, arguments, packages))
-        return text, list(notes), places
+        text, notes = once.once(name, lambda: expand(file, arguments, packages))
+        return text, list(notes)
 
     return expanded
 

@@ -68,8 +68,8 @@ def _expanded(
                     f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
                 )
             return root, list(root.notes)
-    expanded, notes, places = expand(file, xacro_args, package_dirs)
-    return parse(expanded, file, places), notes
+    expanded, notes = expand(file, xacro_args, package_dirs)
+    return parse(expanded, file, placed=True), notes
 
 
 def _parsed(text: bytes, file: str) -> Node:

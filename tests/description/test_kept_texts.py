@@ -38,7 +38,7 @@ def expand(at: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str
 
     def expand(**arguments: object) -> tuple[str, bool]:
         before = len(made)
-        text, *_ = xacro.expand(str(at / "r.xacro"), arguments, ())
+        text, _ = xacro.expand(str(at / "r.xacro"), arguments, ())
         return text.decode(), len(made) > before
 
     return expand
@@ -56,7 +56,7 @@ def test_an_expansion_is_kept_until_a_file_that_it_asked_for_changes(
     save(at, ROBOT, "r.xacro")
     save(at, '<robot name="first"><first/></robot>', "inner.xacro")
     first, again = expand(), expand()
-    assert "<first/>" in first[0]
+    assert "<first " in first[0]
     assert (first[1], again) == (True, (first[0], False))
     changes = [
         ("other", "inner.xacro"), ("part1", "part1.xacro"), ("absent", "absent.xacro"),
@@ -68,7 +68,7 @@ def test_an_expansion_is_kept_until_a_file_that_it_asked_for_changes(
             save(at, ROBOT.replace("absent", "own"), "r.xacro")
         text, made = expand()
         assert made
-        assert f"<{tag}/>" in text
+        assert f"<{tag} " in text
         assert expand() == (text, False)
     (at / "part1.xacro").unlink()
     assert expand()[1]

@@ -1,6 +1,7 @@
 """Restrictions on xacro files: expressions without access to Python, their bounds, and folders."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -326,7 +327,7 @@ def test_includes_outside_the_folder_are_refused(tmp_path: Path, path: str) -> N
 def test_any_robot_may_include_the_shipped_modules(tmp_path: Path) -> None:
     text = f'{HEAD}<xacro:include filename="{ROOT}/urdf/modules/bodies.xacro"/><link name="a"/></robot>'
     file = save(tmp_path, text, "r.xacro")
-    assert b'<link name="a"/>' in xacro_files.expand(str(file), {}, ())[0]
+    assert b' name="a"/>' in xacro_files.expand(str(file), {}, ())[0]
 
 
 DOUBLING = "".join(
@@ -393,4 +394,5 @@ def test_shipped_robots_expand_as_with_xacro_alone(names: list[str]) -> None:
     found = next((folder for folder in examples if Path(folder).is_dir()), "")
     done = subprocess.run([sys.executable, "-c", PLAIN, found, *files], capture_output=True, check=True)
     for file, text in zip(files, done.stdout.split(b"\0"), strict=True):
-        assert xacro_files.expand(file, {}, ())[0] == text
+        expanded = re.sub(rb' hybridyn-place="[^"]*"', b"", xacro_files.expand(file, {}, ())[0])
+        assert expanded == text

@@ -27,7 +27,7 @@ from ..cache_folder import hashed
 from ..kept_texts import keep, kept, state_of
 from ..shipped import data_folder, shown
 from .robot_folders import RobotFolders
-from .xml_node import LARGEST_FILE, refuse_dangerous
+from .xml_node import LARGEST_FILE, PLACE, refuse_dangerous
 
 #: Extras of hybridyn that install a package of robot files, by the name of the package.
 EXTRAS = {"example-robot-data": "robots"}
@@ -42,18 +42,10 @@ MOST_ASKED = 10_000
 _lock = threading.Lock()
 
 
-#: Attribute of an element that holds file and line until the expansion is written.
-PLACE = "hybridyn-place"
-
-#: File and line of each element of an expanded file, in document order: "" for the file itself, and line 0
-#: where they are not known.
-Places = list[tuple[str, int]]
-
-
 def expand(
     file: str, arguments: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
-) -> tuple[bytes, list[str], Places]:
-    """Expand a xacro file; return the XML, xacro's warnings as notes, and where its elements were written.
+) -> tuple[bytes, list[str]]:
+    """Expand a xacro file; return the XML, whose elements have a `PLACE`, and xacro's warnings as notes.
 
     An expansion without arguments is kept, and used again while all that it asked of the robot's folders gets
     the same replies. Those with arguments, of which a sweep makes many, are not kept.
@@ -72,13 +64,13 @@ def expand(
     known = kept(name)
     if known is None or not _unchanged(_Asked(folders()), known["replies"]):
         asked = _Asked(folders())
-        text, notes, places = _expanded(file, {}, asked)
-        known = {"replies": asked.replies, "text": text.decode(), "notes": notes, "places": places}
+        text, notes = _expanded(file, {}, asked)
+        known = {"replies": asked.replies, "text": text.decode(), "notes": notes}
         keep(name, known)
-    return known["text"].encode(), known["notes"], [(where, line) for where, line in known["places"]]
+    return known["text"].encode(), known["notes"]
 
 
-def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tuple[bytes, list[str], Places]:
+def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tuple[bytes, list[str]]:
     """Expand a xacro file, see `expand`."""
     given = _Arguments({str(name): str(value) for name, value in arguments.items()})
     notes: list[str] = []
@@ -88,24 +80,12 @@ def _expanded(file: str, arguments: Mapping[str, object], asked: _Asked) -> tupl
         try:
             document = xacro.process_file(os.path.abspath(file), mappings=given, verbosity=0)
             given.refuse_unused()
-            places = _places(document)
             text: bytes = document.toprettyxml(indent="", encoding="utf-8")  # each element on its own line
         except Exception as error:
             raise _failure(xacro, error, file) from None
     if len(text) > LARGEST_FILE:
         raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
-    return text, notes, places
-
-
-def _places(document: Any) -> Places:
-    """Return where the elements of a document were written, in document order, and remove the attributes."""
-    out = []
-    for element in document.getElementsByTagName("*"):
-        where, _, line = element.getAttribute(PLACE).rpartition(":")
-        out.append((where, int(line or 0)))
-        if line:
-            element.removeAttribute(PLACE)
-    return out
+    return text, notes
 
 
 class _Asked:
@@ -213,10 +193,9 @@ def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> 
 
         def start_element_handler(self, name: str, attributes: Any) -> None:
             """Begin an element."""
+            if not name.endswith(" xacro"):  # "URI name prefix"
+                attributes = [*attributes, PLACE, f"{self.place}:{self.getParser().CurrentLineNumber}"]
             super().start_element_handler(name, attributes)
-            element: Any = self.curNode
-            if not element.tagName.startswith("xacro:"):
-                element.setAttribute(PLACE, f"{self.place}:{self.getParser().CurrentLineNumber}")
 
     def parse(_: None, filename: str) -> Any:
         """Parse a file."""

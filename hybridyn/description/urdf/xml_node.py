@@ -46,6 +46,10 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
 
+#: Attribute of an element that xacro writes: file ("" for the file itself) and line of its origin.
+PLACE = "hybridyn-place"
+
+
 class Expanded(str):
     """The path of a xacro file, with the file and line where the elements of its expansion were written.
 
@@ -57,11 +61,11 @@ class Expanded(str):
     places: dict[int, tuple[str, int]]
 
 
-def parse(text: bytes, file: str, places: Sequence[tuple[str, int]] | None = None) -> Node:
+def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
     """Parse the text of an XML file into its root element.
 
     Args:
-        places: Of the expansion of a xacro file: file and line of each element, in document order.
+        placed: Whether the text is the expansion of a xacro file, whose elements have a `PLACE`.
 
     Raises:
         ModelError: The text is not well-formed XML, or contains a forbidden declaration (see above).
@@ -79,9 +83,12 @@ def parse(text: bytes, file: str, places: Sequence[tuple[str, int]] | None = Non
     count = sum(1 for _ in root.iter("*"))
     if count > MOST_ELEMENTS:
         raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
-    if places is not None:
+    if placed:
         file = Expanded(file)
-        file.places = {x.sourceline or 0: place for x, place in zip(root.iter("*"), places, strict=True)}
+        file.places = {}
+        for xml in root.iter("*"):
+            where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
+            file.places[Node(xml, "").line or 0] = where, int(line or 0)
     return Node(root, file, tuple(notes))
 
 
