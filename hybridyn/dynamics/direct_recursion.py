@@ -24,7 +24,6 @@ from .guards import FORCED, MASSLESS, check, check_closure_rank, check_digits
 from .inertia_solve import (
     InertiaFactor,
     congruence,
-    factor_inertia,
     force_of_slips,
     largest_term,
     largest_term_of,
@@ -112,7 +111,7 @@ def articulate(
         noise[k] += rounding_of(I_star[k])
         legs, efforts = loads.leg_terms(k, s), tau[:, module.motor_index]
         x = _equation_of_motion(s, basis, unforced, legs, I_star[k], beta_star[k], efforts)
-        x.inertia = factor_inertia(x.A_t, seeming(x, noise[k]))
+        x.inertia = InertiaFactor(x.A_t, seeming(x, noise[k]))
         solved, left = x.inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
         x.size = largest_term_of(x)
         _check_massless(x, left[..., 6])

@@ -7,12 +7,11 @@ without inertia. The bounds on the rounding are computed from what `direct_recur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..spatial import Array, Mask
+from ..spatial import Array
 from .guards import EPS
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ def congruence(B: Array, M: Array) -> Array:
     return np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
 
 
-@dataclass(frozen=True, eq=False)
 class InertiaFactor:
     """The principal motions of many inertia matrices, in units of their rounding: N^T A N = diag(values).
 
@@ -32,18 +30,20 @@ class InertiaFactor:
         A: The matrices, shape (T, n, n).
         motions: N, shape (T, n, n): columns that are orthonormal in the unit of each coordinate, in which its
             rounding is one.
-        values: Inertia of each principal motion over its rounding, shape (T, n). Motions with values of at
-            most one have no inertia.
+        values: Inertia of each principal motion over its rounding, shape (T, n).
+        massless: Principal motions without inertia, whose values are at most one, shape (T, n).
     """
 
-    A: Array
-    motions: Array
-    values: Array
+    def __init__(self, A: Array, noise: Array) -> None:
+        """Compute the principal motions.
 
-    @property
-    def massless(self) -> Mask:
-        """Principal motions without inertia, shape (T, n)."""
-        return self.values <= 1.0
+        Args:
+            A: Symmetric positive semidefinite matrices, shape (T, n, n), all entries in [kg m^2].
+            noise: Rounding of each diagonal entry, shape (T, n), positive where the entry is.
+        """
+        unit = 1.0 / np.sqrt(np.where(noise > 0, noise, 1.0))
+        self.values, vectors = np.linalg.eigh(A * unit[:, :, None] * unit[:, None])
+        self.A, self.motions, self.massless = A, vectors * unit[:, :, None], self.values <= 1.0
 
     def solve(self, b: Array) -> tuple[Array, Array]:
         """Solve A x = b for b of shape (T, n, c), with x = 0 along motions without inertia.
@@ -60,18 +60,6 @@ class InertiaFactor:
         x += np.matmul(inverse, np.matmul(turned, b - np.matmul(self.A, x)))
         force = np.matmul(turned, b) / np.abs(turned).max(axis=2, keepdims=True, initial=0.0)
         return x, np.where(massless[..., None], force, 0.0)
-
-
-def factor_inertia(A: Array, noise: Array) -> InertiaFactor:
-    """Compute the principal motions of inertia matrices.
-
-    Args:
-        A: Symmetric positive semidefinite matrices, shape (T, n, n), all entries in [kg m^2].
-        noise: Rounding of each diagonal entry, shape (T, n), positive where the entry is.
-    """
-    unit = 1.0 / np.sqrt(np.where(noise > 0, noise, 1.0))
-    values, vectors = np.linalg.eigh(A * unit[:, :, None] * unit[:, None])
-    return InertiaFactor(A, vectors * unit[:, :, None], values)
 
 
 def seeming(x: ArticulatedModule, noise: Array) -> Array:

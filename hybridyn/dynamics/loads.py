@@ -124,11 +124,11 @@ class Loads:
     def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
         """Compute what the loads on module k exert on its base and along x, as `ModuleLoad.on_legs`."""
         base, along = self.modules[k].on_legs(state)
-        return base, along + self._along(state, self.joints)
+        return base, along + state.mechanism.cut.to_tree(self.joints[:, state.module.v_index])
 
     def rotor_diagonal(self, state: ModuleState) -> Array:
         """Return the inertia that rotors add to the diagonal along x, shape (1, n)."""
-        return self._along(state, self.rotors[None])
+        return state.mechanism.cut.to_tree(self.rotors[None, state.module.v_index])
 
     def leg_matrix(self, state: ModuleState) -> Array:
         """Compute M_leg with rotors, shape (T, 6 + n, 6 + n)."""
@@ -142,10 +142,6 @@ class Loads:
         p, h = self.on.leg_forces(state, bias=True)
         f_base, f = self.on_legs(k, state)
         return LegTerms(M, p - f_base, h, f)
-
-    def _along(self, state: ModuleState, of_robot: Array) -> Array:
-        """Return numbers of the robot's freedoms, shape (T, nv), along x, (T, n)."""
-        return state.mechanism.cut.to_tree(of_robot[:, state.module.v_index])
 
 
 def all_loads(

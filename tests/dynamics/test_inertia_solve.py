@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridyn.dynamics.guards import EPS
-from hybridyn.dynamics.inertia_solve import InertiaFactor, factor_inertia
+from hybridyn.dynamics.inertia_solve import InertiaFactor
 from tests.comparing import ROUNDING, close_to
 
 GRADES = [1.0, 1e6, 1e12]  # heaviest over lightest coordinate
@@ -18,7 +18,7 @@ def drawn(rank: int, grade: float = 1.0, seed: int = 0) -> tuple[np.ndarray, np.
 
 
 def factored(A: np.ndarray) -> InertiaFactor:
-    return factor_inertia(A, 16 * EPS * np.diagonal(A, axis1=1, axis2=2))
+    return InertiaFactor(A, 16 * EPS * np.diagonal(A, axis1=1, axis2=2))
 
 
 @pytest.mark.parametrize("grade", GRADES)
@@ -45,7 +45,7 @@ def test_principal_motions_diagonalise_the_matrix() -> None:
 def test_motions_without_inertia_are_found_and_left_at_rest(rank: int) -> None:
     C, A = drawn(rank)
     noise = np.full((SAMPLES, SIZE), 1e-13)
-    factor = factor_inertia(A, noise)
+    factor = InertiaFactor(A, noise)
     assert (factor.massless.sum(axis=1) == SIZE - rank).all()
     for t in range(SAMPLES):
         null = factor.motions[t][:, factor.massless[t]]
@@ -56,7 +56,7 @@ def test_motions_without_inertia_are_found_and_left_at_rest(rank: int) -> None:
 
 def test_a_force_that_moves_no_mass_is_left_over() -> None:
     C, A = drawn(3)
-    factor = factor_inertia(A, np.full((SAMPLES, SIZE), 1e-13))
+    factor = InertiaFactor(A, np.full((SAMPLES, SIZE), 1e-13))
     null = factor.motions[:, :, 0]  # the smallest value stands first
     force = np.einsum("tri,tr->ti", C, np.ones((SAMPLES, 3)))
     x, left = factor.solve(np.stack([force, force + null / np.linalg.norm(null)], axis=-1))
@@ -69,10 +69,10 @@ def test_each_sample_decides_by_itself() -> None:
     _, whole = drawn(SIZE)
     _, thin = drawn(2)
     A = np.stack([whole[0], thin[0], np.zeros((SIZE, SIZE))])
-    factor = factor_inertia(A, np.full((3, SIZE), 1e-13))
+    factor = InertiaFactor(A, np.full((3, SIZE), 1e-13))
     assert factor.massless.sum(axis=1).tolist() == [0, SIZE - 2, SIZE]
     b = np.random.default_rng(2).normal(size=(3, SIZE, 1))
-    alone = [factor_inertia(A[t : t + 1], np.full((1, SIZE), 1e-13)).solve(b[t : t + 1]) for t in range(3)]
+    alone = [InertiaFactor(A[t : t + 1], np.full((1, SIZE), 1e-13)).solve(b[t : t + 1]) for t in range(3)]
     together = factor.solve(b)
     for t in range(3):
         assert np.array_equal(together[0][t], alone[t][0][0])
@@ -81,7 +81,7 @@ def test_each_sample_decides_by_itself() -> None:
 
 @pytest.mark.parametrize(("samples", "size"), [(0, 3), (2, 0), (0, 0), (1, 1)])
 def test_nothing_is_a_matrix_too(samples: int, size: int) -> None:
-    factor = factor_inertia(np.tile(np.eye(size), (samples, 1, 1)), np.full((samples, size), EPS))
+    factor = InertiaFactor(np.tile(np.eye(size), (samples, 1, 1)), np.full((samples, size), EPS))
     x, left = factor.solve(np.ones((samples, size, 2)))
     assert np.array_equal(x, np.ones((samples, size, 2)))
     assert not left.any()
