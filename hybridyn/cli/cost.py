@@ -15,6 +15,7 @@ import click
 
 from .common.figures import figure_file, save
 from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
+from .common.options import RobotChoice, RobotCommand, takes_robot_of
 from .common.report import report_file, write_report
 from .common.text import aligned_rows
 
@@ -46,8 +47,10 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
-@click.command("cost", short_help="Measure what accuracy costs in time, for your robot.")
-@click.argument("source", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
+@click.command("cost", cls=RobotCommand, short_help="Measure what accuracy costs in time, for your robot.")
+@takes_robot_of(
+    click.argument("robot", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
+)
 @click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
 @click.option(
     "--target",
@@ -75,7 +78,7 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     "--plot", metavar="FILE", callback=figure_file, help="Error against time as a figure: .png, .svg or .pdf."
 )
 def command(
-    source: str,
+    load: RobotChoice,
     trajectory: str | None,
     target: float | None,
     every: bool,
@@ -95,6 +98,7 @@ def command(
     from ..description.shipped import own_trajectory
     from ..studies.cost.points import Study
 
+    source = load.robot
     scene = source.endswith(".toml")
     if not scene and trajectory is None:
         trajectory = own_trajectory(source)
@@ -108,6 +112,8 @@ def command(
         )
     if not scene and trajectory is None:
         raise click.UsageError("give a robot and a trajectory, or a scene alone (a .toml file)")
+    if scene and load != RobotChoice(source):
+        raise click.UsageError("the robot's options stand in the scene: leave them out")
     if not scene and (until or allow_python):
         raise click.UsageError("--until and --allow-python are for scenes")
     study, status, lines = Study("", "per run" if scene else "per sample"), 0, list[str]()
@@ -115,7 +121,7 @@ def command(
         if scene:
             lines = _scene(study, source, (until, seconds, target), allow_python, _shown(study))
         else:
-            _robot(study, source, str(trajectory), _shown(study))
+            _robot(study, load, str(trajectory), _shown(study))
     except KeyboardInterrupt:
         status = INTERRUPTED
         study.remarks.append("stopped by Ctrl-C: what follows was not measured")
@@ -144,16 +150,14 @@ def _shown(study: Study) -> Callable[[Point], None]:
     return show
 
 
-def _robot(study: Study, source: str, trajectory: str, progress: Callable[[Point], None]) -> None:
+def _robot(study: Study, load: RobotChoice, trajectory: str, progress: Callable[[Point], None]) -> None:
     """Measure a robot on a trajectory, with every effect that its files state."""
-    import hybridyn
-
     from ..effects import choose
     from ..errors import TrajectoryError
     from ..streams.postures import Postures, all_postures
     from ..studies.cost.models import Trajectory, study_models
 
-    robot = hybridyn.load(source)
+    robot = load()
     layout, blocks = all_postures(robot, trajectory)
     motion, q, v, a = Postures.joined(blocks)
     if motion.wrenches:

@@ -120,7 +120,6 @@ takes_packages = click.option(
 )
 
 _OPTIONS = (
-    click.argument("robot", callback=robot_file, shell_complete=complete_robot),
     click.option(
         "--base",
         type=click.Choice(["fixed", "moving", "floating"]),
@@ -179,14 +178,14 @@ class RobotChoice:
     """
 
     robot: str
-    base: Base | None
-    motors: list[str] | None
-    gravity: tuple[float, float, float] | None
-    xacro_args: dict[str, str]
-    package_dirs: tuple[str, ...]
-    rank_tolerance: float | None
-    closure_tolerance: float
-    strict: bool
+    base: Base | None = None
+    motors: list[str] | None = None
+    gravity: tuple[float, float, float] | None = None
+    xacro_args: dict[str, str] = dataclasses.field(default_factory=dict)
+    package_dirs: tuple[str, ...] = ()
+    rank_tolerance: float | None = None
+    closure_tolerance: float = 1e-4
+    strict: bool = False
 
     def __call__(self) -> HybridRobot:
         """Load the robot."""
@@ -196,19 +195,32 @@ class RobotChoice:
         return hybridyn.load(words.pop("robot"), **words)
 
 
-def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of the robot to a command, which receives `load`: a function that loads the robot.
+def takes_robot_of(
+    argument: Callable[[Callable[..., Any]], Callable[..., Any]],
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator that adds the options of a robot to a command.
+
+    The command receives `load`, a `RobotChoice`: a function that loads the robot.
 
     Args:
-        function: The command's body; its keyword `load` is a `RobotChoice`.
+        argument: The argument that names the robot, called `robot`.
     """
 
-    @functools.wraps(function)
-    def body(**words: Any) -> Any:
-        """Collect the robot's options in a `RobotChoice`, and call the function with it."""
-        own = {field.name: words.pop(field.name) for field in dataclasses.fields(RobotChoice)}
-        return function(load=RobotChoice(**own), **words)
+    def add(function: Callable[..., Any]) -> Callable[..., Any]:
+        """Add the options to the body of a command."""
 
-    for option in reversed(_OPTIONS):
-        body = option(body)
-    return body
+        @functools.wraps(function)
+        def body(**words: Any) -> Any:
+            """Collect the robot's options in a `RobotChoice`, and call the function with it."""
+            own = {field.name: words.pop(field.name) for field in dataclasses.fields(RobotChoice)}
+            return function(load=RobotChoice(**own), **words)
+
+        for option in reversed((argument, *_OPTIONS)):
+            body = option(body)
+        return body
+
+    return add
+
+
+#: Adds the argument ROBOT and its options to a command.
+takes_robot = takes_robot_of(click.argument("robot", callback=robot_file, shell_complete=complete_robot))
