@@ -2,6 +2,10 @@
 
 from pathlib import Path
 
+from lxml import etree
+
+from hybridyn.description.opening import open_robot
+
 
 def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:
     """Write a text to a file in a folder, which is made where it is missing, and give its path."""
@@ -9,3 +13,8 @@ def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+def expanded(file: Path) -> str:
+    """Return the text of an expanded xacro file."""
+    return str(etree.tostring(open_robot(file).xml, encoding="unicode"))

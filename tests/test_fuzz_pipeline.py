@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.description.urdf.xacro import expand
 from hybridyn.errors import HybridynError
 from hybridyn.streams.postures import postures
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
 from tests import ROOT
+from tests.files import expanded
 from tests.mutations import FLAT, TREE, change_number, swap_values
 from tests.oracle import Oracle
 from tests.posing import position
@@ -50,7 +50,7 @@ def originals(name: str) -> Texts:
         columns += list(0.02 * rates)
     rows = [",".join(header), *(",".join(f"{x:.6f}" for x in row) for row in np.array(columns).T)]
     return {
-        ".urdf": expand(str(path), {}, ())[0].decode(),
+        ".urdf": expanded(path),
         ".model.toml": (ROOT / f"models/{name}/model.toml").read_text(),
         ".csv": "\n".join(rows) + "\n",
     }

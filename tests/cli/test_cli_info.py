@@ -10,7 +10,7 @@ from hybridyn.cli.info import _Tree
 from hybridyn.studies.check import loops
 from hybridyn.studies.check.loops import home_residuals
 from tests import ROOT
-from tests.files import save
+from tests.files import expanded, save
 
 SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
 
@@ -51,10 +51,9 @@ def test_motions_without_a_motor(run) -> None:
 def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
     """Six digits of an axis: what closes in the plane to rounding no longer does exactly."""
     assert "rank  " not in run("info", FIVE_BAR).out
-    from hybridyn.description.urdf.xacro import expand
-
-    text = expand(str(FIVE_BAR), {}, ())[0].decode()
-    path = save(tmp_path, text.replace('<axis xyz="0 1 0"/>', '<axis xyz="1e-7 1 2e-7"/>', 1), "r.urdf")
+    path = save(
+        tmp_path, expanded(FIVE_BAR).replace('<axis xyz="0 1 0"/>', '<axis xyz="1e-7 1 2e-7"/>', 1), "r.urdf"
+    )
     out = run("info", path).out
     found = re.search(r"rank +2; relative singular values count from (\S+) up, and not up to\s+(\S+):", out)
     assert found is not None, out
