@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -180,12 +181,8 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite.
     """
-    import pinocchio as pin
-
     q, v, single = checked_state(robot, q, v)
-    model, data = _with_mass(robot)
-    found = [pin.computeCentroidalMomentum(model, data, *state).vector for state in zip(q, v, strict=True)]
-    out = np.array(found).reshape(len(q), 6)
+    out = _by_pinocchio(robot, "computeCentroidalMomentum", 6, q, v)
     return out[0] if single else out
 
 
@@ -199,16 +196,13 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
     """
-    import pinocchio as pin
-
     q, single = as_positions(robot, q)
-    model, data = _with_mass(robot)
-    out = np.array([pin.centerOfMass(model, data, posture) for posture in q]).reshape(len(q), 3)
+    out = _by_pinocchio(robot, "centerOfMass", 3, q)
     return out[0] if single else out
 
 
-def _with_mass(robot: HybridRobot) -> tuple[pin.Model, pin.Data]:
-    """Return the robot's Pinocchio model with its memory.
+def _by_pinocchio(robot: HybridRobot, algorithm: str, width: int, *states: Array) -> Array:
+    """Compute a quantity of all that moves by an algorithm of Pinocchio, shape (T, width).
 
     Raises:
         TrajectoryError: Nothing that moves has mass.
@@ -218,7 +212,9 @@ def _with_mass(robot: HybridRobot) -> tuple[pin.Model, pin.Data]:
     model = robot.unchanged_model
     if not pin.computeTotalMass(model):
         raise TrajectoryError(f"robot '{robot.name}' has no moving mass, and so no centre of mass")
-    return model, model.createData()
+    compute = partial(getattr(pin, algorithm), model, model.createData())
+    found = [np.array(compute(*state)) for state in zip(*states, strict=True)]
+    return np.array(found).reshape(len(found), width)
 
 
 def leg_bodies(robot: HybridRobot) -> set[int]:

@@ -224,7 +224,7 @@ def rate_of_map(
         E: dq/du, shape (T, nv, N).
         drift: The drift at positions (S, nq) and rates (S, nv), shape (S, nv).
     """
-    u.refuse_idle(robot, "the rate of dq/du")
+    u.fit(robot, "the rate of dq/du")
     if not u.size:
         return np.zeros_like(E)
     places = blocks(robot, u)

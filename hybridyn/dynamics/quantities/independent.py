@@ -24,7 +24,7 @@ from ...errors import SingularityError
 from ...linkage.joints import ROOT_JOINT
 from ...linkage.reduction import Basis
 from ...spatial import Array, Index
-from ...structure.module import Module, ModuleState
+from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ..guards import LOST_MOTORS, OPEN_MOTIONS, check, check_closure_rank
 
@@ -59,36 +59,29 @@ class Coordinates:
         """What messages call the joints."""
         return "chosen joints" if self.chosen else "motors"
 
-    def check_count(self, module: Module, count: int) -> None:
+    def fit(self, robot: HybridRobot, idle: str = "") -> None:
         """Refuse more coordinates than a module has freedoms.
 
-        Raises:
-            SingularityError: Naming the module.
-        """
-        if count > module.mobility:
-            self._refuse(module, count, "cannot be independent")
-
-    def refuse_idle(self, robot: HybridRobot, what: str) -> None:
-        """Refuse to leave idle motions open: their least-norm rates integrate to no position.
-
         Args:
-            what: What is not defined then.
+            idle: What is not defined where fewer leave idle motions open, whose least-norm rates integrate
+                to no position; they are then refused, too.
 
         Raises:
             SingularityError: Naming the module.
         """
         for module, own in zip(robot.modules, self.own, strict=True):
-            if len(own) < module.mobility:
-                self._refuse(module, len(own), f"leave idle motions open, and {what} is not defined")
-
-    def _refuse(self, module: Module, count: int, why: str) -> None:
-        raise SingularityError(
-            f"module '{module.name}': {count} {self.words} for {counted(module.mobility, 'freedom')} {why}. "
-            f"{self.mend}, {module.mobility} in this module",
-            module=module.name,
-            what="independent coordinates",
-            condition=np.inf,
-        )
+            spare = len(own) - module.mobility
+            if spare > 0 or (spare < 0 and idle):
+                fewer = f"leave idle motions open, and {idle} is not defined"
+                why = "cannot be independent" if spare > 0 else fewer
+                raise SingularityError(
+                    f"module '{module.name}': {len(own)} {self.words} for "
+                    f"{counted(module.mobility, 'freedom')} {why}. "
+                    f"{self.mend}, {module.mobility} in this module",
+                    module=module.name,
+                    what="independent coordinates",
+                    condition=np.inf,
+                )
 
 
 def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) -> Coordinates:
@@ -106,8 +99,7 @@ def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) ->
     names = tuple(name for name in (robot.motors if joints is None else joints) if name not in base)
     check_joints(robot, names)
     out = located(robot, (*base, *names), chosen=joints is not None)
-    for module, entries in zip(robot.modules, out.own, strict=True):
-        out.check_count(module, len(entries))
+    out.fit(robot)
     return out
 
 

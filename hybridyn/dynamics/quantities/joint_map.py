@@ -179,13 +179,12 @@ def related(
     """
     names = tuple(joints)
     check_joints(robot, names)
-    modules, motors = modules_of(robot, names), motors_beside(robot, names)
+    motors = motors_beside(robot, names)
     q, single = as_positions(robot, posture_at(holding(robot, q), q) if isinstance(q, Mapping) else q)
     outputs = located(robot, names, chosen=True)
     driven = replace(located(robot, motors, chosen=False), mend="Load the robot with motors=[...]")
     for side in (outputs, driven):
-        for k in modules:
-            side.check_count(robot.modules[k], len(side.own[k]))
+        side.fit(robot)
     H = motions(q, None, outputs)[0][:, driven.columns]
     G = motions(q, None, driven)[0][:, outputs.columns]
     arrays = q, positions_of(robot, q, names), positions_of(robot, q, motors), H, G

@@ -212,7 +212,7 @@ def coriolis_matrix(
         TrajectoryError: An array has the wrong shape or is not finite, or a prescribed base moves.
     """
     engine = Engine.of(robot, joints, chosen_effects(robot, effects).only(QUADRATIC))
-    engine.u.refuse_idle(robot, "the Coriolis matrix")
+    engine.u.fit(robot, "the Coriolis matrix")
     q, v, single = checked_state(robot, q, v)
     if robot.base == "moving" and v[:, :6].any():
         raise TrajectoryError(

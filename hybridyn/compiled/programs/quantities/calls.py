@@ -240,7 +240,7 @@ class Quantities:
 def _map_and_rate(moves: Following, q: Array, v: Array, limit: float) -> Computed:
     """Compute dq/du and its rate side by side, shape (T, nv, 2 N), and which samples can be trusted."""
     robot, u = moves.robot, moves.u
-    u.refuse_idle(robot, "the rate of dq/du")
+    u.fit(robot, "the rate of dq/du")
     E, good = moves.map(q)
     base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
     off = np.abs((np.einsum("tij,tj->ti", E, v[:, u.columns]) + base - v) / robot.unit).max(
