@@ -91,7 +91,7 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
         tau: Efforts of the motors, shape (T, motors).
         loads: External wrenches and effects.
     """
-    result, on = Reactions.empty(len(q)), loads.on
+    result, on = Reactions(np.zeros((len(q), 6))), loads.on
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     backward(robot, states, loads, None, tau, result, q, v, a)
     return result

@@ -127,7 +127,7 @@ def inverse_model(
     if robot.description.left_out:
         hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
-    result = Reactions.empty(len(q)) if reactions else None
+    result = Reactions(np.zeros((len(q), 6))) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
     backward(robot, states, loads, sharing, tau, result, q, v, a)
     if on.limits is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,15 +44,10 @@ class Reactions:
     """
 
     base: Array
-    modules: dict[str, Array]
-    closures: dict[str, Array]
-    unique: dict[str, bool]
-    determined: dict[str, Mask]
-
-    @classmethod
-    def empty(cls, samples: int) -> Reactions:
-        """Build reactions with a zero base wrench and without modules and closures."""
-        return cls(np.zeros((samples, 6)), {}, {}, {}, {})
+    modules: dict[str, Array] = field(default_factory=dict)
+    closures: dict[str, Array] = field(default_factory=dict)
+    unique: dict[str, bool] = field(default_factory=dict)
+    determined: dict[str, Mask] = field(default_factory=dict)
 
     def sample(self, t: int) -> Reactions:
         """Return the reactions at one sample."""
