@@ -77,6 +77,7 @@ def run(engine: str, workers: int, designs: int, postures: int) -> Run:
         np.savetxt(Path(place, "pick.csv"), rows, "%.6f", ",", header=header, comments="")
         words = [
             "sweep",
+            "--no-compile",
             "study.toml",
             "-o",
             "out",
