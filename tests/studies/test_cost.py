@@ -281,6 +281,22 @@ def test_a_scene_on_the_command_line(
     assert figure.read_text().startswith("<?xml")
 
 
+def test_ctrl_c_keeps_what_was_measured(
+    swing: Study, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*given: object) -> None:
+        """Measure two settings."""
+        study = given[-1]
+        assert isinstance(study, Study)
+        study.points += swing.points[:2]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runs, "study_runs", interrupted)
+    out = call(capsys, "cost", SWING, "--until", SHORT, "--all", status=130)
+    assert all(p.setting in out.out for p in swing.points[:2])
+    assert "stopped by Ctrl-C: what follows was not measured" in out.out
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("target", [1e-3, 1e-8])
 def test_the_lines_of_a_target_run_and_reach_it(
