@@ -16,7 +16,6 @@ import numpy as np
 
 from ...effects.choice import UNITS, Effects, choose
 from ...errors import HybridynError
-from ...linkage.joints import TreeJoint
 from ...scenes.stage import Stage
 from ...simulation.simulate import simulate
 from ...spatial import Array
@@ -342,14 +341,7 @@ def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
 
 def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
     """Return the largest displacement of a joint between two postures, in radians or module lengths."""
-    worst = 0.0
-    unit = {joint: m.mechanism.length for m in robot.modules for joint in m.joints}
-    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-        joint = TreeJoint(name, kind, 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))  # type: ignore[arg-type]
-        move = joint.difference(q0[None, at], q1[None, at])[0]
-        sliding = {"prismatic": 1, "planar": 2, "floating": 3}.get(kind, 0)
-        length = unit.get(name, 1.0)
-        worst = max(
-            worst, np.abs(move[:sliding]).max(initial=0.0) / length, np.abs(move[sliding:]).max(initial=0.0)
-        )
-    return float(worst)
+    import pinocchio as pin
+
+    move = pin.difference(robot.unchanged_model, q0, q1)
+    return float(np.abs(move / robot.unit).max(initial=0.0))
