@@ -366,6 +366,14 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     assert typical_step(5, 0.05) <= 0.05
 
 
+def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs("compiled")
+    monkeypatch.setattr(runs, "clock", Clock(tick=0.1))  # s a step
+    study = study_runs(stage(SWING), 2.0)
+    assert any("s of the scene are measured: --seconds gives more time" in said for said in study.remarks)
+    assert advice(study, 1e-3).startswith("For 0.1 % on the last posture, take")
+
+
 def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     needs("compiled")
     rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines()

@@ -32,8 +32,8 @@ SECONDS = 30.0
 ONE_RUN, SLOW_RUN, FOR_EFFECTS = 1 / 12, 1 / 20, 1 / 4
 #: Relative tolerances of the runs that lead to the reference, coarse to fine.
 LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
-#: Relative tolerance of the runs that show what effects are worth.
-OF_EFFECTS = 1e-8
+#: Relative tolerance of the runs that show what effects are worth, compiled and by the general path.
+OF_EFFECTS, SLOWLY = 1e-8, 1e-5
 #: Number of measurements of a short run, and the longest time of such a run [s].
 ROUNDS, SHORT = 3, 0.3
 #: Effects that can be left out without changing the task of a scene.
@@ -173,8 +173,12 @@ def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
     if isinstance(why, str):
         study.remarks.append(f"no compiled models: {why}")
     usual = usual_setting(own_options(ready), engines[0])
-    first = _first(runner, engines[0], usual, one)
-    ended = "" if first.t >= runner.duration * (1 - 1e-12) else ", where an event ends it"
+    first = _first(runner, engines[0], usual, 2 * one)
+    ended = "" if first.t >= runner.duration * (1 - 1e-12) or not first.whole else ", where an event ends it"
+    if not first.whole:
+        study.remarks.append(
+            f"only the first {first.t:.3g} s of the scene are measured: --seconds gives more time"
+        )
     runner.duration = first.t
     study.question = (
         f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
@@ -207,13 +211,12 @@ def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
 
 
 def _first(runner: Runner, dtype: str, usual: Setting, limit: float) -> Run:
-    """Run the scene once, to see where an event ends it and how long its steps are."""
+    """Run the scene once, to see where an event or its time ends it and how long its steps are."""
     quick = Setting("", "", {"method": "dopri5", "rtol": OF_EFFECTS, "atol": OF_EFFECTS * 1e-2}, dtype)
     try:
-        run = runner.run(quick, limit, watch=bool(runner.ready.events))
+        return runner.run(quick, limit, watch=bool(runner.ready.events))
     except HybridynError:
         return runner.run(usual, np.inf, watch=True)
-    return run if run.whole else runner.run(usual, np.inf, watch=True)
 
 
 def typical_step(steps: int, duration: float) -> float:
@@ -288,7 +291,8 @@ def _worth(study: Study, runner: Runner, reference: Setting, seconds: float) -> 
     """Measure what each effect changes: those of the scene if left out, those of the files if added."""
     robot, on = runner.ready.robot, runner.ready.effects
     stated = choose(robot, "model")
-    options = {**reference.options, "rtol": OF_EFFECTS, "atol": OF_EFFECTS * 1e-2}
+    rtol = OF_EFFECTS if reference.dtype else SLOWLY
+    options = {**reference.options, "rtol": rtol, "atol": rtol * 1e-2}
     setting, every = reference._replace(options=options), operations(robot, on, "ddm")
     own = runner.run(setting, seconds)
     left = seconds - own.seconds
@@ -306,9 +310,10 @@ def _worth(study: Study, runner: Runner, reference: Setting, seconds: float) -> 
             study.remarks.append(f"{name}: {error}")
             continue
         left -= run.seconds
-        share = operations(robot, other, "ddm") / every - 1.0
-        change = distance(robot, run.q, own.q) if run.whole else float("nan")
-        study.worth.append(Worth(name, change, -share if computed else share, computed))
+        if run.whole:
+            share = operations(robot, other, "ddm") / every - 1.0
+            change = distance(robot, run.q, own.q)
+            study.worth.append(Worth(name, change, -share if computed else share, computed))
 
 
 def _with(on: Effects, stated: Effects, name: str) -> Effects:
@@ -326,10 +331,9 @@ def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
 
     Effects are left out, the least important first, as long as their changes together stay below the target.
     """
-    known = [one for one in study.worth if np.isfinite(one.error)]
-    needed = {one.effect for one in known if not one.computed and one.error > target}
+    needed = {one.effect for one in study.worth if not one.computed and one.error > target}
     spent, gone = 0.0, set()
-    for one in sorted((one for one in known if one.computed), key=lambda one: one.error):
+    for one in sorted((one for one in study.worth if one.computed), key=lambda one: one.error):
         spent += one.error
         if spent <= target:
             gone.add(one.effect)
