@@ -279,4 +279,5 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, {})
     _assemble_modules(robot, [(module, request)], q, *np.zeros((2, 2, robot.nv)))
-    return q[1]
+    out: Array = q[1]
+    return out

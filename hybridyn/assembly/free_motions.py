@@ -88,7 +88,8 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
         motion: Motion of its tree, T samples.
     """
     moved = np.matmul(effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
-    return np.linalg.norm(moved, axis=(1, 2)) <= IDLE
+    out: Mask = np.linalg.norm(moved, axis=(1, 2)) <= IDLE
+    return out
 
 
 def _undriven(module: Module, motions: Array, moved: Array) -> tuple[Array, Array]:

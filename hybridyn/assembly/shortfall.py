@@ -135,4 +135,5 @@ def _lacking(loop: list[_Corner], tolerance: float) -> Array:
     every = np.array(sides)
     # Where the point is given only in part, the last side is at least this long.
     longest = every[-1] if partial else every.max(axis=0)
-    return 2.0 * longest - every.sum(axis=0) - tolerance * slack
+    out: Array = 2.0 * longest - every.sum(axis=0) - tolerance * slack
+    return out

@@ -105,7 +105,8 @@ def _least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Sha
         check(LOST_MOTORS, module, np.where(s[:, 0] > 0, s[:, 0], 1.0), s[:, -1], words, at)
     keep = s > SINGULAR_MOTOR_MAP * s[:, :1]
     y = np.where(keep, np.einsum("tji,tj->ti", U, along[..., -1]) / np.where(keep, s, 1.0), 0.0)
-    return np.einsum("tji,tj->ti", Vt, y) * share
+    out: Array = np.einsum("tji,tj->ti", Vt, y) * share
+    return out
 
 
 def load_share(robot: HybridRobot, module: Module, weights: Array | None) -> Array:

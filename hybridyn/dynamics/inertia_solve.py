@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 def congruence(B: Array, M: Array) -> Array:
     """Compute B^T M B for B of shape (..., n, N) and M of shape (..., n, n)."""
-    return np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
+    out: Array = np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
+    return out
 
 
 class InertiaFactor:
@@ -112,13 +113,15 @@ def force_of_slips(x: ArticulatedModule) -> Array:
     unit, columns = m.reduction.col_scale, x.state.module.motor_columns
     joints = (np.abs(x.legs.f) + np.abs(x.legs.h)) @ unit + np.abs(x.tau) @ unit[columns]
     outputs = np.abs(x.beta_star).sum(axis=1) @ np.repeat([m.length, 1.0], 3)
-    return _slips(x).max(axis=1, initial=0.0) * (joints + outputs)
+    out: Array = _slips(x).max(axis=1, initial=0.0) * (joints + outputs)
+    return out
 
 
 def largest_term_of(x: ArticulatedModule) -> Array:
     """Compute the largest term in the sum Q_0, shape (T,), [N m]."""
     joints = _size(x.basis.Psi, np.abs(x.f) + np.abs(x.legs.h) + np.abs(x.legs.f))
-    return np.maximum(joints, _size(x.a_maps, x.b).max(axis=1, initial=0.0))
+    out: Array = np.maximum(joints, _size(x.a_maps, x.b).max(axis=1, initial=0.0))
+    return out
 
 
 def largest_term(x: ArticulatedModule, carried: Array) -> Array:
@@ -132,7 +135,8 @@ def largest_term(x: ArticulatedModule, carried: Array) -> Array:
     """
     largest = np.diagonal(x.A_t, axis1=1, axis2=2).max(axis=1, initial=0.0)
     resisted = np.where(x.inertia.massless.all(axis=1), np.inf, largest)
-    return x.size / resisted + np.abs(carried).max(axis=1, initial=0.0)
+    out: Array = x.size / resisted + np.abs(carried).max(axis=1, initial=0.0)
+    return out
 
 
 def _slips(x: ArticulatedModule) -> Array:
@@ -145,7 +149,8 @@ def _slips(x: ArticulatedModule) -> Array:
     if not m.closures.rows:
         return np.zeros(Psi.shape[::2])
     largest_rate = np.abs(Psi / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
-    return 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
+    out: Array = 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
+    return out
 
 
 def _inertia_of_slips(x: ArticulatedModule) -> Array:
@@ -153,7 +158,8 @@ def _inertia_of_slips(x: ArticulatedModule) -> Array:
     m = x.state.mechanism
     joints = np.einsum("tii,i->t", x.legs.M[:, 6:, 6:], m.reduction.col_scale**2)
     outputs = np.einsum("toii,i->t", x.I_star, np.repeat([m.length**2, 1.0], 3))
-    return np.square(_slips(x)) * (joints + outputs)[:, None]
+    out: Array = np.square(_slips(x)) * (joints + outputs)[:, None]
+    return out
 
 
 def _felt(inertia: Array, terms: Array) -> Array:
@@ -164,9 +170,11 @@ def _felt(inertia: Array, terms: Array) -> Array:
         terms: Magnitudes of the terms of its motion per motion of the base, shape (..., n, 6).
     """
     root = np.sqrt(np.abs(np.diagonal(inertia, axis1=-2, axis2=-1)))
-    return np.square(np.einsum("...i,...ij->...j", root, terms))[..., None] * np.eye(6)
+    out: Array = np.square(np.einsum("...i,...ij->...j", root, terms))[..., None] * np.eye(6)
+    return out
 
 
 def _size(B: Array, force: Array) -> Array:
     """Compute the largest entry of abs(B)^T abs(force), shapes (..., n, N), (..., n) and (...)."""
-    return np.einsum("...ij,...i->...j", np.abs(B), np.abs(force)).max(axis=-1, initial=0.0)
+    out: Array = np.einsum("...ij,...i->...j", np.abs(B), np.abs(force)).max(axis=-1, initial=0.0)
+    return out

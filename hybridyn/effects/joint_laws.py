@@ -201,8 +201,10 @@ class Stop(JointEffect):
         low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
         push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
         push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
-        return p[0] * (push_low - push_high)
+        out: Array = p[0] * (push_low - push_high)
+        return out
 
     def energy(self, p: Numerals, x: Array) -> Array:
         """Compute k d^2 / 2."""
-        return 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
+        out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
+        return out

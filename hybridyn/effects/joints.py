@@ -100,11 +100,13 @@ class OnJoints:
 
     def energy(self, q: Array) -> Array:
         """Compute the stored energy, shape (T,), [J]."""
-        return self.effect.energy(self.p, self.positions(q)).sum(axis=1)
+        out: Array = self.effect.energy(self.p, self.positions(q)).sum(axis=1)
+        return out
 
     def power(self, q: Array, v: Array) -> Array:
         """Compute the dissipated power, shape (T,), [W]."""
-        return self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
+        out: Array = self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
+        return out
 
 
 def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:

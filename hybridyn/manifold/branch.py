@@ -162,7 +162,8 @@ class _Path:
     def rows(self, q: Array, x: Array) -> Array:
         """Compute the rows at a displacement from a posture, shape (rows, n)."""
         motion = self._m.tree.sweep(self._moved(q, x))
-        return self._m.reduction.scaled(self._m.closures.matrix(motion))[0]
+        out: Array = self._m.reduction.scaled(self._m.closures.matrix(motion))[0]
+        return out
 
     def gamma(self, q: Array, x: Array, rate: Array) -> Array:
         """Compute the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
@@ -175,7 +176,8 @@ class _Path:
         U, size, Vt = parts
         q, v = self.at(s)
         wanted = U[:, :strong].T @ self.gamma(q, 0 * v, v[None])[0]
-        return -Vt[:strong].T @ (wanted / size[:strong])
+        out: Array = -Vt[:strong].T @ (wanted / size[:strong])
+        return out
 
     def slopes(self, s: float) -> tuple[Array, Array, Array]:
         """Compute K', K' + gamma_v and gamma' at path length s, shapes (rows, n), (rows, n), (rows,)."""

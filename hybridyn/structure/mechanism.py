@@ -191,7 +191,8 @@ class Mechanism:
         if not len(self.postures):
             return np.zeros(self.tree.nv, dtype=bool)
         Psi = self.basis(self.generic_K).Psi / self.reduction.col_scale[:, None]
-        return np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
+        out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
+        return out
 
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index

@@ -206,7 +206,8 @@ def polar_form(robot: HybridRobot, f: Callable[[Array, Array], Array], q: Array,
         both = f(np.repeat(x, 2, axis=0), np.stack([rates + w, rates - w], axis=1).reshape(-1, robot.nv))
         return both[::2] - both[1::2]
 
-    return by_columns(difference, np.concatenate([q, v], axis=1), E * factor) / (4 * factor)
+    out: Array = by_columns(difference, np.concatenate([q, v], axis=1), E * factor) / (4 * factor)
+    return out
 
 
 def rate_of_map(

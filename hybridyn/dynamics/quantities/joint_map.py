@@ -70,7 +70,8 @@ class JointMap:
         """Compute accelerations of the motors from the motion of the joints, shape (m,) or (T, m)."""
         rates = np.asarray(joint_rates, dtype=float)
         bend = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
-        return _times(self.motors_per_joints, joint_accelerations) + bend
+        out: Array = _times(self.motors_per_joints, joint_accelerations) + bend
+        return out
 
     def joint_accelerations(self, motor_rates: ArrayLike, motor_accelerations: ArrayLike) -> Array:
         """Compute accelerations of the joints from the motion of the motors, shape (k,) or (T, k)."""
@@ -122,7 +123,8 @@ class JointMap:
             Symmetric, shape (k, k) or (T, k, k).
         """
         turned = np.einsum("...i,...ijk->...jk", np.asarray(motor_efforts, dtype=float), self.curvature)
-        return self.at_joints(motor_stiffness) + turned
+        out: Array = self.at_joints(motor_stiffness) + turned
+        return out
 
     @cached_property
     def curvature(self) -> Array:
@@ -248,9 +250,11 @@ def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinate
 
 def _times(matrix: Array, vector: ArrayLike) -> Array:
     """Return matrix times vector for one sample or many."""
-    return np.einsum("...ij,...j->...i", matrix, np.asarray(vector, dtype=float))
+    out: Array = np.einsum("...ij,...j->...i", matrix, np.asarray(vector, dtype=float))
+    return out
 
 
 def _congruence(matrix: Array, diagonal: ArrayLike) -> Array:
     """Return matrix^T diag(diagonal) matrix for one sample or many."""
-    return np.einsum("...ij,i,...ik->...jk", matrix, np.asarray(diagonal, dtype=float), matrix)
+    out: Array = np.einsum("...ij,i,...ik->...jk", matrix, np.asarray(diagonal, dtype=float), matrix)
+    return out

@@ -179,4 +179,5 @@ def inverse_of(
     limited = FIXED_LINKS._replace(limit=1 / immovable)
     check(limited, None, np.where(size[:, -1] > 0, size[:, -1], 1.0), size[:, 0], lambda t: words)
     out = np.matmul(axes / size[:, None], np.swapaxes(axes, 1, 2))
-    return (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
+    inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
+    return inertia

@@ -234,4 +234,5 @@ def of_brackets(M: Array, v: Array) -> Array:
     """
     twist = np.broadcast_to(v[:, None, :6], (len(v), 6, 6))
     brackets = np.swapaxes(crm(twist, np.broadcast_to(np.eye(6), twist.shape)), 1, 2)
-    return np.matmul(M[:, :, :6], brackets) / 2
+    out: Array = np.matmul(M[:, :, :6], brackets) / 2
+    return out
