@@ -19,7 +19,8 @@ from tests import ROOT
 
 #: The tests of a room, by the folder of the package that the mutant is in; the first that fits counts.
 ROOMS = {
-    "dynamics/quantities": ["quantities"], "dynamics": ["dynamics", "effects"],
+    "dynamics/quantities": ["quantities"],
+    "dynamics": ["dynamics", "effects", "hard/test_singular_answers.py"],
     "linkage": ["linkage", "dynamics", "manifold"], "manifold": ["manifold", "simulation"],
     "effects": ["effects"], "compiled": ["compiled"],
 }  # fmt: skip

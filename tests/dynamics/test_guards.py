@@ -152,3 +152,23 @@ def test_states_in_gimbal_lock_of_a_wrist_are_accepted(carries: bool) -> None:
     moved = np.array([0.1, -0.2, 0.3, 0.5, -0.4, 0.3])
     q, v, a = hybridyn.assemble(robot, platforms={platform: (pose, moved, 2 * moved)}, guess=robot.home)
     assert np.isfinite(idm(robot, q, v, a)).all()
+
+
+@pytest.mark.parametrize(("speed", "said"), [(0.0, False), (1e8, True)])
+def test_efforts_that_are_rounding_are_reported_where_it_harms(
+    speed: float, said: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Two equal masses balance about a pivot: at rest the rounding of their weights is nothing to a motor."""
+    links = [Link(name, 2.0, np.array([x, 0, 0]), 0.01 * np.eye(3)) for name, x in (("a", -0.3), ("b", 0.1))]
+    base, out = Link("base", 0.0, np.zeros(3), np.zeros((3, 3))), np.eye(4)
+    out[0, 3] = 0.2
+    axis = np.array([0.0, 1.0, 0.0])
+    joints = [
+        Joint("pivot", "revolute", "base", "a", np.eye(4), axis),
+        Joint("hinge", "revolute", "a", "b", out, axis),
+    ]
+    beam = Description("beam", (base, *links), tuple(joints), (), (), ("pivot", "hinge"))
+    robot = build_robot(beam)
+    q, v = np.array([[0.3, 0.0], [0.7, 0.0]]), np.array([[speed, 0.0]] * 2)
+    idm(robot, q, v, np.zeros((2, 2)))
+    assert ("its efforts have no correct digit" in caplog.text) is said

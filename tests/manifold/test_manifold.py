@@ -14,7 +14,7 @@ from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import ROUNDING, SOLVED, close_to
 from tests.mechanisms import random_mechanism, random_states
-from tests.samples import some
+from tests.samples import CHOSEN, some
 from tests.shipped import shipped
 
 KINDS = (
@@ -34,7 +34,7 @@ def state_of(kind: str, base: str = "fixed") -> tuple[HybridRobot, np.ndarray, n
     return build_robot(description, base=base), q[0], v[0]  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", some(KINDS))
+@pytest.mark.parametrize("kind", some(KINDS, (*CHOSEN, "loop_rows_y_perpendicular")))
 def test_rows_are_those_of_the_closures(kind: str) -> None:
     robot, q, _ = state_of(kind)
     rng = np.random.default_rng(1)
