@@ -138,6 +138,34 @@ def test_errors_name_file_and_line_where_the_element_was_written(
     refused(save(tmp_path, "\n".join(robot), "r.xacro"), place, message)
 
 
+SECOND = '<joint name="again" type="fixed"><parent link="base"/><child link="a"/></joint>'
+
+
+@pytest.mark.parametrize("included", [False, True])
+def test_errors_of_the_whole_robot_name_a_line_only_where_it_is_one_of_the_file(
+    tmp_path: Path, included: bool
+) -> None:
+    """A joint that makes a second parent is found when all are read: its line is that of its own file."""
+    save(tmp_path, f"{HEAD}\n\n\n{SECOND}</robot>", "parts.xacro")
+    first = SECOND.replace("again", "first")
+    last = '<xacro:include filename="parts.xacro"/>' if included else SECOND
+    lines = [HEAD, '<link name="base"/><link', 'name="a"/>', first, last, "</robot>"]
+    error = refused(
+        save(tmp_path, "\n".join(lines), "r.xacro"), "link 'a' is already the child of joint 'first'"
+    )
+    assert (Path(error.file or "").name, error.line) == ("r.xacro", None if included else 5)
+
+
+def test_notes_name_the_file_of_a_macro(tmp_path: Path) -> None:
+    light = '<link name="{}"><inertial><mass value="1"/></inertial></link>'
+    save(tmp_path, f"{HEAD}\n\n{light.format('far')}</robot>", "parts.xacro")
+    near = f'{HEAD}\n{light.format("near")}<xacro:include filename="parts.xacro"/>'
+    joint = '<joint name="j" type="fixed"><parent link="near"/><child link="far"/></joint></robot>'
+    notes = read(save(tmp_path, f"{near}\n{joint}", "r.xacro")).notes
+    said = "states a mass but no inertia: taken as a point mass"
+    assert notes == (f"link 'near' (line 2) {said}", f"link 'far' ({tmp_path}/parts.xacro:3) {said}")
+
+
 def test_an_optional_glob_that_matches_nothing_is_noted(tmp_path: Path) -> None:
     path = save(
         tmp_path, f'{HEAD}<link name="a"/><xacro:include filename="none_*.xacro"/></robot>', "r.xacro"

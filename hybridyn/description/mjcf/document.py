@@ -122,7 +122,7 @@ class Document:
             number = int(xml.get(FILE, above))
             node = Node(xml, self.files[number])
             lines.append(f"</{node.tag}>" if ends else _start(node))
-            places.append(Place(node.file, node.line))
+            places.append(Place(*node.place))
             if not ends and len(xml):
                 waiting.append((xml, above, True))
                 waiting += [(child, number, False) for child in reversed(xml)]

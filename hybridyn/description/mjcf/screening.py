@@ -82,7 +82,7 @@ def _take_plugin(document: Document, node: Node) -> None:
     """
     above = node.xml.getparent()
     assert above is not None
-    place = f"{node.file}:{node.line}: <plugin> in <{above.tag}>"
+    place = "{}:{}: ".format(*node.place) + f"<plugin> in <{above.tag}>"
     if above.tag == "actuator":
         node.xml.tag = "general"
         for name in set(node.attributes()) - OF_ACTUATORS:

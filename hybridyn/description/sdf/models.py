@@ -159,7 +159,7 @@ class Models:
             raise node.error(f"the name '{item.name}' is SDFormat's own; rename it")
         items = self._items.setdefault(item.path, {})
         if kind in items:
-            raise node.error(f"is stated twice (first in line {items[kind].node.line}); rename one")
+            raise node.error(f"is stated twice (first in {items[kind].node.where}); rename one")
         items[kind] = item
         return item
 

@@ -145,7 +145,7 @@ def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], unread: Unr
         hint = did_you_mean(child.tag, known)
         raise child.error(f"unknown in {node.label}{hint}; known: {listed(known) or 'nothing'}")
     refuse_lost(child)
-    unread.unknown.append(f"{child.file}:{child.line}: <{child.tag}> in {node.label}")
+    unread.unknown.append("{}:{}: ".format(*child.place) + f"<{child.tag}> in {node.label}")
 
 
 def refuse_lost(node: Node) -> None:

@@ -66,7 +66,7 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
     Raises:
         ModelError: There is such a loop; the message names the form, its line, and how to write it.
     """
-    unknown: dict[str, int | None] = {}
+    unknown: dict[str, str] = {}
     for node in root.children():
         if node.tag in LEGACY_FORMS:
             raise _refusal(node, LEGACY_FORMS[node.tag])
@@ -76,12 +76,12 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
             continue
         if node.tag not in HARMLESS_TAGS:
             _refuse_if_suspicious(node)
-            unknown.setdefault(node.tag, node.line)
+            unknown.setdefault(node.tag, node.where)
         for inner in node.descendants():
             _refuse_inside(inner, node)
     _refuse_misplaced(root)
     if unknown:
-        where = listed(f"<{tag}> (line {line})" for tag, line in unknown.items())
+        where = listed(f"<{tag}> ({place})" for tag, place in unknown.items())
         notes.append(f"unknown elements, which were not read: {where}")
 
 

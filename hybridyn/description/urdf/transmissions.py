@@ -54,7 +54,7 @@ def read_transmissions(root: Node, robot: RobotFile) -> tuple[MotorStatement | N
     for node in nodes:
         joints, actuators = node.children(*JOINT_TAGS), node.children("actuator")
         if not joints:
-            robot.notes.append(f"{node.label} (line {node.line}) names no <joint> and drives nothing")
+            robot.notes.append(f"{node.label} ({node.where}) names no <joint> and drives nothing")
         for joint in joints:
             name = joint.text("name")
             rotors[name] = read_rotor(joint).over(rotors.get(name, Rotor()))

@@ -106,7 +106,7 @@ def _read_link(node: Node, notes: list[str]) -> Link:
         raise inertial.error(f"link '{name}' has a negative mass ({mass:g} kg)")
     tensor = inertial.child("inertia")
     if tensor is None:
-        notes.append(f"link '{name}' (line {node.line}) states a mass but no inertia: taken as a point mass")
+        notes.append(f"link '{name}' ({node.where}) states a mass but no inertia: taken as a point mass")
         return Link(name, mass, origin[:3, 3], np.zeros((3, 3)), node.line)
     rotation = origin[:3, :3]
     return Link(name, mass, origin[:3, 3], rotation @ _read_inertia(tensor) @ rotation.T, node.line)
@@ -134,7 +134,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     if axis is not None:
         axis.refuse_misspelt(["xyz"], [])
         if unknown := [attribute for attribute in axis.attributes() if attribute != "xyz"]:
-            where = f"{axis.file}:{axis.line}: {listed(unknown)} of the <axis> of joint '{name}'"
+            where = "{}:{}: ".format(*axis.place) + f"{listed(unknown)} of the <axis> of joint '{name}'"
             robot.notes.append(f"{where} is ignored, as other readers do")
     joint = Joint(
         name=name,
@@ -153,7 +153,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     if mimic is not None:
         coupling = read_mimic(mimic, name)
         if kind == "fixed":
-            robot.notes.append(f"joint '{name}' (line {node.line}) is fixed; its <mimic> has no effect")
+            robot.notes.append(f"joint '{name}' ({node.where}) is fixed; its <mimic> has no effect")
         else:
             robot.couplings.append(coupling)
     return _with_dynamics(_with_limits(joint, node.child("limit"), robot.notes), node.child("dynamics"))
@@ -201,7 +201,7 @@ def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
         lower, upper = -math.inf, math.inf
     for what, value in (("velocity", velocity), ("effort", effort)):
         if value < 0:
-            notes.append(f"joint '{joint.name}' (line {node.line}): negative {what} limit {value:g} ignored")
+            notes.append(f"joint '{joint.name}' ({node.where}): negative {what} limit {value:g} ignored")
     return replace(
         joint,
         lower=lower,

@@ -14,7 +14,6 @@ import itertools
 import os
 import sys
 import threading
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from importlib.machinery import ModuleSpec
@@ -27,7 +26,7 @@ from ..cache_folder import hashed
 from ..kept_texts import keep, kept, state_of
 from ..shipped import data_folder, shown
 from .robot_folders import RobotFolders
-from .xml_node import LARGEST_FILE, PLACE, refuse_dangerous
+from .xml_node import LARGEST_FILE, refuse_dangerous
 
 #: Extras of hybridyn that install a package of robot files, by the name of the package.
 EXTRAS = {"example-robot-data": "robots"}
@@ -174,9 +173,8 @@ def _own_xacro() -> Any:
 
 def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> None:
     """Connect xacro with an expansion's folders, arguments and notes, and with our evaluation."""
-    from xml.dom.expatbuilder import ExpatBuilderNS
-
     from .expressions import Evaluator  # an expansion that is kept needs neither
+    from .placing import Placing
 
     nodes, read, find = 0, partial(asked, "read"), partial(asked, "find")
     dollar, symbols = xacro.substitution_args, xacro._global_symbols
@@ -186,17 +184,6 @@ def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> 
         notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
         return ""
 
-    class Placing(ExpatBuilderNS):
-        """A parser that notes the place of each element that is not xacro's own."""
-
-        place = ""
-
-        def start_element_handler(self, name: str, attributes: Any) -> None:
-            """Begin an element."""
-            if not name.endswith(" xacro"):  # "URI name prefix"
-                attributes = [*attributes, PLACE, f"{self.place}:{self.getParser().CurrentLineNumber}"]
-            super().start_element_handler(name, attributes)
-
     def parse(_: None, filename: str) -> Any:
         """Parse a file."""
         try:
@@ -205,9 +192,7 @@ def _connect(xacro: Any, asked: _Asked, given: _Arguments, notes: list[str]) -> 
             xacro.filestack.pop()
             raise xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from None
         refuse_dangerous(content, filename)
-        parser = Placing()
-        parser.place = "" if filename == asked.folders.file else shown(Path(filename))
-        return parser.parseString(content)
+        return Placing("" if filename == asked.folders.file else shown(Path(filename))).parseString(content)
 
     def locate(name: str) -> str:
         """Return the path of an included file."""
@@ -278,6 +263,8 @@ def _replace(node: Any, by: Any, content_only: bool) -> int:
 
 def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
     """Return an error as one line of text with its macros, and the file and line where it occurred."""
+    from .placing import place_of
+
     own, inner, suffix = "", error, ""
     if isinstance(error, xacro.XacroException) and error.exc is not None:
         own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
@@ -295,10 +282,8 @@ def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
     stack = [name for name in xacro.filestack if name]
     where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
     line = getattr(error, "lineno", None)
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        node = frame.f_locals.get("node") if frame.f_code.co_name == "eval_all" else None
-        written = getattr(node, "getAttribute", lambda _: "")(PLACE).rpartition(":")
-        where, line = (written[0] or file, int(written[2])) if written[2] else (where, line)
+    if (place := place_of(error)) is not None:
+        where, line = place[0] or file, place[1]
     return ModelError(message, file=where, line=line)
 
 

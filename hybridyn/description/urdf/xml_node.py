@@ -88,7 +88,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         file.places = {}
         for xml in root.iter("*"):
             where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
-            file.places[Node(xml, "").line or 0] = where, int(line or 0)
+            file.places[cast("int", xml.sourceline)] = where, int(line or 0)
     return Node(root, file, tuple(notes))
 
 
@@ -176,23 +176,33 @@ class Node:
         return _written(self.xml, str(self.xml.tag))
 
     @property
+    def place(self) -> tuple[str, int | None]:
+        """File and line of the element, from 1; those of its macro if xacro wrote it."""
+        line = cast("int | None", self.xml.sourceline)
+        if not isinstance(self.file, Expanded):
+            return self.file, line
+        file, line = self.file.places.get(line or 0, ("", 0))
+        return file or str(self.file), line or None
+
+    @property
     def line(self) -> int | None:
-        """Line of the element in its file, from 1."""
-        return cast("int | None", self.xml.sourceline)
+        """Line of the element in `file`, from 1; None if xacro wrote it from another file."""
+        file, line = self.place
+        return line if file == self.file else None
+
+    @property
+    def where(self) -> str:
+        """Place of the element in words: its line, and the file if that is not `file`."""
+        file, line = self.place
+        if file == self.file:
+            return f"line {line}" if line else file
+        return f"{file}:{line}"
 
     @property
     def label(self) -> str:
         """The element as it is named in messages: `<joint name="elbow">`."""
         name = str(self.xml.get("name", ""))[:100]
         return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
-
-    @property
-    def place(self) -> tuple[str, int | None]:
-        """File and line of the element; those of its macro if xacro wrote it."""
-        if not isinstance(self.file, Expanded):
-            return self.file, self.line
-        file, line = self.file.places.get(self.line or 0, ("", 0))
-        return file or str(self.file), line or None
 
     def error(self, message: str) -> ModelError:
         """Return (do not raise) an error with this element's file, line and name."""

@@ -30,8 +30,7 @@ def check_meshes(subject: Subject) -> Iterator[Finding]:
                 f"mesh '{name}' is missing",
                 "no inertia comes from it, but other programs refuse the file or do not draw the shape",
                 "add the file, or name the folder of its package with --package-dir",
-                node.file,
-                node.line,
+                *node.place,
             )
 
 
