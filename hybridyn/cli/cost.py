@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..studies.cost.points import ADVISED, SECONDS, Study, advice, cheapest, error_words, front
 from .common.figures import figure_file, save
 from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
 from .common.options import RobotChoice, RobotCommand, takes_robot_of
@@ -20,16 +21,13 @@ from .common.report import report_file, write_report
 from .common.text import aligned_rows
 
 if TYPE_CHECKING:
-    from ..studies.cost.points import Point, Study
+    from ..studies.cost.points import Point
 
 #: Number of characters of a failure that are printed; the CSV file has all.
 WIDTH = 120
 
 #: Most rows of the front that are printed.
 MOST_ROWS = 12
-
-#: The error to which the advice refers.
-SENTENCE = 1e-3
 
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
@@ -60,7 +58,7 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 )
 @click.option("--all", "every", is_flag=True, help="Print every setting, not only those worth having.")
 @click.option(
-    "--seconds", type=click.FloatRange(0, min_open=True), default=30.0, show_default=True,
+    "--seconds", type=click.FloatRange(0, min_open=True), default=SECONDS, show_default=True,
     help="Time that the runs of a scene take together [s], besides building C.",
 )  # fmt: skip
 @click.option(
@@ -96,7 +94,6 @@ def command(
     reference, whose own error is shown. Times are measured on this machine. Ctrl-C prints what was measured.
     """
     from ..description.shipped import own_trajectory
-    from ..studies.cost.points import Study
 
     source = load.robot
     scene = source.endswith(".toml")
@@ -188,13 +185,11 @@ def _scene(
     until, seconds, target = bounds
     duration = ready.source.scene.duration
     study_runs(ready, min(duration, until or duration), progress, seconds, study)
-    return needed_effects(study, ready, target or SENTENCE)
+    return needed_effects(study, ready, target or ADVISED)
 
 
 def _tell(study: Study, target: float | None, lines: list[str], *, every: bool) -> int:
     """Print the table or, with a target, the lines for a scene; return the exit status."""
-    from ..studies.cost.points import advice, cheapest
-
     if target is None:
         for line in _report(study, lines, every=every):
             click.echo(line)
@@ -209,8 +204,6 @@ def _tell(study: Study, target: float | None, lines: list[str], *, every: bool) 
 
 def _report(study: Study, needed: list[str], *, every: bool) -> list[str]:
     """Return the advice, the settings worth having, and what effects are worth."""
-    from ..studies.cost.points import advice, error_words, front
-
     worth = front(study.points, study.own_error)[-MOST_ROWS:]
     per_sample = study.time_unit == "per sample"
     shown = [p for p in study.points if not p.failure and (every or p in worth or p.use == "usual")]
@@ -218,14 +211,14 @@ def _report(study: Study, needed: list[str], *, every: bool) -> list[str]:
     for p in sorted(shown, key=lambda p: p.seconds):
         mark = "*" if p in worth else "-" if p.use == "comparison" else ""
         rows.append([mark, p.line, p.setting, error_words(p, study), _time(p.seconds), p.how])
-    lines = [advice(study, SENTENCE), "", study.question, *aligned_rows(rows, right=(3, 4))]
+    lines = [advice(study, ADVISED), "", study.question, *aligned_rows(rows, right=(3, 4))]
     if every:
         lines += _failures(study)
         lines.append("* nothing else is both faster and more accurate")
     if study.worth:
         lines += ["", *_effects(study, "along this motion" if per_sample else "in this scene")]
     if needed:
-        lines += ["", f"effects for {SENTENCE:g}, in the scene:", *needed]
+        lines += ["", f"effects for {ADVISED:g}, in the scene:", *needed]
     lines += [
         "",
         f"errors are against {study.reference} (its own error: {study.own_error:.0e})",
@@ -239,7 +232,7 @@ def _effects(study: Study, where: str) -> list[str]:
     """Return a table of what effects are worth."""
     rows = [[f"effect, {where}", "changes", "takes", ""]]
     for one in sorted(study.worth, key=lambda one: -one.error):
-        matters = one.error > SENTENCE
+        matters = one.error > ADVISED
         word = ("" if one.computed else "add it") if matters else ("leave it out" if one.computed else "")
         share = "" if math.isnan(one.share) else f"{100 * one.share:.2g} %"
         rows.append([one.effect.replace("_", " "), f"{one.error:.1e}", share, word])
@@ -264,8 +257,6 @@ def _time(seconds: float) -> str:
 
 def _rows(study: Study) -> list[dict[str, Any]]:
     """Return the settings, and what each effect is worth, as rows of a report."""
-    from ..studies.cost.points import front
-
     worth = front(study.points, study.own_error)
     rows = [asdict(p) | {"on_front": p in worth} for p in study.points]
     rows += [{"line": "effect", "setting": one.effect, **one._asdict()} for one in study.worth]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import cycle
 from typing import TYPE_CHECKING
 
-from ..studies.cost.points import Study, cheapest, front
+from ..studies.cost.points import ADVISED, Study, cheapest, front
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,9 +15,6 @@ COLOURS = ("#0b6e99", "#c8553d", "#3f8f5f", "#7a5195", "#d99a1c", "#555f6b", "#1
 
 #: Value drawn for an error of zero, since the axis is logarithmic.
 LEAST = 1e-17
-
-#: The error of the advised setting.
-ADVISED = 1e-3
 
 
 def figure_of(study: Study, source: str) -> Figure:

@@ -35,9 +35,18 @@ def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
     """Write the table [effects] that requests some of the scene's effects."""
     own = {name for name, _ in source.scene.effects.stated() if name in UNITS}
     use = [name for name in names if name not in own and name not in TABLES]
-    lines = ["[effects]", f"use = [{', '.join(_toml(name) for name in use)}]"]
     gone = sorted(own - set(names) - set(TABLES))
-    return "\n".join(lines + [f"# without the table [effects.{name}]" for name in gone])
+    return "\n".join([_used(use), *(f"# without the table [effects.{name}]" for name in gone)])
+
+
+def model_fragment(names: Sequence[str], engine: str) -> str:
+    """Write the table [effects] of some effects, and the options of `hybridyn idm` that request them."""
+    return f"{_used(names)}\n# hybridyn idm --engine {engine} --effects {','.join(names)}"
+
+
+def _used(names: Sequence[str]) -> str:
+    """Write a table [effects] that requests effects by their names."""
+    return f"[effects]\nuse = [{', '.join(map(_toml, names))}]"
 
 
 def _toml(value: object) -> str:

@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from .fragments import model_fragment
 from .generated import exact_efforts
 from .operations import operations
 from .points import Point, Study, Worth, timed
@@ -44,7 +45,7 @@ KEPT = ("gravity", "inertia")
 #: Speed of the second motion, relative to the first, on the same path.
 SLOWER = 0.7
 
-GENERAL, IN_C, SINGLE, RATES = "general path", "compiled", "compiled, float32", "rates of the trajectory"
+GENERAL, IN_C, SINGLE = "general path", "compiled", "compiled, float32"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,11 @@ class Trajectory:
     a: Array
     time: Array | None
     motion: Motion | None = None
+
+    @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Positions, rates and accelerations."""
+        return self.q, self.v, self.a
 
     def thinned(self, samples: int = SAMPLES) -> Trajectory:
         """Return at most `samples` of its rows, evenly spread."""
@@ -108,10 +114,9 @@ def _points(study: Study, robot: HybridRobot, trajectory: Trajectory, effects: E
     if not robot.motors:
         raise HybridynError(f"robot '{robot.name}' has no motors, and so no efforts: name some (--motors)")
     some = trajectory.thinned()
-    slower = some.slower()
     models = {dtype: compiled_model(robot, effects, dtype) for dtype in ("float64", "float32")}
     fast = models["float64"]
-    general, seconds = timed(partial(idm, robot, some.q, some.v, some.a, effects=effects), 2)
+    general, seconds = timed(partial(idm, robot, *some.state, effects=effects), 2)
     seconds /= len(some.q)
     exact = exact_efforts(robot, effects, some.q, some.v, some.a)
     known = isinstance(exact, np.ndarray)
@@ -120,8 +125,9 @@ def _points(study: Study, robot: HybridRobot, trajectory: Trajectory, effects: E
     error = _errors(exact if isinstance(exact, np.ndarray) else general)
     closing = _closing(robot, trajectory, partial(assemble, robot), CLOSED_SLOWLY)
     yield Point(
-        GENERAL, "every effect (usual)", error(general), closing + seconds, _lines(effects.names, "general"),
-        use="usual", what="keep the general path and every effect", own=seconds,
+        GENERAL, "every effect (usual)", error(general), closing + seconds,
+        model_fragment(effects.names, "general"), use="usual",
+        what="keep the general path and every effect", own=seconds,
     )  # fmt: skip
     close: Callable[..., tuple[Array, Array, Array]] = partial(assemble, robot)
     whole = seconds
@@ -133,14 +139,14 @@ def _points(study: Study, robot: HybridRobot, trajectory: Trajectory, effects: E
         for dtype, model in models.items():
             if isinstance(model, str):
                 continue
-            tau, seconds = timed(partial(model.idm, some.q, some.v, some.a))
+            tau, seconds = timed(partial(model.idm, *some.state))
             point = _in_c(dtype, error(tau), seconds / len(some.q), closing, effects.names)
             whole = point.own if dtype == "float64" else whole
             yield point
         yield from _by_calls(fast, some, trajectory.motion, closing, error)
         yield from _in_threads(robot, effects, some, closing, error)
-    yield from _by_effects(study, robot, effects, (some, slower), (error, general), (closing, whole))
-    for point in by_rates(robot, trajectory.time, trajectory.q, trajectory.v, trajectory.a, effects, close):
+    yield from _by_effects(study, robot, effects, some, error, (closing, whole))
+    for point in by_rates(robot, trajectory.time, *trajectory.state, effects, close):
         yield replace(point, seconds=point.seconds + closing + whole)
 
 
@@ -178,15 +184,10 @@ def _closing(
     return timed(call, 2)[1] / part.size
 
 
-def _state(trajectory: Trajectory) -> tuple[Array, Array, Array]:
-    """Return positions, rates and accelerations."""
-    return trajectory.q, trajectory.v, trajectory.a
-
-
 def _in_c(dtype: str, error: float, own: float, closing: float, names: Sequence[str]) -> Point:
     """Return the point of the compiled model with every effect, many samples at once."""
     if dtype == "float64":
-        what, fragment = "keep every effect and compute in C", _lines(names, "compiled")
+        what, fragment = "keep every effect and compute in C", model_fragment(names, "compiled")
         return Point(IN_C, "every effect", error, closing + own, fragment, what=what, own=own)
     call = 'hybridyn.compile(robot, effects, dtype="float32").idm'
     return Point(
@@ -200,34 +201,32 @@ def _by_calls(
     error: Callable[[Array], float],
 ) -> Iterator[Point]:  # fmt: skip
     """Measure calls for one sample each, as a controller makes them: from the motors where they are given."""
-    rows = min(CALLS, len(some.q))
-    calls: Callable[[], object]
-    fragment, line = "# hybridyn.compile(robot, effects).idm", "compiled, one call a sample"
-    if motion is not None and set(motion.joints) == set(model.robot.motors) and not motion.platforms:
-        given = np.array([motion.joints[name] for name in model.robot.motors])[:, :, :rows]
+    calls: Callable[[], None]
+    line, states = "compiled, one call a sample", list(zip(*some.state, strict=True))
+    if motion is not None and {*motion.joints} == {*model.robot.motors} and not motion.platforms:
+        given = np.array([motion.joints[name] for name in model.robot.motors])[:, :, :CALLS]
+        ticks = np.ascontiguousarray(given.transpose(2, 1, 0))
+        rows, before, words = len(ticks), 0.0, "every effect, from the motors"
         fragment = "# hybridyn.compile(robot, effects).idm_from_motors"
-        start = some.q[0]
 
-        def calls() -> object:
+        def calls() -> None:
             """Close and compute sample after sample."""
-            last: Any = start
-            for k in range(given.shape[2]):
-                _, last, _, _ = model.idm_from_motors(*given[:, :, k].T.copy(), last=last)
-            return None
+            last = some.q[0]
+            for tick in ticks:
+                last = model.idm_from_motors(*tick, last=last)[1]
 
-        words, before = "every effect, from the motors", 0.0
     else:
+        rows, before, words = len(states[:CALLS]), closing, "every effect"
+        fragment = "# hybridyn.compile(robot, effects).idm"
 
-        def calls() -> object:
+        def calls() -> None:
             """Compute sample after sample."""
-            for k in range(rows):
-                model.idm(some.q[k], some.v[k], some.a[k])
-            return None
+            for state in states[:CALLS]:
+                model.idm(*state)
 
-        words, before = "every effect", closing
     calls()
     seconds = timed(calls)[1] / rows
-    tau = np.array([model.idm(*(x[k] for x in _state(some))) for k in range(len(some.q))])
+    tau = np.array([model.idm(*state) for state in states])
     yield Point(
         line, words, error(tau), before + seconds, fragment, use="program", what="call it sample by sample",
         own=seconds, one_call=True,
@@ -242,7 +241,7 @@ def _in_threads(
 
     model = compile(robot, effects, threads=2)
     copies = -(-THREADED // len(some.q))
-    batch = [np.tile(x, (copies, 1)) for x in _state(some)]
+    batch = [np.tile(x, (copies, 1)) for x in some.state]
     tau, seconds = timed(partial(model.idm, *batch), 3)
     own = seconds / len(batch[0])
     yield Point(
@@ -256,8 +255,8 @@ def _by_effects(
     study: Study,
     robot: HybridRobot,
     effects: Effects,
-    motions: tuple[Trajectory, Trajectory],
-    judged: tuple[Callable[[Array], float], Array],
+    some: Trajectory,
+    error: Callable[[Array], float],
     times: tuple[float, float],
 ) -> Iterator[Point]:
     """Measure sets of effects: without each, then without the least important ones together.
@@ -265,14 +264,14 @@ def _by_effects(
     Errors are those of the general path; times follow from the operations of the compiled model.
 
     Args:
-        motions: The motion, and the second one on which errors are compared.
-        judged: Computes the error of efforts on the first motion; the general path's efforts there.
+        some: The motion.
+        error: Computes the error of efforts on it.
         times: Seconds per sample of closing, and of the compiled model with every effect.
     """
-    (some, slower), (error, _), (closing, whole) = motions, judged, times
+    (closing, whole), slower = times, some.slower()
     optional = [name for name in effects.names if name not in KEPT]
     every = operations(robot, effects, "idm")
-    again = _errors(idm(robot, *_state(slower), effects=effects))
+    again = _errors(idm(robot, *slower.state, effects=effects))
 
     def measured(out: Sequence[str]) -> Point:
         """Measure the model without some effects."""
@@ -282,9 +281,9 @@ def _by_effects(
         part = operations(robot, on, "idm") / every
         own = whole * (part if np.isfinite(part) else 1.0)
         return Point(
-            IN_C, words, error(idm(robot, *_state(some), effects=on)), closing + own,
-            _lines(names, "compiled"), what=words.replace("without", "drop", 1) + " and compute in C",
-            own=own, elsewhere=again(idm(robot, *_state(slower), effects=on)), how="time by operations",
+            IN_C, words, error(idm(robot, *some.state, effects=on)), closing + own,
+            model_fragment(names, "compiled"), what=words.replace("without", "drop", 1) + " and compute in C",
+            own=own, elsewhere=again(idm(robot, *slower.state, effects=on)), how="time by operations",
         )  # fmt: skip
 
     alone = {name: measured([name]) for name in optional}
@@ -295,9 +294,3 @@ def _by_effects(
     order = sorted(optional, key=lambda name: alone[name].error)
     for count in range(2, len(order) + 1):
         yield measured(order[:count])
-
-
-def _lines(names: Sequence[str], engine: str) -> str:
-    """Write lines to paste into a scene, and the equivalent options of `hybridyn idm` as a comment."""
-    listed = ", ".join(f'"{name}"' for name in names)
-    return f"[effects]\nuse = [{listed}]\n# hybridyn idm --engine {engine} --effects {','.join(names)}"

@@ -7,6 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+#: The error that an advice is about where none is asked for.
+ADVISED = 1e-3
+
+#: Time that the runs of a scene take at most [s], but for one that is under way and for building C.
+SECONDS = 30.0
+
 #: Number of measurements of a time. The least is used, since disturbances only make a computation slower.
 ROUNDS = 5
 

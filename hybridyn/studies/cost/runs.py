@@ -23,12 +23,10 @@ from ...structure.robot import HybridRobot
 from .fragments import effects_fragment, solver_fragment
 from .models import compiled_model
 from .operations import operations
-from .points import Point, Study, Worth
+from .points import SECONDS, Point, Study, Worth
 from .settings import FACTORS, Setting, families, own_options, usual_setting
 
-#: Time that all measurements take at most [s], but for one run that is under way and for building C.
-SECONDS = 30.0
-#: Parts of it: for one family of settings, for the general path, and for the effects together.
+#: Parts of `SECONDS`: for one family of settings, for the general path, and for the effects together.
 ONE_RUN, SLOW_RUN, FOR_EFFECTS = 1 / 12, 1 / 20, 1 / 4
 #: Relative tolerances of the runs that lead to the reference, coarse to fine.
 LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
@@ -183,8 +181,8 @@ def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
     study.question = (
         f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
     )
-    reference, study.own_error, study.reference = _reference(runner, engines[0], seconds)
-    exact = {runner.duration: runner.run(reference, np.inf).q}
+    reference, end, study.own_error, study.reference = _reference(runner, engines[0], seconds)
+    exact = {runner.duration: end}
 
     def judged(run: Run, setting: Setting) -> Point:
         """Return the point of a run; one that was stopped is judged where it came to."""
@@ -256,13 +254,13 @@ def _point_of(ready: Stage, setting: Setting) -> Point:
     return Point(setting.line, setting.words, np.inf, np.inf, fragment, use=setting.use, what=what)
 
 
-def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, float, str]:
+def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, Array, float, str]:
     """Find the reference: the tightest tolerance of `LADDER` that finishes in time.
 
     dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish.
 
     Returns:
-        The setting, its own error, and a description of it.
+        The setting, its last posture, its own error, and a description of it.
     """
     for method in ("dopri5", "implicit"):
         found: list[tuple[Setting, Array]] = []
@@ -280,7 +278,7 @@ def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, flo
         if len(found) > 1:
             own = max(distance(runner.ready.robot, found[-2][1], found[-1][1]), 2.0**-53)
             words = f"{method} at a relative tolerance of {found[-1][0].options['rtol']:g}"
-            return found[-1][0], own, words
+            return *found[-1], own, words
     raise HybridynError(
         "no reference: two runs by dopri5 or the implicit method must finish. Simulate only the beginning "
         "(--until), or give more time (--seconds)"
