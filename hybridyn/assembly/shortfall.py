@@ -77,7 +77,8 @@ def _of_targets(task: Task, motion: Motion, whole: Groups[int], samples: Index) 
         there = point - target.residual(motion, samples)[:, rows] @ known
         bodies = whole.of(0), whole.of(target.body)
         none = (np.zeros_like(point),) * 2
-        out.append(_Corner(bodies, (there, point), none, 2.0 * float(target.units[0]), known))
+        slack = 2.0 * float(target.units[rows].max(initial=0.0))
+        out.append(_Corner(bodies, (there, point), none, slack, known))
     return out
 
 

@@ -39,6 +39,19 @@ def test_a_five_bar_lacks_what_its_point_is_outside_of_the_rings_of_its_arms() -
     assert upper.sum() > 100
 
 
+def test_an_angle_that_is_given_first_changes_nothing() -> None:
+    """What residuals may hide is a length: an angle has no share in how far a point may be off."""
+    arms = {"upper_length": str(UPPER), "lower_length": str(LOWER), "spacing": str(SPACING)}
+    robot = build_robot(shipped("five_bar", **arms))
+    given = {"x": np.array([0.9]), "pitch": np.zeros(1)}
+    found = []
+    for names in (("x", "pitch"), ("pitch", "x")):
+        requests = gather_requests(robot, {}, {"m1_tool": ({name: given[name] for name in names},)})
+        task = module_task(robot, robot.modules[0], module_request(requests, robot, 0, {}))
+        found.append(float(shortfall(task, robot.home[None], np.zeros(1, dtype=int))[0]))
+    assert found[0] == found[1] > 0
+
+
 @pytest.mark.parametrize("name", some([*ROBOTS]))
 def test_no_posture_of_a_shipped_robot_is_proven_out_of_reach(name: str) -> None:
     robot = build_robot(shipped(name))
