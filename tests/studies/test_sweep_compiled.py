@@ -89,7 +89,7 @@ measure = {{ peak = "peak_effort", mean = "mean_power", w = "rms top0/velocity" 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
-    monkeypatch.setattr(sweeping, "COMPILING_LOADS", 0)
+    monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", 0)
     monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 1)
 
 
@@ -116,7 +116,7 @@ def test_a_study_that_takes_less_than_compiling_is_not_compiled(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here(Here())
-    monkeypatch.setattr(sweeping, "COMPILING_LOADS", np.inf)
+    monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", np.inf)
     state = hybridyn.sweep(written("method = 'grid'", SCALES), "out", format="csv")
     assert (state.compiled, state.why_general, state.statuses) == (0, "", {"ok": 6})
 

@@ -22,6 +22,10 @@ from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
 from .slot_numbers import by_structure
 from .study_file import StudyFile
 
+#: Models are compiled for a study whose designs take the general path as long as loading its robot so many
+#: times, per task: compiling takes as long as 60 to 400 loads, whatever the machine.
+COMPILING_LOADS = 200
+
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
 
@@ -119,18 +123,23 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
     return replace(found, rows=tuple(rows))
 
 
-def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan | None, str]:
+def plan_for(
+    source: StudyFile, designs: Designs, numbers: Index, timed: int | None = None
+) -> tuple[Plan | None, str]:
     """Choose what is compiled for a study, and compile it.
 
     The models depend on the study alone, so that a run that continues has the same.
 
     Args:
         numbers: Numbers of some designs, spread over the study.
+        timed: Number of a design that shows whether compiling pays; None to compile in any case.
 
     Returns:
-        The plan; or None, and why there are no compiled models.
+        The plan; or None, and why there are no compiled models, "" where compiling does not pay.
     """
     designer = Designer(source)
+    if timed is not None and not _pays(designer, designs, timed):
+        return None, ""
     own: list[CompiledDesigns] = []
     why = ""
     try:
@@ -160,6 +169,18 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
     plan = Plan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))
     _keep(Models(designer, plan, own))
     return plan, ""
+
+
+def _pays(designer: Designer, designs: Designs, number: int) -> bool:
+    """Return whether compiling is quicker than the general path, by the times of a design and its robot."""
+    values = designs.values(number, number + 1)[0]
+    description = designer.variants.description(designer.variants.named(values))
+    started = time.perf_counter()
+    designer.variants.robot(description)
+    loaded = time.perf_counter()
+    designer(number, values)
+    general = designs.count * (time.perf_counter() - loaded)
+    return general >= COMPILING_LOADS * (loaded - started) * len(designer.source.study.tasks)
 
 
 def _further(count: int) -> Index:

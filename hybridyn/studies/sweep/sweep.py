@@ -33,9 +33,6 @@ MOST_IN_CHUNK = 10_000
 TRIALS = 16
 #: Chunks per process that are drawn in advance.
 AHEAD = 2
-#: Models are compiled for a study whose designs take the general path as long as loading its robot so many
-#: times, per task: compiling takes as long as 60 to 400 loads, whatever the machine.
-COMPILING_LOADS = 200
 #: Times that a design may end its process before it counts as failed.
 MOST_DEATHS = 2
 
@@ -129,10 +126,9 @@ def sweep(
     designs = Designs(source)
     state, pace, plan = Swept(Path(output), designs.count), CHUNK_SECONDS, None
     if not shards_in(Path(output)):
-        pace, load = _try_some(source, designs)
-        compiling = COMPILING_LOADS * load * len(source.study.tasks)
-        if compiled and designs.count * pace >= compiling:
-            plan, state.why_general = plan_for(source, designs, _tried(designs))
+        first, pace = _try_some(source, designs)
+        if compiled:
+            plan, state.why_general = plan_for(source, designs, _tried(designs), first)
     about = About(
         str(study), identity(source, designs), designs.count, designs.names, source.columns,
         format or best_format(), designs.method, plan is not None,
@@ -269,11 +265,8 @@ def _tried(designs: Designs) -> Index:
     return np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
 
 
-def _try_some(source: StudyFile, designs: Designs) -> tuple[float, float]:
-    """Evaluate designs in this process until one loads.
-
-    Returns:
-        The time that this design takes, and the time to load its robot [s].
+def _try_some(source: StudyFile, designs: Designs) -> tuple[int, float]:
+    """Evaluate designs in this process until one loads; return its number, and the time that it took [s].
 
     Raises:
         HybridynError: None of the designs tried loads, or fails for another reason than its postures.
@@ -282,14 +275,10 @@ def _try_some(source: StudyFile, designs: Designs) -> tuple[float, float]:
     first: Row | None = None
     tried = _tried(designs)
     for number in tried.tolist():
-        values = designs.values(number, number + 1)[0]
-        row = designer(number, values)
+        started = time.perf_counter()
+        row = designer(number, designs.values(number, number + 1)[0])
         if row.status in ("ok", "unreachable", "singular"):
-            started = time.perf_counter()  # again, because imports slow the first one down
-            designer.variants(designer.variants.named(values))
-            loaded = time.perf_counter()
-            designer(number, values)
-            return time.perf_counter() - loaded, loaded - started
+            return number, time.perf_counter() - started
         first = first or row
     assert first is not None
     named = ", ".join(
