@@ -119,47 +119,6 @@ takes_packages = click.option(
     help="Folder with packages for $(find ...) in xacro files, and with files that MJCF, SDF and USD name.",
 )
 
-_OPTIONS = (
-    click.option(
-        "--base",
-        type=click.Choice(["fixed", "moving", "floating"]),
-        help="Motion of the root link: at rest, prescribed by the table, or free.  [default: as the file "
-        "states, else fixed]",
-    ),
-    click.option(
-        "--motors",
-        metavar="A,B,...",
-        callback=split_names,
-        help="Driven joints, instead of those in the files.",
-    ),
-    click.option(
-        "--gravity",
-        metavar="X,Y,Z",
-        callback=_vector,
-        help="Acceleration of gravity in the world [m/s^2].  [default: as the file states, else 0,0,-9.81]",
-    ),
-    takes_xacro_arguments,
-    takes_packages,
-    click.option(
-        "--rank-tolerance",
-        type=click.FloatRange(0, 1, min_open=True, max_open=True),
-        help="Relative singular value below which closure rows count as dependent.  [default: determined at "
-        "generic postures]",
-    ),
-    click.option(
-        "--closure-tolerance",
-        type=click.FloatRange(0, 1, min_open=True),
-        default=1e-4,
-        show_default=True,
-        help="Largest closure residual that counts as closed, relative to a module's size.",
-    ),
-    click.option(
-        "--strict",
-        is_flag=True,
-        help="Refuse a robot of which something was read past, or whose files seem to lack loops.",
-    ),
-)
-
 
 @dataclasses.dataclass(frozen=True)
 class RobotChoice:
@@ -193,6 +152,48 @@ class RobotChoice:
 
         words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
         return hybridyn.load(words.pop("robot"), **words)
+
+
+_OPTIONS = (
+    click.option(
+        "--base",
+        type=click.Choice(["fixed", "moving", "floating"]),
+        help="Motion of the root link: at rest, prescribed by the table, or free.  [default: as the file "
+        "states, else fixed]",
+    ),
+    click.option(
+        "--motors",
+        metavar="A,B,...",
+        callback=split_names,
+        help="Driven joints, instead of those in the files.",
+    ),
+    click.option(
+        "--gravity",
+        metavar="X,Y,Z",
+        callback=_vector,
+        help="Acceleration of gravity in the world [m/s^2].  [default: as the file states, else 0,0,-9.81]",
+    ),
+    takes_xacro_arguments,
+    takes_packages,
+    click.option(
+        "--rank-tolerance",
+        type=click.FloatRange(0, 1, min_open=True, max_open=True),
+        help="Relative singular value below which closure rows count as dependent.  [default: determined at "
+        "generic postures]",
+    ),
+    click.option(
+        "--closure-tolerance",
+        type=click.FloatRange(0, 1, min_open=True),
+        default=RobotChoice.closure_tolerance,
+        show_default=True,
+        help="Largest closure residual that counts as closed, relative to a module's size.",
+    ),
+    click.option(
+        "--strict",
+        is_flag=True,
+        help="Refuse a robot of which something was read past, or whose files seem to lack loops.",
+    ),
+)
 
 
 def takes_robot_of(
