@@ -22,7 +22,7 @@ ROOMS = {
     "dynamics/quantities": ["quantities"],
     "dynamics": ["dynamics", "effects", "hard/test_singular_answers.py"],
     "linkage": ["linkage", "dynamics", "manifold"], "manifold": ["manifold", "simulation"],
-    "effects": ["effects"], "compiled": ["compiled"],
+    "effects": ["effects"], "compiled": ["compiled", "dynamics/test_engines.py"],
 }  # fmt: skip
 
 

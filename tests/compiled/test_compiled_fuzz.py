@@ -106,7 +106,7 @@ def test_two_small_pivots_are_handed_over() -> None:
 WRIST = """<robot name="wrist">{links}{joints}</robot>"""
 
 
-def light_wrist(folder: Path, mass: float) -> HybridRobot:
+def light_wrist(folder: Path, mass: float, more: str = "") -> HybridRobot:
     """Return an arm with a roll-pitch-roll wrist whose inner links have next to no mass, axes askew."""
     links, joints = "", ""
     for i, m in enumerate((1.0, 2.0, mass, mass, 1.5)):
@@ -122,7 +122,7 @@ def light_wrist(folder: Path, mass: float) -> HybridRobot:
             '<limit lower="-3" upper="3" effort="10" velocity="5"/></joint>'
         )
     path = folder / "wrist.urdf"
-    path.write_text(WRIST.format(links=links, joints=joints))
+    path.write_text(WRIST.format(links=links, joints=joints + more))
     return build_robot(read(path))
 
 
@@ -136,6 +136,24 @@ def test_a_light_wrist_near_gimbal_lock(tmp_path: Path, mass: float) -> None:
     wrong, doubtful = off(robot, (q, v, tau), MARGIN, ("ddm",))
     assert wrong == []
     assert doubtful == 4
+
+
+GEAR = """<link name="wheel"/><joint name="gear" type="revolute"><parent link="l4"/><child link="wheel"/>
+<axis xyz="0 0 1"/><mimic joint="j0" multiplier="2"/>
+<limit lower="-9" upper="9" effort="9" velocity="9"/></joint>"""
+
+
+def test_a_light_wrist_in_one_module_near_gimbal_lock(tmp_path: Path) -> None:
+    """A gear makes the wrist one module: each axis has inertia, their combination has none."""
+    robot = light_wrist(tmp_path, 0.0, GEAR)
+    assert len(robot.modules) == 1
+    rng = np.random.default_rng(1)
+    q = np.array([[0.3, 0.4, d, 0.7, 0.6] for d in (0.1, 1e-2, 1e-3, 1e-5, 1e-8)])
+    v, tau = rng.normal(size=q.shape), rng.normal(size=(len(q), len(robot.motors)))
+    v[:, 4] = 2 * v[:, 0]
+    wrong, doubtful = off(robot, (q, v, tau), MARGIN, ("ddm",))
+    assert wrong == []
+    assert doubtful == 3
 
 
 def test_a_floating_base_without_inertia_is_not_trusted() -> None:

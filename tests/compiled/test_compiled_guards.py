@@ -22,7 +22,9 @@ from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.compiled_toys import inputs, toy
-from tests.shipped import shipped
+from tests.mechanisms import random_mechanism
+from tests.samples import slow
+from tests.shipped import ROBOTS, shipped
 
 CLEARLY = 1e-2  # a joint moved by so much opens its loop so far that the general path raises
 BARELY = 1e-8  # relative; a hundredth of what the general path lets pass, a thousand times the guard's limit
@@ -41,11 +43,11 @@ def refused(robot: HybridRobot, name: str, states: list[Any]) -> bool:
 
 @pytest.mark.parametrize(
     "name",
-    ["five_bar", *(pytest.param(x, marks=pytest.mark.slow) for x in ("delta", "gough_stewart", "tanev"))],
+    ["five_bar", "gear_three", *map(slow, ("delta", "gough_stewart", "tanev"))],
 )
 def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
     """Change single joints a little, wherever the general path refuses a larger change."""
-    robot = build_robot(shipped(name))
+    robot = build_robot(random_mechanism(0, kind=name) if name not in ROBOTS else shipped(name))
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
     seen = 0
     for model, program in programs(robot, models=("idm", "ddm")).items():
@@ -91,7 +93,8 @@ def test_wrists_that_place_a_platform_hold_at_any_joint_motion() -> None:
     ("name", "most"),
     [
         ("five_bar", 1.86),
-        *(pytest.param(*x, marks=pytest.mark.slow) for x in (("delta", 1.51), ("tanev", 1.47))),
+        slow("delta", 1.51),
+        slow("tanev", 1.47),
     ],
 )
 def test_the_guard_takes_few_operations(name: str, most: float) -> None:

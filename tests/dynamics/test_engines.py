@@ -38,7 +38,9 @@ def drawn(case: str, base: Base, seed: int) -> tuple[Description, Wrenches, Stat
 
 
 SHIPPED = [f"shipped {name}" for name in ROBOTS]
-CASES = in_turn([*KINDS, *SHIPPED], BASES, [*CHOSEN, *(name for name in SHIPPED if "snake" not in name)])
+CASES = in_turn(
+    [*KINDS, *SHIPPED], BASES, [*CHOSEN, "star_universal", *(name for name in SHIPPED if "snake" not in name)]
+)
 OF_QUANTITIES = in_turn([*SQUARE, *SHIPPED], BASES, [*CHOSEN, "shipped rps3", "shipped scara_delta"])
 
 

@@ -35,11 +35,10 @@ from .rigid import classical, inertia_matrix, to_child
 from .stages import Stage, cut
 from .static_elimination import solve_definite
 
-#: Ratio of an inertia's pivot to its diagonal entry below which a motion has nearly no inertia.
-WITHOUT_INERTIA = 1e-9
-#: Ratio of a diagonal entry to the inertia with all other joints locked below which it may be rounding: an
-#: articulated inertia is a difference (the first axis of a gimbal-locked wrist of light links).
-OF_LOCKED = 1e-5
+#: Ratio of an inertia to what it is the difference of, below which accelerations lose more than five digits:
+#: of a pivot to its diagonal entry, and of this to the inertia with all other joints locked (of the first
+#: axis of a gimbal-locked wrist of light links).
+NEARLY_NO_INERTIA = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,12 +188,12 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     unforced = _hold_thin(plan, options, (A_t, E, Q_0), f)
-    solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
+    solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), NEARLY_NO_INERTIA)
     guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust) + unforced, Psi)
     guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
-            guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (OF_LOCKED * usual), 2.0))
+            guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (NEARLY_NO_INERTIA * usual), 2.0))
     return _Solved(Psi, Psi_b, y_0, E, solved[:, :6], f, solved[:, 6], guard)
 
 
