@@ -3,11 +3,8 @@
 These are wrenches on links, efforts of joint laws, and rotors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,12 +13,10 @@ from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import TrajectoryError
 from ..spatial import Array, wrench_to_base
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch
 from .link_motion import observed_motions
-
-if TYPE_CHECKING:
-    from ..structure.module import ModuleState
 
 
 @dataclass(eq=False)

@@ -1,21 +1,15 @@
 """Compute the wrenches between modules and in the closures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..linkage.closures import TreeClosure, normals
 from ..linkage.tree import Motion
 from ..spatial import Array, Mask, cross, hat, rotate_back
+from ..structure.module import ModuleState
 from .guards import LOST_PIVOT
-
-if TYPE_CHECKING:
-    from ..structure.module import ModuleState
-    from .loads import ModuleLoad
-
+from .loads import ModuleLoad
 
 #: A component of a closure wrench is undetermined if a unit self-stress has more than this part along it.
 UNDETERMINED = 1e-6
@@ -49,7 +43,7 @@ class Reactions:
     unique: dict[str, bool] = field(default_factory=dict)
     determined: dict[str, Mask] = field(default_factory=dict)
 
-    def sample(self, t: int) -> Reactions:
+    def sample(self, t: int) -> "Reactions":
         """Return the reactions at one sample."""
         return Reactions(
             self.base[t],

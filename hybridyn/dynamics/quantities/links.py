@@ -1,6 +1,6 @@
 """What links are and feel like through the loops: Jacobians J, J M^-1 J^T (Delassus), and its inverse.
 
-The columns of J are the links' twists along those of dq/du. The direct model at rest, under unit wrenches and
+J is Pinocchio's Jacobian of the spanning tree times dq/du. The direct model at rest, under unit wrenches and
 nothing else, gives the columns of the Delassus matrix, each linear in the modules; M is never formed. All
 motions of the robot count, also those that no motor drives.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...effects.choice import Choice
-from ...spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
+from ...spatial import Array, to_body_axes
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
@@ -50,31 +50,13 @@ def link_jacobian(
     named_links(robot, [link])
     one_of("axes", axes, "world", "link")
     q, single = as_positions(robot, q)
-    J, R = _jacobian(engine, q, link)
-    if axes == "world":
-        if robot.base == "moving":
-            R = np.matmul(rotation_from_quaternion(q[:, 3:7]), R)
-        J = to_body_axes(np.swapaxes(R, 1, 2), J)
+    import pinocchio as pin
+
+    model, frame = robot.unchanged_model, robot.unchanged_model.getFrameId(link, pin.BODY)
+    data, along = model.createData(), pin.LOCAL if axes == "link" else pin.LOCAL_WORLD_ALIGNED
+    of_tree = [pin.computeFrameJacobian(model, data, x, frame, along) for x in q]
+    J: Array = np.matmul(np.reshape(of_tree, (len(q), 6, robot.nv)), engine.motions(q)[1].E)
     return J[0] if single else J
-
-
-def _jacobian(engine: Engine, q: Array, link: str) -> tuple[Array, Array]:
-    """Compute a link's Jacobian in its own axes, shape (T, 6, N), and its axes in those of the first base."""
-    robot, u = engine.robot, engine.u
-    states, motions = engine.motions(q)
-    body, *at = robot.bodies.place[link]
-    X, R = (np.tile(x, (len(q), 1, 1)) for x in (motion_matrix(*at), at[0]))
-    J = np.zeros((len(q), 6, u.size))
-    k, number = robot.body_owner[body]
-    while k >= 0:
-        s, own = states[k], u.own[k]
-        turned, moved = s.spanning.R[:, number], s.spanning.p[:, number]
-        in_module = to_body_axes(turned, s.mechanism.spanning.jacobian(s.spanning, number))
-        J[:, :, own] = np.matmul(X, np.matmul(in_module, motions.E[:, s.module.v_index[:, None], own]))
-        X, R = np.matmul(X, motion_matrix(turned, moved)), np.matmul(turned, R)
-        k = s.module.parent
-        number = robot.body_owner[robot.bodies.place[s.module.base][0]][1] if k >= 0 else 0
-    return J, R
 
 
 def delassus(
