@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 import hybridyn
-from hybridyn import HybridRobot
 from hybridyn.compiled.equations.states import random_states
 from tests.comparing import close_to
 from tests.written_out import Interpreted
@@ -26,7 +25,7 @@ class General:
 
     recomputed = 0
 
-    def __init__(self, robot: HybridRobot, effects: Any = "default") -> None:
+    def __init__(self, robot: hybridyn.HybridRobot, effects: Any = "default") -> None:
         self.robot, self.effects = robot, effects
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
@@ -40,7 +39,7 @@ class General:
 class Written:
     """Both models of a robot, written out; they must trust themselves at every sample."""
 
-    def __init__(self, robot: HybridRobot, effects: Any = "default") -> None:
+    def __init__(self, robot: hybridyn.HybridRobot, effects: Any = "default") -> None:
         self.robot, self.library = robot, Interpreted(robot, ("idm", "ddm"), effects)
         self.idm, self.ddm = partial(self._run, "idm"), partial(self._run, "ddm")
 
@@ -54,14 +53,14 @@ class Written:
         return result
 
 
-def engine_of(name: str, robot: HybridRobot, effects: Any = "default") -> Any:
+def engine_of(name: str, robot: hybridyn.HybridRobot, effects: Any = "default") -> Any:
     """Return an engine for a robot."""
     engines = {"general": General, "written": Written, "compiled": hybridyn.compile}
     return engines[name](robot, effects)
 
 
 def written_agrees(
-    robot: HybridRobot, samples: int = 4, effects: Any = "default", within: float = 1e-10
+    robot: hybridyn.HybridRobot, samples: int = 4, effects: Any = "default", within: float = 1e-10
 ) -> None:
     """Compare the written-out models of a robot with the general path; they must trust themselves."""
     q, v, _, tau = random_states(robot, samples)

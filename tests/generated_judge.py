@@ -9,10 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from hybridyn.assembly.task import closure_residual
-from hybridyn.errors import ActuationError, HybridynError, SingularityError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.generated import Case, State
 
 EPS = float(np.finfo(float).eps)
@@ -27,7 +24,7 @@ MISSING = 1e-9  # of the largest effort: an effort that no motor can produce, wh
 class Found:
     """What the core gave for all states of a case."""
 
-    robot: HybridRobot
+    robot: hybridyn.HybridRobot
     q: np.ndarray
     v: np.ndarray
     tau: np.ndarray
@@ -39,7 +36,7 @@ def judge(case: Case, states: list[State]) -> None:
     robot = build_robot(case.description, base=case.base)
     assert robot.mobility == case.mobility
     q, v, a, tau = states_of(states)
-    assert closure_residual(robot, q).max(initial=0.0) <= CLOSED
+    assert hybridyn.closure_residual(robot, q).max(initial=0.0) <= CLOSED
     rng = np.random.default_rng([case.seed, 2])
     names = [link.name for link in case.description.links]
     wrenches = {
@@ -99,12 +96,12 @@ def judge_inverse(case: Case, found: Found, wrenches: dict[str, np.ndarray], nee
     lacking = [
         np.abs(missing).max(initial=0.0) / size for (_, missing), size in zip(answers, largest, strict=True)
     ]
-    refused: HybridynError | None = None
+    refused: hybridyn.HybridynError | None = None
     try:
         tau = hybridyn.idm(found.robot, found.q, found.v, found.a, wrenches=wrenches, weights=weights)
-    except (ActuationError, SingularityError) as error:
+    except (hybridyn.ActuationError, hybridyn.SingularityError) as error:
         refused = error
-    if isinstance(refused, ActuationError):
+    if isinstance(refused, hybridyn.ActuationError):
         assert needs, f"ddm's own accelerations are refused: {refused}"
         assert max(lacking) > BACKWARD, f"nothing is missing: {refused}"
     elif refused:

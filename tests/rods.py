@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from hybridyn import HybridRobot
 from hybridyn.compiled.equations.spins import spins_of
 from hybridyn.description.records import Description, Link
 from hybridyn.dynamics.forward import forward
@@ -132,7 +131,7 @@ def crank(seed: int = 0, foot: Foot = "ball", *, thin: bool = False, beside: flo
     return s.description(f"{foot}_crank")
 
 
-def moved(robot: HybridRobot, samples: int, size: float) -> tuple[Array, Array, Array]:
+def moved(robot: hybridyn.HybridRobot, samples: int, size: float) -> tuple[Array, Array, Array]:
     """Assemble a motion in which each motor swings by a part of a radian, or of its module's length.
 
     The rods of the motion spin, and their spins accelerate, which no motor can do.
@@ -178,7 +177,7 @@ def stack(seed: int = 0) -> Description:
     return s.description("stack")
 
 
-def swings(robot: HybridRobot, samples: int, size: float) -> dict[str, tuple[Array, Array, Array]]:
+def swings(robot: hybridyn.HybridRobot, samples: int, size: float) -> dict[str, tuple[Array, Array, Array]]:
     """Return positions, rates and accelerations of motors that swing by a part of their unit."""
     rng, t, motors = np.random.default_rng(samples), np.linspace(0.0, 6.0, samples), {}
     for name in robot.motors:
@@ -193,7 +192,7 @@ def swings(robot: HybridRobot, samples: int, size: float) -> dict[str, tuple[Arr
     return motors
 
 
-def spin(robot: HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random.Generator) -> None:
+def spin(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random.Generator) -> None:
     """Add spins to the rates, or to the accelerations if these are given, in place."""
     changed = v if a is None else a
     for state in forward(robot, q, v, changed):

@@ -14,9 +14,7 @@ import hybridyn
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.verifying import BUG, verify
 from hybridyn.effects.choice import choose
-from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.any_mechanism import any_mechanism
 from tests.oracle import Oracle
 from tests.samples import slow
@@ -30,7 +28,7 @@ FASTEST = 1e12  # accelerations that only a quotient of roundings reaches
 STEP, STEPS = 1e-3, 2
 
 
-def refusal(error: HybridynError, case: str) -> str:
+def refusal(error: hybridyn.HybridynError, case: str) -> str:
     """Check that a refusal is one line without a bug; give its first words."""
     said = str(error)
     assert said.strip(), case
@@ -54,12 +52,12 @@ def went_through(seed: int, what: str) -> str:
                 simulated(robot, *states, case)
             else:
                 judged(robot, *states, case)
-        except HybridynError as error:
+        except hybridyn.HybridynError as error:
             return refusal(error, case)
     return "through"
 
 
-def judged(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
+def judged(robot: hybridyn.HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
     """Compare both models with the oracle: loops, accelerations that keep them closed, and work."""
     oracle = Oracle(robot.description, robot.base)
     a = hybridyn.ddm(robot, q, v, tau)
@@ -68,7 +66,7 @@ def judged(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, ca
     if robot.base != "floating" or len(robot.motors):
         try:
             efforts = hybridyn.idm(robot, q, v, a)
-        except HybridynError as error:
+        except hybridyn.HybridynError as error:
             refusal(error, case)
     for t in range(len(q)):
         posture = oracle.posture(q[t])
@@ -89,7 +87,7 @@ def judged(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, ca
             assert off <= WORK * max(terms.max(initial=0.0), 1.0), (case, "efforts", off)
 
 
-def simulated(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
+def simulated(robot: hybridyn.HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
     """Take some steps; loops stay closed."""
     moving = {"base_motion": at_rest} if robot.base == "moving" else {}
     if robot.base == "moving":

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import HybridynError
 from hybridyn.streams.postures import postures
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
@@ -122,7 +121,7 @@ def went_through(folder: Path, texts: Texts | dict[str, bytes], case: str) -> bo
                 layout = read_layout(table.columns, robot.description, motors=robot.motors, file=table.file)
                 block = postures(robot, next(read_motions(table, layout)), layout, None)
             tau = hybridyn.idm(robot, block.q, block.v, block.a)
-    except HybridynError as error:
+    except hybridyn.HybridynError as error:
         message = str(error)
         assert message.strip(), case
         assert "\n" not in message, case

@@ -8,7 +8,6 @@ import pytest
 
 import hybridyn
 from hybridyn.description.side_cars.toml_file import LARGEST_TOML, MOST_PARTS, line_of, parse_toml
-from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import Result
 from hybridyn.tables.opening import open_table
@@ -24,7 +23,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str, monkeypatch: pytest
         ".csv": open_table, ".parquet": open_table, ".urdf": hybridyn.load, ".xacro": hybridyn.load,
         ".toml": read_scene, ".state": Result.load,
     }  # fmt: skip
-    caught = refused(lambda: readers[file.suffix](str(file)), HybridynError, "is not a regular file")
+    caught = refused(lambda: readers[file.suffix](str(file)), hybridyn.HybridynError, "is not a regular file")
     assert name in str(caught)
 
 
@@ -37,7 +36,7 @@ def test_a_key_of_many_parts_is_refused(text: str, monkeypatch: pytest.MonkeyPat
     parse_toml(text.format(dotted(MOST_PARTS)).encode(), "f.toml")
     monkeypatch.setattr(tomllib, "loads", lambda text: pytest.fail("it was read, which takes 8 GB"))
     for key in (dotted(40_000), dotted(MOST_PARTS + 1), " . ".join(['"a"', "'b'"] * 9)):
-        with pytest.raises(ModelError, match=r"f\.toml:2: .*a key has more than 16 parts"):
+        with pytest.raises(hybridyn.ModelError, match=r"f\.toml:2: .*a key has more than 16 parts"):
             parse_toml(f"\n{text.format(key)}".encode(), "f.toml")
 
 
@@ -58,12 +57,14 @@ def test_dots_in_texts_and_comments_are_no_parts(text: str) -> None:
 
 def test_texts_that_do_not_end_are_refused_at_once() -> None:
     for text in ('"""' + '\\"""' * 50_000, "'''" + "''" * 50_000 + "'", '"' * 100_001, "a" * LARGEST_TOML):
-        with pytest.raises(ModelError, match="not readable as TOML"):
+        with pytest.raises(hybridyn.ModelError, match="not readable as TOML"):
             parse_toml(text.encode(), "f.toml")
 
 
 def test_a_large_toml_file_is_refused() -> None:
-    refused(lambda: parse_toml(b"#" * (LARGEST_TOML + 1), "f.toml"), ModelError, "is larger than 1 MiB")
+    refused(
+        lambda: parse_toml(b"#" * (LARGEST_TOML + 1), "f.toml"), hybridyn.ModelError, "is larger than 1 MiB"
+    )
 
 
 def test_a_line_without_an_assignment_is_soon_passed() -> None:

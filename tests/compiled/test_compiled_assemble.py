@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import AssemblyError, HybridRobot, closure_residual
 from hybridyn.assembly.requests import first_guess, gather_requests
 from hybridyn.compiled.equations.expressions import pack, unpack
 from hybridyn.compiled.equations.folding import Folding
-from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.closing import assembling
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
@@ -54,7 +52,7 @@ def compare(assembler: Assembler, within: float = SAME, **wanted: Any) -> States
     return got
 
 
-def of_platforms(robot: HybridRobot, below: bool) -> tuple[States, Any]:
+def of_platforms(robot: hybridyn.HybridRobot, below: bool) -> tuple[States, Any]:
     """Return states and the poses of all platforms in them, as seen from the root or from the one below."""
     states = hybridyn.assemble(robot, motors=waves(robot, np.linspace(0, 0.5, 12), 0.03))
     root, links = robot.description.root, [module.outputs[0] for module in robot.modules]
@@ -63,14 +61,14 @@ def of_platforms(robot: HybridRobot, below: bool) -> tuple[States, Any]:
     return states, {f"{link}@{other}": of_link(robot, *states, link, other) for link, other in pairs}
 
 
-def arm_and_platform(robot: HybridRobot) -> dict[str, Any]:
+def arm_and_platform(robot: hybridyn.HybridRobot) -> dict[str, Any]:
     """Return the pose of the first platform, and the motors of what stands on it."""
     states, poses = of_platforms(robot, False)
     arm = [motor for module in robot.modules[1:] for motor in module.motors]
     return {"motors": of_joints(robot, *states, arm), "platforms": dict([next(iter(poses.items()))])}
 
 
-def some_coordinates(robot: HybridRobot) -> dict[str, Any]:
+def some_coordinates(robot: hybridyn.HybridRobot) -> dict[str, Any]:
     """Return some coordinates of a platform; the rest of its pose follows, other modules have motors."""
     phase = np.linspace(0, 2 * np.pi, 40)
     rest = [motor for module in robot.modules[1:] for motor in module.motors]
@@ -79,7 +77,7 @@ def some_coordinates(robot: HybridRobot) -> dict[str, Any]:
 
 
 #: What is asked of a robot; larger waves lead tanev to a singularity.
-ASKED: dict[str, Callable[[HybridRobot], dict[str, Any]]] = {
+ASKED: dict[str, Callable[[hybridyn.HybridRobot], dict[str, Any]]] = {
     "motors": lambda r: {"motors": waves(r, np.linspace(0, 1, 60), 0.02 if r.name == "tanev" else 0.04)},
     "relative poses": lambda r: {"platforms": of_platforms(r, True)[1]},
     "absolute poses": lambda r: {"platforms": of_platforms(r, False)[1]},
@@ -141,7 +139,9 @@ def test_rows_far_apart_stay_on_the_branch() -> None:
 # -------------------------------------------------------------------- branches, reach, singularities
 
 
-def rows_towards(robot: HybridRobot, first: float, last: float, parts: list[float]) -> dict[str, Array]:
+def rows_towards(
+    robot: hybridyn.HybridRobot, first: float, last: float, parts: list[float]
+) -> dict[str, Array]:
     """Return cranks on their way from one distance of the elbows to another, relative to stretched rods."""
     near, there = stretched(robot, first), stretched(robot, last)
     return {m: near[m] + np.array(parts) * (there[m] - near[m]) for m in near}
@@ -170,7 +170,7 @@ def test_rows_near_a_singularity_are_the_general_paths() -> None:
     assembler = Assembler(robot)
     q, _, _ = compare(assembler, 1e-6, motors=rows_towards(robot, -0.2, -1e-5, list(way)))
     assert 0 < assembler.recomputed < 100
-    assert closure_residual(robot, q).max() <= CLOSED
+    assert hybridyn.closure_residual(robot, q).max() <= CLOSED
 
 
 def test_what_leaves_freedoms_open_is_refused_in_the_same_words() -> None:
@@ -225,7 +225,7 @@ def test_generated_mechanisms(kind: str, base: Base) -> None:
         wanted = {"motors": of_joints(robot, *some), "platforms": poses}
         try:
             hybridyn.assemble(robot, **wanted)
-        except AssemblyError:  # states may lie on different branches
+        except hybridyn.AssemblyError:  # states may lie on different branches
             same_words(partial(in_c, assembler, **wanted), partial(hybridyn.assemble, robot, **wanted))
         else:
             compare(assembler, SAME_AT_RANDOM, **wanted)
@@ -243,11 +243,11 @@ def test_compiled_robots_assemble() -> None:
     close_to(compiled.idm(*states), hybridyn.idm(robot, *states), 1e-9)
     assert compiled.recomputed == 0
     short = partial(compiled.assemble, motors=motors, guess=np.zeros(3))
-    refused(short, AssemblyError, "guess has 3 entries")
+    refused(short, hybridyn.AssemblyError, "guess has 3 entries")
 
 
 @pytest.fixture(scope="module")
-def ticks() -> tuple[CompiledRobot, States]:
+def ticks() -> tuple[hybridyn.CompiledRobot, States]:
     """Return a compiled robot, and positions, rates and accelerations of its motors at every tick."""
     robot = build_robot(shipped("five_bar"))
     moved = waves(robot, np.linspace(0, 0.2, 40), 0.3)
@@ -281,7 +281,7 @@ def test_a_tick_from_any_other_posture_is_closed_too(ticks: Any) -> None:
     assert np.abs(again[1] - right[1][5]).max() <= SAME * 100
 
 
-def closed_in_c(compiled: CompiledRobot, position: Array, last: Array) -> bool:
+def closed_in_c(compiled: hybridyn.CompiledRobot, position: Array, last: Array) -> bool:
     """Return whether C alone closes a row from a posture that is not the last tick's."""
     robot, still = compiled.robot, np.zeros(len(position))
     return compiled._close_at_once(last, position, still, still, np.empty(robot.nq + 2 * robot.nv)) == 0
@@ -319,7 +319,7 @@ def test_rows_follow_from_any_closed_posture(kind: str, base: Base) -> None:
         )
         try:
             right = ways[1]()
-        except AssemblyError:
+        except hybridyn.AssemblyError:
             same_words(*ways)
         else:
             close_to(ways[0](), right, SAME_AT_RANDOM, 1.0)
@@ -330,7 +330,7 @@ def test_a_tick_that_cannot_be_reached_is_refused(ticks: Any) -> None:
     q, _, _ = compiled.close(motors[0][0])
     for _ in range(2):
         far = partial(compiled.close, motors[0][0] + 1e5, last=q)
-        refused(far, AssemblyError, "out of reach")
+        refused(far, hybridyn.AssemblyError, "out of reach")
         q, _, _ = compiled.close(motors[0][1], last=q)
     shape = "position of the motors has shape"
     refused(lambda: compiled.close(np.zeros(3)), hybridyn.TrajectoryError, shape)

@@ -25,7 +25,6 @@ from hybridyn.compiled.library.compilers import Compiler, find_compiler
 from hybridyn.compiled.model import _restored
 from hybridyn.description.cache_folder import folder
 from hybridyn.effects.choice import choose
-from hybridyn.errors import CompileError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import ROOT
@@ -109,7 +108,7 @@ def test_a_cache_that_cannot_be_used_is_named(empty_cache: Path) -> None:
     (key,) = (empty_cache / "keys").iterdir()
     key.unlink()
     key.mkdir()
-    refused(lambda: cached("a robot", source), CompileError, "cache folder .* cannot be used")
+    refused(lambda: cached("a robot", source), hybridyn.CompileError, "cache folder .* cannot be used")
 
 
 def test_a_new_model_may_differ_as_roundings_of_the_robot_do(tmp_path: Path) -> None:
@@ -132,9 +131,9 @@ def test_a_new_model_may_differ_as_roundings_of_the_robot_do(tmp_path: Path) -> 
 
 def test_a_model_that_is_not_accepted_stays_unknown() -> None:
     def refuse(built: Built) -> None:
-        raise CompileError("it is wrong")
+        raise hybridyn.CompileError("it is wrong")
 
-    with pytest.raises(CompileError, match="it is wrong"):
+    with pytest.raises(hybridyn.CompileError, match="it is wrong"):
         cached("a robot", source, accept=refuse)
     asked = []
     cached("a robot", source, accept=asked.append)
@@ -179,7 +178,7 @@ def test_a_robot_from_another_process_is_built_anew_where_its_library_is_gone(tm
 def test_limits_are_no_part_of_casadi_functions() -> None:
     robot = build_robot(shipped("five_bar"))
     compiled = hybridyn.compile(robot, ["default", "limits"])
-    with pytest.raises(ModelError, match="'limits' is not part of CasADi functions"):
+    with pytest.raises(hybridyn.ModelError, match="'limits' is not part of CasADi functions"):
         _ = compiled.casadi
 
 
@@ -196,7 +195,7 @@ def test_without_a_compiler_the_message_says_what_to_install(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(CompileError, match=r"install gcc or clang.*pip install ziglang"):
+    with pytest.raises(hybridyn.CompileError, match=r"install gcc or clang.*pip install ziglang"):
         cached("a robot", source)
 
 
@@ -211,7 +210,7 @@ def test_a_compiler_that_is_named_must_be_there(
     fresh_compiler: None, monkeypatch: pytest.MonkeyPatch, named: str, words: str
 ) -> None:
     monkeypatch.setenv("CC", named)
-    refused(lambda: cached("a robot", source), CompileError, words)
+    refused(lambda: cached("a robot", source), hybridyn.CompileError, words)
 
 
 def test_a_full_folder_of_the_system_does_not_matter(
@@ -243,7 +242,7 @@ def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
             "cannot be started",
         ),
     ):
-        refused(call, CompileError, words)
+        refused(call, hybridyn.CompileError, words)
 
 
 def test_the_ziglang_wheel_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

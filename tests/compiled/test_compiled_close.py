@@ -17,7 +17,6 @@ from hybridyn.compiled.programs.closing.platform_program import (
 )
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
-from hybridyn.dynamics.inverse import idm
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -70,7 +69,9 @@ def closed(kind: str, base: Base) -> float:
     if np.abs(moved).max(initial=0.0) < CLOSED:
         off += [(rates - v) / np.abs(v).max() / AGREE, (accelerations - a) / np.abs(a).max() / AGREE]
     else:  # a rod has turned about itself, which no motor tells
-        idm(robot, near, rates, accelerations, passive="solved")  # refuses accelerations that open loops
+        hybridyn.idm(
+            robot, near, rates, accelerations, passive="solved"
+        )  # refuses accelerations that open loops
     return max(float(np.abs(x).max(initial=0.0)) for x in off)
 
 

@@ -15,7 +15,6 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.inverse import inverse_program
 from hybridyn.description import Coupling, Joint
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.assembly.test_assembly import stretched, waves
 from tests.comparing import close_to, same_bits, same_words
 from tests.compiled.test_compiled_robust import robot_of
@@ -29,13 +28,13 @@ LATER = ("gough_stewart", "lx4", "delta", "tanev", "rps3", "stewart_ur5")
 ROBOTS = ["five_bar", *map(slow, LATER)]
 
 
-def motion(robot: HybridRobot, count: int) -> list[Any]:
+def motion(robot: hybridyn.HybridRobot, count: int) -> list[Any]:
     """Return positions, rates and accelerations of the motors at every tick, shape (count, motors) each."""
     moved = waves(robot, 1e-3 * np.arange(count), 0.02)
     return [np.stack([moved[m][i] for m in robot.motors], axis=1) for i in range(3)]
 
 
-def at_home(robot: HybridRobot) -> Any:
+def at_home(robot: hybridyn.HybridRobot) -> Any:
     """Return the first tick of `motion`."""
     return motion(robot, 1)[0][0]
 

@@ -19,10 +19,8 @@ from hybridyn.compiled.programs.derivatives.evaluation import DERIVATIVE_AGREES
 from hybridyn.compiled.programs.derivatives.inverse import inverse_derivatives
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
-from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.pinocchio_model import pinocchio_inertia
-from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused, same_bits
 from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
@@ -36,7 +34,7 @@ SOLVED = 5e-12  # rounding times the condition of the mass matrix: 1e4 for the s
 
 
 @pytest.fixture(scope="module", params=["five_bar", slow("gough_stewart")])
-def robot(request: pytest.FixtureRequest) -> HybridRobot:
+def robot(request: pytest.FixtureRequest) -> hybridyn.HybridRobot:
     return build_robot(shipped(request.param))
 
 
@@ -46,7 +44,7 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
 
 
-def states_along(robot: HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def states_along(robot: hybridyn.HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return closed states along a motion of the motors, smooth in time."""
     rng = np.random.default_rng(2)
     motion = {}
@@ -58,7 +56,7 @@ def states_along(robot: HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.
     return hybridyn.assemble(robot, motors=motion)
 
 
-def parameters_of(robot: HybridRobot) -> np.ndarray:
+def parameters_of(robot: hybridyn.HybridRobot) -> np.ndarray:
     """Return ten inertial parameters of each body."""
     return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies])
 
@@ -69,7 +67,7 @@ def rate(values: np.ndarray) -> np.ndarray:
     return out
 
 
-def test_along_a_closed_motion(robot: HybridRobot, interpreted: None) -> None:
+def test_along_a_closed_motion(robot: hybridyn.HybridRobot, interpreted: None) -> None:
     times = 0.4 + STEP * np.arange(-2, 3)
     q, v, a = states_along(robot, times)
     tau = hybridyn.idm(robot, q, v, a)
@@ -83,7 +81,7 @@ def test_along_a_closed_motion(robot: HybridRobot, interpreted: None) -> None:
 
 
 @pytest.mark.slow
-def test_derivatives_over_parameters(robot: HybridRobot, interpreted: None) -> None:
+def test_derivatives_over_parameters(robot: hybridyn.HybridRobot, interpreted: None) -> None:
     """Efforts are linear in them; inertias times k under efforts times k move alike: d a / d log k = 0."""
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
     parameters = parameters_of(robot)
@@ -96,22 +94,25 @@ def test_derivatives_over_parameters(robot: HybridRobot, interpreted: None) -> N
 
 
 @pytest.mark.parametrize("model", ["idm", "ddm"])
-def test_states_without_derivatives_are_refused(robot: HybridRobot, interpreted: None, model: str) -> None:
+def test_states_without_derivatives_are_refused(
+    robot: hybridyn.HybridRobot, interpreted: None, model: str
+) -> None:
     q, v, a, tau = random_states(robot, 3)
     derive, last = Derivatives(robot, model), a if model == "idm" else tau
     lost, opened = q.copy(), q.copy()
     lost[1, 0], opened[1, 0] = np.nan, 0.3
     for bad, error, words in (
-        (q[:, 1:], TrajectoryError, "q has shape"), (q[:, :1], TrajectoryError, "q has shape"),
-        (q[:2], TrajectoryError, "have 2, 3, 3 samples"),
-        (lost, HybridynError, "q is not finite at sample 1"),
-        (opened, HybridynError, "do not close the loops at sample 1"),
+        (q[:, 1:], hybridyn.TrajectoryError, "q has shape"),
+        (q[:, :1], hybridyn.TrajectoryError, "q has shape"),
+        (q[:2], hybridyn.TrajectoryError, "have 2, 3, 3 samples"),
+        (lost, hybridyn.HybridynError, "q is not finite at sample 1"),
+        (opened, hybridyn.HybridynError, "do not close the loops at sample 1"),
     ):  # fmt: skip
         refused(lambda: derive(bad, v, last), error, words)  # noqa: B023
     assert {len(x) for x in derive(q[:0], v[:0], last[:0]).values()} == {0}
     limited = partial(hybridyn.ddm_jacobian, robot, q, v, tau, effects=["default", "limits"])
-    refused(limited, ModelError, "'limits' has no derivative")
-    refused(lambda: Derivatives(robot, "kinematics"), ModelError, "not of 'kinematics'")
+    refused(limited, hybridyn.ModelError, "'limits' has no derivative")
+    refused(lambda: Derivatives(robot, "kinematics"), hybridyn.ModelError, "not of 'kinematics'")
 
 
 def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
@@ -126,17 +127,17 @@ def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
     )
     for distance in (1e-6, 0.0):  # the result agrees, but 1e-6 and 2e-2 of the derivatives over q do not
         q, words = near_a_lost_pivot(robot, distance), r"not to be trusted at sample 0: the pivots .* vanish"
-        refused(lambda: derive(q, v, tau), SingularityError, words)  # noqa: B023
+        refused(lambda: derive(q, v, tau), hybridyn.SingularityError, words)  # noqa: B023
 
 
-def near_a_lost_pivot(robot: HybridRobot, distance: float) -> np.ndarray:
+def near_a_lost_pivot(robot: hybridyn.HybridRobot, distance: float) -> np.ndarray:
     """Return a posture of the five-bar near one at which a pivot vanishes, though no rank is lost."""
     values = np.array([[distance - 1.0703831736303813], [0.88]])
     return hybridyn.assemble(robot, motors=dict(zip(robot.motors, values, strict=True)))[0]
 
 
 @pytest.mark.slow
-def test_batches_and_casadi(robot: HybridRobot) -> None:
+def test_batches_and_casadi(robot: hybridyn.HybridRobot) -> None:
     q, v, a, _ = random_states(robot, 3)
     derive = Derivatives(robot, "idm", parameters=True)
     many = derive(q, v, a)
@@ -176,7 +177,7 @@ def test_calls_fill_arrays(interpreted: None) -> None:
         (lambda: derive.allocate(-1), "samples must not be negative; -1 were given"),
         (lambda: derive(q, v, a, out=derive(q, v, a)), "what `allocate` of the same derivatives returned"),
     ):
-        refused(call, TrajectoryError, words)
+        refused(call, hybridyn.TrajectoryError, words)
 
 
 def assert_filled(derive: Derivatives, *given: np.ndarray) -> None:
@@ -210,7 +211,7 @@ def test_joined_blocks_of_random_mechanisms(kind: str) -> None:
     assert_as_whole(build_robot(random_mechanism(1, kind=kind), base=base), along_loops=base == "floating")
 
 
-def assert_as_whole(robot: HybridRobot, *, along_loops: bool = False) -> None:
+def assert_as_whole(robot: hybridyn.HybridRobot, *, along_loops: bool = False) -> None:
     """Compare the derivatives of both models with those of the whole program, by columns or along loops."""
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
     asked = request(robot, None)
@@ -236,7 +237,7 @@ def assert_as_whole(robot: HybridRobot, *, along_loops: bool = False) -> None:
             np.testing.assert_allclose(off, 0.0, atol=atol)
 
 
-def tangent(robot: HybridRobot, q: np.ndarray) -> np.ndarray:
+def tangent(robot: hybridyn.HybridRobot, q: np.ndarray) -> np.ndarray:
     """Return the derivative of the coordinates q over the freedoms by differences of fourth order."""
     step, weights = 1e-3, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
     columns = [

@@ -15,9 +15,7 @@ from hybridyn.compiled.programs.derivatives.linear import linearized
 from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
 from hybridyn.compiled.programs.derivatives.nodes import Node
 from hybridyn.compiled.programs.derivatives.tangents import Graph
-from hybridyn.errors import ModelError, SingularityError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused, same_bits
 from tests.compiled.test_compiled_derivatives import assert_filled
 from tests.effect_cases import CASES
@@ -37,7 +35,7 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
 
 
-def columns_of(robot: HybridRobot) -> list[int]:
+def columns_of(robot: hybridyn.HybridRobot) -> list[int]:
     """Return the entries of v of the motors."""
     return [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
 
@@ -153,7 +151,7 @@ def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
          "derivatives over parameters are not available with coordinates='motors'"),
         (lambda: Derivatives(floating, "ddm", coordinates="motors"), "a fixed base; this one is 'floating'"),
     ):  # fmt: skip
-        refused(call, ModelError, words)
+        refused(call, hybridyn.ModelError, words)
     for yes in (1, np.True_):
         assert Derivatives(robot, "idm", parameters=yes)._parameters is True  # type: ignore[arg-type]
 
@@ -175,7 +173,7 @@ def test_nothing_changes_where_nothing_moves(interpreted: None) -> None:
 @pytest.mark.parametrize("model", ["idm", "ddm"])
 def test_motors_that_loops_lock_are_no_coordinates(model: str) -> None:
     for robot in (hinged_five_bar(("ja", "jx")), with_truss("beside", motor=True)):
-        with pytest.raises(ModelError, match=r"its loops lock motor '.*', which is no coordinate"):
+        with pytest.raises(hybridyn.ModelError, match=r"its loops lock motor '.*', which is no coordinate"):
             Derivatives(robot, model, coordinates="motors")
 
 
@@ -184,7 +182,9 @@ def test_where_pivots_vanish_the_words_are_those_over_joints(interpreted: None) 
     robot = build_robot(shipped("five_bar"))
     motors = dict(zip(robot.motors, np.array([[-1.0703831736303813], [0.88]]), strict=True))
     q = hybridyn.assemble(robot, motors=motors)[0]
-    with pytest.raises(SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"):
+    with pytest.raises(
+        hybridyn.SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"
+    ):
         Derivatives(robot, "ddm", coordinates="motors")(q, np.zeros(robot.nv), np.array([0.3, -0.2]))
 
 

@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import CompiledRobot, HybridRobot
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.library.closed_designs import ClosedDesigns
 from hybridyn.compiled.programs.closing.design_rows import DesignRows
 from hybridyn.compiled.programs.designs import DesignsInSlots, changed
 from hybridyn.description.cache_folder import VARIABLE
-from hybridyn.errors import AssemblyError, HybridynError, ModelError, TrajectoryError
 from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
@@ -34,7 +32,7 @@ NAMES = {
 SWING = {"five_bar": 0.2, "gough_stewart": 0.01}
 
 
-def waves(robot: HybridRobot, size: float) -> dict[str, tuple[Array, Array, Array]]:
+def waves(robot: hybridyn.HybridRobot, size: float) -> dict[str, tuple[Array, Array, Array]]:
     """Return a swing of each motor, with rates and accelerations."""
     x = np.linspace(0.0, 2 * np.pi, ROWS)
     return {
@@ -43,17 +41,17 @@ def waves(robot: HybridRobot, size: float) -> dict[str, tuple[Array, Array, Arra
     }
 
 
-def robot_of(compiled: CompiledRobot, p: Array) -> HybridRobot:
+def robot_of(compiled: hybridyn.CompiledRobot, p: Array) -> hybridyn.HybridRobot:
     """Return the robot of a design."""
     return changed(compiled.robot, compiled.parameters, compiled.parameters.slot_values(p[None])[0])
 
 
-def own_states(compiled: CompiledRobot, p: Array, motors: Any) -> Any:
+def own_states(compiled: hybridyn.CompiledRobot, p: Array, motors: Any) -> Any:
     """Assemble the robot of a design."""
     return hybridyn.assemble(robot_of(compiled, p), motors=motors)
 
 
-def agrees(table: Any, k: int, robot: HybridRobot, **asked: Any) -> None:
+def agrees(table: Any, k: int, robot: hybridyn.HybridRobot, **asked: Any) -> None:
     """Compare a design of a table with a robot of its own."""
     states = hybridyn.assemble(robot, **asked)
     efforts = hybridyn.idm(robot, *states)
@@ -153,11 +151,11 @@ def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
     assert compiled.recomputed == 0
     far = np.tile(nominal, (2, 1))
     far[1, 1] += 5.0  # too long to close
-    refused(lambda: compiled.close(x[:2], parameters=far), HybridynError, "close")
+    refused(lambda: compiled.close(x[:2], parameters=far), hybridyn.HybridynError, "close")
     few = partial(compiled.close, x, last=found[0][:2], parameters=p)
-    refused(few, TrajectoryError, "last has shape")
+    refused(few, hybridyn.TrajectoryError, "last has shape")
     lost = partial(compiled.close, x, last=found[0] * np.nan, parameters=p)
-    refused(lost, AssemblyError, "not finite")
+    refused(lost, hybridyn.AssemblyError, "not finite")
 
 
 @pytest.mark.slow
@@ -197,7 +195,7 @@ def test_postures_that_cannot_be_are_counted() -> None:
         if found.good[k]:
             close_to(found.q[k], asked()[0], AGREE)
         else:
-            refused(asked, HybridynError, re.escape(found.errors[k]))
+            refused(asked, hybridyn.HybridynError, re.escape(found.errors[k]))
     assert found.recomputed >= 2
 
 
@@ -223,7 +221,7 @@ def test_a_design_of_another_structure_gets_a_model_of_its_own(tmp_path: Path) -
     assert (found.recomputed, found.reached.all(axis=1).tolist()) == (0, [True, False, True])
     assert np.isnan(found.q[1]).all()
     own = partial(compiled.idm, found.q[0], found.v[0], found.a[0], parameters=[0.9])
-    refused(own, ModelError, "compile a model of its own")
+    refused(own, hybridyn.ModelError, "compile a model of its own")
     other = hybridyn.compile(robot.with_parameters({"length": 0.9}), parameters=["length"])
     more = other.designs([[0.9], [0.8]], motors=motors)
     assert more.good.all()
@@ -236,7 +234,7 @@ def test_wrong_designs_are_refused() -> None:
     compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
     motors = waves(compiled.robot, 0.1)
     for designs, error, words in (
-        ([[0.4], [-0.1]], ModelError, "mass of 'm1_tool' is negative in design 1"),
-        ([[0.4, 1.0]], TrajectoryError, "parameters has shape"),
+        ([[0.4], [-0.1]], hybridyn.ModelError, "mass of 'm1_tool' is negative in design 1"),
+        ([[0.4, 1.0]], hybridyn.TrajectoryError, "parameters has shape"),
     ):
         refused(lambda: compiled.designs(designs, motors=motors), error, words)  # noqa: B023

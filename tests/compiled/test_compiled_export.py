@@ -23,7 +23,6 @@ from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Payload, Spring, with_effects
-from hybridyn.errors import ModelError
 from tests.comparing import close_to
 from tests.compiled_toys import inputs, toy
 
@@ -194,7 +193,7 @@ def test_no_other_file_is_written_over(bar: Path, tmp_path: Path) -> None:
     robot, mine = shipped("five_bar"), tmp_path / "mine"
     mine.mkdir()
     (mine / "README.md").write_text("# My controller\n")
-    with pytest.raises(ModelError, match=r"README\.md' exists and was not written by hybridyn"):
+    with pytest.raises(hybridyn.ModelError, match=r"README\.md' exists and was not written by hybridyn"):
         export(robot, mine, name="bar")
     assert [path.name for path in mine.iterdir()] == ["README.md"]
     (mine / "README.md").unlink()
@@ -208,7 +207,7 @@ def test_names_cannot_end_a_comment() -> None:
 
 
 def test_limits_are_not_exported(tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match="'limits' is not exported: clip the efforts"):
+    with pytest.raises(hybridyn.ModelError, match="'limits' is not exported: clip the efforts"):
         export(shipped("five_bar"), tmp_path / "made", ["default", "limits"])
     assert not (tmp_path / "made").exists()
 
@@ -249,7 +248,7 @@ def test_every_kind_of_program_compiles_with_the_same_bits_in_lanes(tmp_path: Pa
 def test_names_are_names_in_c(tmp_path: Path) -> None:
     assert c_name("LX-4 (new)") == "lx_4__new_"
     assert c_name("4bar") == "robot_4bar"
-    with pytest.raises(ModelError, match="'a b' is not a C identifier"):
+    with pytest.raises(hybridyn.ModelError, match="'a b' is not a C identifier"):
         export(shipped("five_bar"), tmp_path, name="a b")
 
 

@@ -23,7 +23,6 @@ from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description import read
 from hybridyn.errors import CompileError, HybridynError, install_advice
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.hard.scaling import Scale
 from tests.hard.singular_postures import PLACES, posture
@@ -40,7 +39,10 @@ States = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def off(
-    robot: HybridRobot, states: States, agree: float = AGREE, models: tuple[str, ...] = ("ddm", "idm")
+    robot: hybridyn.HybridRobot,
+    states: States,
+    agree: float = AGREE,
+    models: tuple[str, ...] = ("ddm", "idm"),
 ) -> tuple[list[str], int]:
     """Return trusted samples that the general path refuses or differs from, and how many are not trusted.
 
@@ -72,11 +74,11 @@ def off(
     return wrong, doubtful
 
 
-def efforts(robot: HybridRobot, count: int) -> np.ndarray:
+def efforts(robot: hybridyn.HybridRobot, count: int) -> np.ndarray:
     return 20 * np.random.default_rng(5).normal(size=(count, len(robot.motors)))
 
 
-def near(place: str, distance: float, count: int) -> tuple[HybridRobot, States]:
+def near(place: str, distance: float, count: int) -> tuple[hybridyn.HybridRobot, States]:
     """Return states at a singular posture."""
     description, q = posture(place, distance)
     robot, oracle, rng = build_robot(description), Oracle(description, "fixed"), np.random.default_rng(3)
@@ -106,7 +108,7 @@ def test_two_small_pivots_are_handed_over() -> None:
 WRIST = """<robot name="wrist">{links}{joints}</robot>"""
 
 
-def light_wrist(folder: Path, mass: float, more: str = "") -> HybridRobot:
+def light_wrist(folder: Path, mass: float, more: str = "") -> hybridyn.HybridRobot:
     """Return an arm with a roll-pitch-roll wrist whose inner links have next to no mass, axes askew."""
     links, joints = "", ""
     for i, m in enumerate((1.0, 2.0, mass, mass, 1.5)):

@@ -18,9 +18,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects.choice import choose
-from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.compiled_toys import inputs, toy
 from tests.mechanisms import random_mechanism
 from tests.samples import slow
@@ -32,11 +30,11 @@ BARELY = 1e-8  # relative; a hundredth of what the general path lets pass, a tho
 HELD = 1e-12  # rounding, of motions of order one
 
 
-def refused(robot: HybridRobot, name: str, states: list[Any]) -> bool:
+def refused(robot: hybridyn.HybridRobot, name: str, states: list[Any]) -> bool:
     """Return whether the general path refuses a state because its loops are open."""
     try:
         getattr(hybridyn, name)(robot, *states)
-    except AssemblyError:
+    except hybridyn.AssemblyError:
         return True
     return False
 

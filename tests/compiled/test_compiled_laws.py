@@ -9,11 +9,9 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.library.steps import Steps, Taken
-from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.torque import closing_of_motors
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
-from hybridyn.errors import TrajectoryError
 from hybridyn.scenes import controllers
 from hybridyn.scenes.prescribed import follow_motion
 from hybridyn.scenes.references import Point, Reference, from_points
@@ -32,20 +30,20 @@ Run = Callable[..., Result]
 
 
 @pytest.fixture(scope="module")
-def model() -> CompiledRobot:
+def model() -> hybridyn.CompiledRobot:
     robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
     return hybridyn.compile(robot, effects=["default", Limits(dict.fromkeys(robot.motors, LIMIT))])
 
 
 @pytest.fixture(scope="module")
-def reference(model: CompiledRobot) -> Reference:
+def reference(model: hybridyn.CompiledRobot) -> Reference:
     left, right = model.robot.motors
     points = [Point(0.0, {}, {}), Point(0.05, {left: 0.3}, {}), Point(0.08, {left: 0.1, right: -0.2}, {})]
     return from_points(model.robot, points, model.robot.home)
 
 
 @pytest.fixture(scope="module")
-def laws(model: CompiledRobot, reference: Reference) -> dict[str, Any]:
+def laws(model: hybridyn.CompiledRobot, reference: Reference) -> dict[str, Any]:
     times, tau = np.array([0.0, 0.03, 0.2]), np.array([[0.0, 4.0], [20.0, -3.0], [5.0, 1.0]])
     return {
         "table": controllers.EffortTable(times, tau),
@@ -55,7 +53,7 @@ def laws(model: CompiledRobot, reference: Reference) -> dict[str, Any]:
 
 
 @pytest.fixture
-def flown(model: CompiledRobot) -> Run:
+def flown(model: hybridyn.CompiledRobot) -> Run:
     """A run from rest beside the reference."""
 
     def fly(law: Any, end: float = 0.1, **options: Any) -> Result:
@@ -75,7 +73,9 @@ def levels(run: Result) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize("name", ["table", "pd", "torque"])
-def test_laws_in_c_are_those_in_python(model: CompiledRobot, laws: dict[str, Any], name: str) -> None:
+def test_laws_in_c_are_those_in_python(
+    model: hybridyn.CompiledRobot, laws: dict[str, Any], name: str
+) -> None:
     """At times within the reference, at its ends, and at rest after it."""
     law, steps = laws[name], model.library.steps
     assert steps is not None
@@ -136,7 +136,7 @@ def test_an_interrupt_keeps_the_steps_before_it_and_goes_on_to_the_same_bits(
     np.testing.assert_array_equal(rest.q, whole.q)
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError, TrajectoryError])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError, hybridyn.TrajectoryError])
 def test_errors_of_a_law_in_python_are_raised_where_they_occur(flown: Run, error: type[Exception]) -> None:
     def law(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         if t > 0.0205:
@@ -153,7 +153,7 @@ def test_errors_of_a_law_in_python_are_raised_where_they_occur(flown: Run, error
 
 @pytest.mark.parametrize("wrong", [np.zeros(3), np.array([np.nan, 0.0])])
 def test_wrong_efforts_of_a_law_in_python_are_refused(flown: Run, wrong: np.ndarray) -> None:
-    with pytest.raises(TrajectoryError, match="expected 2 finite numbers"):
+    with pytest.raises(hybridyn.TrajectoryError, match="expected 2 finite numbers"):
         flown(lambda t, q, v: np.zeros(2) if t < 0.0205 else wrong)
 
 
@@ -173,14 +173,18 @@ def test_a_law_in_python_may_keep_what_it_receives_and_may_simulate(flown: Run) 
     assert len({q.tobytes() for q, _ in kept}) > 100
 
 
-def test_a_prescribed_motion_on_the_compiled_path(model: CompiledRobot, reference: Reference) -> None:
+def test_a_prescribed_motion_on_the_compiled_path(
+    model: hybridyn.CompiledRobot, reference: Reference
+) -> None:
     times = np.linspace(0.0, 0.1, 12)
     given = model.robot, reference, times, model.effects, model.robot.home
     ours, theirs = follow_motion(*given, model), follow_motion(*given)
     close_to(levels(ours)[1:5], levels(theirs)[1:5], SOLVED, 1.0)
 
 
-def test_computed_torque_of_a_free_joint_stays_in_python(model: CompiledRobot, laws: dict[str, Any]) -> None:
+def test_computed_torque_of_a_free_joint_stays_in_python(
+    model: hybridyn.CompiledRobot, laws: dict[str, Any]
+) -> None:
     robot = hybridyn.load(str(shipped_robots()["five_bar"].file), motors=model.robot.motors[:1])
     assert closing_of_motors(robot) is None
     other = hybridyn.load(str(shipped_robots()["five_bar"].file))
@@ -189,7 +193,7 @@ def test_computed_torque_of_a_free_joint_stays_in_python(model: CompiledRobot, l
 
 
 def test_steps_of_the_general_path_are_counted(
-    flown: Run, model: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+    flown: Run, model: hybridyn.CompiledRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = model.recomputed
     flown(np.ones(2), end=5e-3)
@@ -200,7 +204,7 @@ def test_steps_of_the_general_path_are_counted(
 
 
 def test_a_step_that_c_refuses_is_not_tried_twice(
-    flown: Run, model: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+    flown: Run, model: hybridyn.CompiledRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[float] = []
     take = Steps.take
@@ -220,7 +224,7 @@ def test_a_step_that_c_refuses_is_not_tried_twice(
 
 
 def test_efforts_that_c_leaves_to_python_are_counted(
-    flown: Run, model: CompiledRobot, laws: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    flown: Run, model: hybridyn.CompiledRobot, laws: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = model.recomputed
     expected = flown(laws["torque"], end=5e-3)

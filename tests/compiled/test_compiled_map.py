@@ -13,7 +13,6 @@ import pytest
 import hybridyn
 from hybridyn.compiled.export import export
 from hybridyn.compiled.library.compilers import find_compiler
-from hybridyn.errors import ModelError, SingularityError
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import SOLVED, close_to, refused
@@ -198,12 +197,12 @@ def test_joints_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     for asked, error, words in (
         (
             lambda: export(robot, tmp_path / "made", map_joints=["pitch"]),
-            SingularityError,
+            hybridyn.SingularityError,
             "1 chosen joints for 2 freedoms leave the motion of",
         ),
         (
             lambda: export(robot, tmp_path / "made", name="a b", map_joints=JOINTS),
-            ModelError,
+            hybridyn.ModelError,
             "'a b' is not a C identifier",
         ),
     ):

@@ -11,11 +11,9 @@ import hybridyn
 import hybridyn.effects
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK
-from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.shipped import shipped_robots
-from hybridyn.errors import CompileError, HybridynError, ModelError
 from tests.comparing import refused, same_bits, same_words
 from tests.engines import General
 from tests.samples import slow
@@ -28,16 +26,16 @@ def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
 
 
 @pytest.fixture(scope="module", params=["rps3", slow("lx4")])
-def model(request: pytest.FixtureRequest) -> CompiledRobot:
+def model(request: pytest.FixtureRequest) -> hybridyn.CompiledRobot:
     return hybridyn.compile(shipped(request.param))
 
 
 @pytest.fixture(scope="module")
-def states(model: CompiledRobot) -> Arrays:
+def states(model: hybridyn.CompiledRobot) -> Arrays:
     return random_states(model.robot, 40, seed=5)
 
 
-def test_one_sample_has_the_bits_of_the_batch(model: CompiledRobot, states: Arrays) -> None:
+def test_one_sample_has_the_bits_of_the_batch(model: hybridyn.CompiledRobot, states: Arrays) -> None:
     q, v, a, tau = states
     efforts, accelerations = model.idm(q, v, a), model.ddm(q, v, tau)
     times = 2 * model.library.programs["ddm"].block // len(q)  # more than one block
@@ -68,7 +66,10 @@ def test_other_bases(base: Any) -> None:
 
 
 def test_only_doubtful_samples_are_computed_again(
-    model: CompiledRobot, states: Arrays, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    model: hybridyn.CompiledRobot,
+    states: Arrays,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     q, v, _, tau = states
     before = model.recomputed
@@ -83,7 +84,9 @@ def test_only_doubtful_samples_are_computed_again(
     assert (mixed[doubtful] == hybridyn.ddm(model.robot, q[doubtful], v[doubtful], tau[doubtful])).all()
 
 
-def test_a_sample_past_the_guard_is_the_general_paths_alone_too(model: CompiledRobot, states: Arrays) -> None:
+def test_a_sample_past_the_guard_is_the_general_paths_alone_too(
+    model: hybridyn.CompiledRobot, states: Arrays
+) -> None:
     """Closures open by more than rounding, and less than the general path refuses."""
     q, v, _, tau = (x[:3].copy() for x in states)
     q[1, 8] += 1e-9
@@ -94,7 +97,9 @@ def test_a_sample_past_the_guard_is_the_general_paths_alone_too(model: CompiledR
     assert (one == hybridyn.ddm(model.robot, q[1], v[1], tau[1])).all()
 
 
-def test_a_model_that_differs_is_refused(model: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_that_differs_is_refused(
+    model: hybridyn.CompiledRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One part in 1e9 too much in one entry, and nobody gets the model."""
     verify(model.library, model.robot, model.effects)
     right = model.library.batch
@@ -109,7 +114,7 @@ def test_a_model_that_differs_is_refused(model: CompiledRobot, monkeypatch: pyte
     monkeypatch.setattr(model.library, "batch", wrong)
     for factor, by in ((1 + 1e-9, "1e-09"), (np.nan, "nan")):  # noqa: B007
         words = f"'ddm' of the robot .* differs from the general path by {by}"
-        refused(lambda: verify(model.library, model.robot, model.effects), CompileError, words)
+        refused(lambda: verify(model.library, model.robot, model.effects), hybridyn.CompileError, words)
 
 
 def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,7 +128,7 @@ def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch)
 
     with monkeypatch.context() as patch:
         patch.setattr(file, "programs", wrong)
-        with pytest.raises(CompileError, match="it is not used"):
+        with pytest.raises(hybridyn.CompileError, match="it is not used"):
             hybridyn.compile(robot)
     model = hybridyn.compile(robot)
     q, v, a, tau = random_states(robot, 4, seed=9)
@@ -160,8 +165,8 @@ def test_what_cannot_be_written_out_says_so() -> None:
             "quick must be True, False, 'idm' or 'ddm', not 'lift'",
         ),
     ):
-        refused(call, ModelError, words)
-    with pytest.raises(HybridynError):
+        refused(call, hybridyn.ModelError, words)
+    with pytest.raises(hybridyn.HybridynError):
         hybridyn.compile(robot, effects="none")
 
 
@@ -195,7 +200,7 @@ def test_effort_limits_hold() -> None:
     same_words(lambda: model.idm(q, v, a), lambda: hybridyn.idm(robot, q, v, a, effects=effects))
 
 
-def test_a_model_travels_to_another_process(model: CompiledRobot, states: Arrays) -> None:
+def test_a_model_travels_to_another_process(model: hybridyn.CompiledRobot, states: Arrays) -> None:
     import pickle
 
     q, v, _, tau = states
@@ -203,14 +208,14 @@ def test_a_model_travels_to_another_process(model: CompiledRobot, states: Arrays
     assert (again.ddm(q, v, tau) == model.ddm(q, v, tau)).all()
 
 
-def test_simulations_refuse_models_of_something_else(model: CompiledRobot, states: Arrays) -> None:
+def test_simulations_refuse_models_of_something_else(model: hybridyn.CompiledRobot, states: Arrays) -> None:
     q, v, _, tau = states
     options = {"effort": tau[0] * 0.1, "method": "rk4", "step": 1e-3}
     for other, words in (
         ({"effects": "model"}, "other effects"),
         ({"wrenches": {"m4_platform": np.zeros(6)}}, "take no wrenches"),
     ):
-        with pytest.raises(ModelError, match=words):
+        with pytest.raises(hybridyn.ModelError, match=words):
             hybridyn.simulate(model.robot, q[0], v[0], [0, 1e-3], compiled=model, **options, **other)
-    with pytest.raises(ModelError, match="another robot"):
+    with pytest.raises(hybridyn.ModelError, match="another robot"):
         hybridyn.simulate(shipped("delta"), q[0], v[0], [0, 1e-3], compiled=model, **options)

@@ -14,11 +14,9 @@ from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects import Payload, Spring
-from hybridyn.errors import ModelError, TrajectoryError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
-from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused, same_bits
 from tests.shipped import shipped
 from tests.structure.test_parameters import CASES
@@ -39,7 +37,9 @@ def states(compiled: hybridyn.CompiledRobot, factor: float, seed: int) -> dict[s
     }  # fmt: skip
 
 
-def agrees(compiled: hybridyn.CompiledRobot, fresh: HybridRobot, p: Any, effects: Any = "default") -> None:
+def agrees(
+    compiled: hybridyn.CompiledRobot, fresh: hybridyn.HybridRobot, p: Any, effects: Any = "default"
+) -> None:
     """Compare both models at a design with a robot that is built with its numbers."""
     q, v, a, tau = random_states(fresh, 4)
     for model, last in (("idm", a), ("ddm", tau)):
@@ -116,10 +116,10 @@ def test_wrong_arguments_are_named() -> None:
     rest = robot.home, *np.zeros((2, robot.nv))
     compiled, plain = hybridyn.compile(robot, parameters=FEW["five_bar"]), hybridyn.compile(robot)
     shape = r"parameters has shape \(2,\).*\(4,\) \(mass:m1_tool, "
-    refused(lambda: compiled.idm(*rest, parameters=[1.0, 2.0]), TrajectoryError, shape)
-    refused(lambda: plain.idm(*rest, parameters=[1.0]), ModelError, "has no parameters")
+    refused(lambda: compiled.idm(*rest, parameters=[1.0, 2.0]), hybridyn.TrajectoryError, shape)
+    refused(lambda: plain.idm(*rest, parameters=[1.0]), hybridyn.ModelError, "has no parameters")
     unknown = partial(hybridyn.compile, robot, parameters=["mass:m1_toll"])
-    refused(unknown, ModelError, "there is no link 'm1_toll'")
+    refused(unknown, hybridyn.ModelError, "there is no link 'm1_toll'")
 
 
 @pytest.mark.slow
@@ -152,7 +152,7 @@ def test_springs_and_payloads_are_parameters(many: bool) -> None:
         states = hybridyn.assemble(fresh, motors=motors)
         close_to(found, hybridyn.idm(fresh, *states, effects=effects(p)), AGREE)
     negative = partial(compiled.idm, *(x[0] for x in states), parameters=[-1.0, *first[1:]])
-    refused(negative, ModelError, "stiffness of 'm1_left_elbow' is negative in design 0")
+    refused(negative, hybridyn.ModelError, "stiffness of 'm1_left_elbow' is negative in design 0")
 
 
 @pytest.mark.slow
@@ -166,4 +166,4 @@ def test_coefficients_of_friction_are_parameters() -> None:
     agrees(compiled, robot.with_parameters({name: 0.8}), [0.8], effects)
     agrees(compiled, robot, None, effects)
     stated = partial(hybridyn.compile, robot, parameters=[name])
-    refused(stated, ModelError, "'viscous_friction' does not act on the joint")
+    refused(stated, hybridyn.ModelError, "'viscous_friction' does not act on the joint")

@@ -12,7 +12,6 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.kinematics import WIDTH
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.link_motion import body_motions
-from hybridyn.errors import ModelError
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.comparing import refused
@@ -88,7 +87,7 @@ def test_effects_that_need_time_or_contact_are_refused() -> None:
         (lambda: request(robot, ["default", wrench]), "cannot be compiled"),
         (lambda: request(robot, ["gravity"]), "without the effect 'inertia'"),
     ):
-        refused(call, ModelError, words)
+        refused(call, hybridyn.ModelError, words)
 
 
 def test_a_dead_centre_among_the_generic_postures_is_a_map_of_rank_zero() -> None:

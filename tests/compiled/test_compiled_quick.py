@@ -32,7 +32,6 @@ from hybridyn.compiled.library.replacing import (
     receive,
     run_in_turn,
 )
-from hybridyn.errors import CompileError
 from tests import ROOT
 from tests.compiled_toys import inputs, toy
 from tests.waiting import PATIENCE, wait_until
@@ -82,7 +81,7 @@ def build_toy() -> None:
     replacing.different_programs = lambda *_: differing
     try:
         find(accept=functools.partial(check_bits, Library(quick)), run=run_in_turn)
-    except CompileError as error:
+    except hybridyn.CompileError as error:
         sys.exit(str(error))
 
 

@@ -19,10 +19,8 @@ from hybridyn.compiled.programs.body_rows import body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose
-from hybridyn.errors import AssemblyError, CompileError, ModelError, SingularityError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.comparing import refused, same_words
 from tests.engines import written_agrees
 from tests.hard import dietmaier
@@ -52,7 +50,7 @@ def pin(name: str, a: str, b: str, at_a: tuple[float, float], at_b: tuple[float,
 def robot_of(
     name: str, links: Sequence[str], joints: Sequence[Joint], closures: Sequence[Closure],
     motors: Sequence[str], couplings: Sequence[Coupling] = (), **home: float,
-) -> HybridRobot:  # fmt: skip
+) -> hybridyn.HybridRobot:  # fmt: skip
     """Build a robot of links of one kilogram."""
     base = Link("base", 0.0, np.zeros(3), np.zeros((3, 3)))
     return build_robot(
@@ -83,7 +81,9 @@ def test_a_robot_without_freedoms_has_models_and_is_not_exported(tmp_path: Path)
     assert robot.nv == 0
     library = Interpreted(robot, ("idm", "ddm", "kinematics", "lift"))
     verify(library, robot, choose(robot, None))
-    with pytest.raises(ModelError, match="'a block' has no joint that moves: there is nothing to export"):
+    with pytest.raises(
+        hybridyn.ModelError, match="'a block' has no joint that moves: there is nothing to export"
+    ):
         export(robot, tmp_path, name="block")
     assert not list(tmp_path.iterdir())
 
@@ -120,7 +120,7 @@ def test_pivots_that_fail_at_some_samples_are_still_pivots() -> None:
 # -------------------------------------------------------------------- loops rounded in the file
 
 
-def rounded_bars() -> HybridRobot:
+def rounded_bars() -> hybridyn.HybridRobot:
     """Three parallel cranks of a metre, the third's numbers rounded: it fits at 60 degrees alone."""
     return robot_of(
         "bars", ("one", "two", "three", "coupler"),
@@ -156,7 +156,7 @@ def test_rounded_loops_are_the_general_paths_where_they_close_exactly() -> None:
 # -------------------------------------------------------------------- motors that do not move
 
 
-def locked() -> HybridRobot:
+def locked() -> hybridyn.HybridRobot:
     """A crank that two hinges hold at different places, motor and all, and an arm beside it."""
     return robot_of(
         "locked", ("held", "bar", "arm"),
@@ -194,7 +194,7 @@ def test_motors_that_no_posture_tells_apart_are_the_general_paths() -> None:
     ]  # fmt: skip
     robot = robot_of("geared", ("one", "two", "three", "four"), hinges, [], ["a", "b"], gears)
     q, v, a, _ = random_states(robot, 2)
-    with pytest.raises(SingularityError):
+    with pytest.raises(hybridyn.SingularityError):
         hybridyn.idm(robot, q, v, a)
     assert not (Interpreted(robot, ("idm",)).batch("idm", q, v, a)[1] <= TRUSTED).any()
 
@@ -212,7 +212,7 @@ def test_redundant_motors_on_gears_alone() -> None:
 # -------------------------------------------------------------------- open couplings
 
 
-def geared(kind: str) -> HybridRobot:
+def geared(kind: str) -> hybridyn.HybridRobot:
     """Two arms on a gear of any ratio, endless or with a slide on a rack that is off its zero."""
     joints = [
         replace(hinge("a", "base", "one"), kind=kind), replace(hinge("b", "one", "two", 1.0), kind=kind),
@@ -242,7 +242,7 @@ def test_an_open_coupling_is_no_state_of_the_models(kind: str, what: str) -> Non
         q[:, at_q] = q[:, at_q] @ turn if kind == "continuous" else q[:, at_q] + 1e-5
     else:
         (v if what == "rates" else a)[:, at_v] += 1e-5
-    with pytest.raises(AssemblyError, match=f"the {what} do not close the loops"):
+    with pytest.raises(hybridyn.AssemblyError, match=f"the {what} do not close the loops"):
         hybridyn.idm(robot, q, v, a)
     assert (library.batch("idm", q, v, a)[1] > TRUSTED).all()
     if what != "accelerations":
@@ -267,7 +267,7 @@ def test_whole_turns_of_one_endless_joint_open_no_coupling(turns: int) -> None:
 # -------------------------------------------------------------------- one freedom
 
 
-def door() -> HybridRobot:
+def door() -> hybridyn.HybridRobot:
     """A door with two hinges: a tree of one freedom, and a loop."""
     hinges = [Joint("hinge", "revolute", "base", "door", np.eye(4), Z)]
     second = Closure(
@@ -311,7 +311,7 @@ class Edited:
 
     dtype = np.dtype("float64")
 
-    def __init__(self, robot: HybridRobot, edit: Any) -> None:
+    def __init__(self, robot: hybridyn.HybridRobot, edit: Any) -> None:
         self._right, self._edit = Interpreted(robot), edit
         self.programs, self.asked = self._right.programs, 0
 
@@ -356,7 +356,7 @@ def test_models_that_say_something_else(what: str, caplog: pytest.LogCaptureFixt
     library = Edited(robot, edit)
     with caplog.at_level(logging.WARNING):
         if raised:
-            refused(lambda: verify(library, robot, choose(robot, None)), CompileError, raised)
+            refused(lambda: verify(library, robot, choose(robot, None)), hybridyn.CompileError, raised)
         else:
             verify(library, robot, choose(robot, None))
     assert library.asked == draws
@@ -369,7 +369,7 @@ class WithoutDirectModel:
 
     dtype, programs = "float64", ("idm", "ddm", "kinematics")
 
-    def __init__(self, robot: HybridRobot, effects: Effects, off: float) -> None:
+    def __init__(self, robot: hybridyn.HybridRobot, effects: Effects, off: float) -> None:
         self.robot, self.effects, self.off = robot, effects, off
 
     def batch(self, name: str, *inputs: np.ndarray) -> Any:
@@ -394,13 +394,15 @@ def test_the_inverse_model_is_verified_where_a_motion_has_no_inertia(
         verify(WithoutDirectModel(robot, effects, 0.0), robot, effects)
     assert "the compiled 'ddm' hands every one of" in caplog.text
     assert "has no inertia" in caplog.text
-    with pytest.raises(CompileError, match="'idm' of the robot 'five_bar' differs"):
+    with pytest.raises(hybridyn.CompileError, match="'idm' of the robot 'five_bar' differs"):
         verify(WithoutDirectModel(robot, effects, 1e-5), robot, effects)
 
 
 def test_the_reason_is_the_files_rounding() -> None:
     robot = rounded_bars()
-    with pytest.raises(CompileError, match=r"loops of module .* agree with each other to .*e-0[67] only"):
+    with pytest.raises(
+        hybridyn.CompileError, match=r"loops of module .* agree with each other to .*e-0[67] only"
+    ):
         verify(Interpreted(robot), robot, choose(robot, None))
 
 
@@ -420,7 +422,7 @@ def test_rounding_is_allowed_for(name: str, monkeypatch: pytest.MonkeyPatch) -> 
     robot, effects = door(), choose(door(), None)
     general, size = getattr(verifying, name), 1e-11
 
-    def rounding(r: HybridRobot, q: np.ndarray, *given: Any, **more: Any) -> np.ndarray:
+    def rounding(r: hybridyn.HybridRobot, q: np.ndarray, *given: Any, **more: Any) -> np.ndarray:
         return general(r, q, *given, **more) * (1 + size * np.where(q[:, :1] == known(q), 0.0, 1.0))
 
     seen: set[float] = set()
@@ -438,7 +440,7 @@ def test_rounding_is_allowed_for(name: str, monkeypatch: pytest.MonkeyPatch) -> 
         seen.clear()
         judged = partial(verify, Edited(robot, shifted), robot, effects)
         if wrong:
-            refused(judged, CompileError, f"'{name}' of the robot 'door' differs")
+            refused(judged, hybridyn.CompileError, f"'{name}' of the robot 'door' differs")
         else:
             judged()
 
@@ -454,5 +456,5 @@ def test_any_failure_is_a_compile_error_with_the_robots_name(monkeypatch: pytest
 
     robot = door()
     monkeypatch.setattr(file, "programs", broken)
-    with pytest.raises(CompileError, match=r"robot 'door' cannot be compiled \(ZeroDivisionError"):
+    with pytest.raises(hybridyn.CompileError, match=r"robot 'door' cannot be compiled \(ZeroDivisionError"):
         hybridyn.compile(robot)

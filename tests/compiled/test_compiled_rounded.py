@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import HybridRobot
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.verifying import difference, verify
@@ -20,7 +19,7 @@ from tests.written_out import Interpreted
 FILES = 20.0
 
 
-def rounded(kind: str, seed: int, digits: int) -> HybridRobot:
+def rounded(kind: str, seed: int, digits: int) -> hybridyn.HybridRobot:
     """Draw a mechanism with redundant loops whose file has so many digits."""
     exact = random_mechanism(seed, kind=kind)
     joints = tuple(replace(j, placement=np.round(j.placement, digits)) for j in exact.joints)

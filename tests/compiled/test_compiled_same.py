@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import HybridRobot, HybridynError
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.quantities import following
 from hybridyn.dynamics.quantities.independent import independent_coordinates
-from hybridyn.errors import CompileError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to, same_bits, same_words
@@ -72,7 +70,7 @@ def compared(
 
         try:
             wanted = call(general)
-        except HybridynError:
+        except hybridyn.HybridynError:
             same_words(partial(call, compiled), partial(call, general))
             continue
         before = compiled.recomputed
@@ -81,7 +79,7 @@ def compared(
     return count, general_samples
 
 
-def spinning() -> HybridRobot:
+def spinning() -> hybridyn.HybridRobot:
     """Return a spatial four-bar whose rod spins idly between two balls."""
     s = Sketch(np.random.default_rng(0))
     s.fixed_links = 0.0
@@ -89,14 +87,16 @@ def spinning() -> HybridRobot:
     return build_robot(s.description("spinning"))
 
 
-Case = tuple[Callable[[Path], HybridRobot], Callable[[HybridRobot], Sequence[Any]], str, str]
+Case = tuple[
+    Callable[[Path], hybridyn.HybridRobot], Callable[[hybridyn.HybridRobot], Sequence[Any]], str, str
+]
 
 
-def five_bar(_: Path, **options: Any) -> HybridRobot:
+def five_bar(_: Path, **options: Any) -> hybridyn.HybridRobot:
     return hybridyn.load("five_bar", **options)
 
 
-def shipped_one(name: str, _: Path) -> HybridRobot:
+def shipped_one(name: str, _: Path) -> hybridyn.HybridRobot:
     return hybridyn.load(name)
 
 
@@ -135,7 +135,10 @@ def test_regular_states(name: str, tmp_path: Path) -> None:
 
 #: Robots at postures or with coordinates that some functions refuse, and how many calls compute something.
 REFUSING: dict[
-    str, tuple[Callable[[Path], HybridRobot], Callable[[HybridRobot], Any], Callable[..., Any], int]
+    str,
+    tuple[
+        Callable[[Path], hybridyn.HybridRobot], Callable[[hybridyn.HybridRobot], Any], Callable[..., Any], int
+    ],
 ] = {
     "a hinge that the loop locks": (
         lambda _: hinged_five_bar(("ja", "jc")),
@@ -184,7 +187,7 @@ def test_random_mechanisms(seed: int) -> None:
     robot = build_robot(random_mechanism(seed))
     try:
         q, v, _ = (x[0] for x in moving_states(robot, 1, seed))
-    except HybridynError:
+    except hybridyn.HybridynError:
         q, v = robot.home, np.zeros(robot.nv)
     rng, names = np.random.default_rng(seed), robot.motors + tuple(robot.joints)
     drawn = [list(dict.fromkeys(rng.choice(names, size=len(robot.motors) or 1))) for _ in range(6)]
@@ -237,5 +240,5 @@ def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.Mo
     calls = SimpleNamespace(batch=batch, trusted=1.0, dtype=np.dtype(float))
     monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
     moves = following.Following(robot, independent_coordinates(robot, None), "float64")
-    with pytest.raises(CompileError, match="trusted at none of 96 random states"):
+    with pytest.raises(hybridyn.CompileError, match="trusted at none of 96 random states"):
         moves._accept(None)  # type: ignore[arg-type]

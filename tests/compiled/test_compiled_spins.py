@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import HybridRobot
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
@@ -15,7 +14,6 @@ from hybridyn.compiled.programs.closing.part import places_at
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.forward import forward
-from hybridyn.errors import ActuationError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import rods
@@ -48,7 +46,7 @@ def machines() -> list[object]:
     return every
 
 
-def compare(robot: HybridRobot, size: float, samples: int = 25) -> None:
+def compare(robot: hybridyn.HybridRobot, size: float, samples: int = 25) -> None:
     """Compare both models along a motion with spins that no motor drives; no sample may be handed over."""
     q, v, a = rods.moved(robot, samples, size)
     models = Interpreted(robot, ("idm", "ddm"))
@@ -64,7 +62,7 @@ def compare(robot: HybridRobot, size: float, samples: int = 25) -> None:
     assert np.abs(found - general)[:, motors].max() <= 1e3 * ROUNDING * np.abs(general).max()
 
 
-def spins(robot: HybridRobot) -> int:
+def spins(robot: hybridyn.HybridRobot) -> int:
     """Count the spins that compiled models know."""
     return sum(len(plan.parts.spins) for plan in request(robot, None).plans)
 
@@ -108,7 +106,7 @@ def test_mass_beside_the_line_is_no_idle_spin() -> None:
     assert not request(robot, None).plans[0].parts.spins
     turning = build_robot(rods.crank(3))
     q, v, a = rods.moved(turning, 5, 0.4)
-    with pytest.raises(ActuationError, match="no motor can produce"):
+    with pytest.raises(hybridyn.ActuationError, match="no motor can produce"):
         hybridyn.idm(robot, q, v, a)
     _, guard = Interpreted(robot, ("idm",)).batch("idm", q, v, a)
     assert not (guard <= GUARD_LIMIT).any()

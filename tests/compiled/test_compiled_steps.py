@@ -7,17 +7,14 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import random_states as assembled_states
-from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
-from hybridyn.errors import AssemblyError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation import stepping
 from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, same_bits
 from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
@@ -33,11 +30,11 @@ FAST = 8.0  # m/s, rad/s
 FRAME: dict[str, Any] = {"method": "rk4", "step": 1e-3}
 
 
-def robot_of(kind: str, base: Base) -> HybridRobot:
+def robot_of(kind: str, base: Base) -> hybridyn.HybridRobot:
     return build_robot(random_mechanism(1, kind=kind, base=base), base=base)
 
 
-def lifted(robot: HybridRobot, seed: int) -> float:
+def lifted(robot: hybridyn.HybridRobot, seed: int) -> float:
     """Leave an assembled posture, follow Newton's steps, and give what is off."""
     program = programs(robot, models=("lift",)).get("lift")
     if program is None:
@@ -74,18 +71,18 @@ def test_newton_steps_close_the_loops(kind: str, base: Base) -> None:
 
 
 @pytest.fixture(scope="module")
-def five_bar() -> CompiledRobot:
+def five_bar() -> hybridyn.CompiledRobot:
     robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
     limits = Limits(dict.fromkeys(robot.motors, LIMIT))
     return hybridyn.compile(robot, effects=["default", limits])
 
 
 @pytest.fixture(scope="module")
-def gough() -> CompiledRobot:
+def gough() -> hybridyn.CompiledRobot:
     return hybridyn.compile(robot_of("gough", "floating"))
 
 
-def pushed(model: CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pushed(model: hybridyn.CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a fast state, and efforts that hold a slow one but for a bit."""
     q, v, _, _ = (x[0] for x in assembled_states(model.robot, 1, seed))
     v *= FAST / np.abs(v).max()
@@ -94,7 +91,7 @@ def pushed(model: CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np.ndarray,
     return q, v, np.full(len(model.robot.motors), tau) * 1.1
 
 
-def flown(model: CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any) -> Result:
+def flown(model: hybridyn.CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any) -> Result:
     q, v, tau = pushed(model)
     given = FRAME | {"effort": tau, "effects": model.effects} | options
     return hybridyn.simulate(model.robot, q, v, (0, end), compiled=model if compiled else None, **given)
@@ -119,7 +116,9 @@ def test_steps_have_order_four_and_keep_the_loops_closed(name: str, request: pyt
 
 
 @pytest.mark.parametrize("method", ["rk4", "dopri5"])
-def test_a_law_of_efforts_goes_the_way_of_constant_ones(five_bar: CompiledRobot, method: str) -> None:
+def test_a_law_of_efforts_goes_the_way_of_constant_ones(
+    five_bar: hybridyn.CompiledRobot, method: str
+) -> None:
     _, _, tau = pushed(five_bar)
     law, constant = (flown(five_bar, effort=x, method=method) for x in (lambda t, q, v: tau, tau))
     agree = ROUNDING if method == "rk4" else 1e-8  # rounding of small error estimates chooses other steps
@@ -128,7 +127,7 @@ def test_a_law_of_efforts_goes_the_way_of_constant_ones(five_bar: CompiledRobot,
 
 
 @pytest.mark.slow
-def test_adaptive_steps_meet_their_tolerance(gough: CompiledRobot) -> None:
+def test_adaptive_steps_meet_their_tolerance(gough: hybridyn.CompiledRobot) -> None:
     exact = flown(gough, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
     ours = flown(gough, method="dopri5", rtol=1e-8, atol=1e-10)
     assert np.abs(ours.q[-1] - exact.q[-1]).max() < 1e-7
@@ -136,7 +135,9 @@ def test_adaptive_steps_meet_their_tolerance(gough: CompiledRobot) -> None:
 
 
 @pytest.mark.slow
-def test_implicit_steps_are_those_of_the_general_path_but_for_its_error(gough: CompiledRobot) -> None:
+def test_implicit_steps_are_those_of_the_general_path_but_for_its_error(
+    gough: hybridyn.CompiledRobot,
+) -> None:
     exact = flown(gough, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
     ours, theirs = (flown(gough, x, method="implicit", step=5e-3) for x in (True, False))
     errors = [np.abs(run.v[-1] - exact.v[-1]).max() for run in (ours, theirs)]
@@ -146,7 +147,7 @@ def test_implicit_steps_are_those_of_the_general_path_but_for_its_error(gough: C
 
 
 def test_the_bits_do_not_depend_on_how_many_steps_are_taken_in_one_go(
-    five_bar: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+    five_bar: hybridyn.CompiledRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = flown(five_bar)
     monkeypatch.setattr(stepping, "AHEAD", 3)
@@ -162,7 +163,7 @@ def test_the_bits_do_not_depend_on_how_many_steps_are_taken_in_one_go(
     assert whole.counters == rest.counters
 
 
-def test_events_outputs_and_backward_runs(five_bar: CompiledRobot) -> None:
+def test_events_outputs_and_backward_runs(five_bar: hybridyn.CompiledRobot) -> None:
     times = [0.0, 0.00312, 0.0111]
     sampled = flown(five_bar, output_times=times)
     general = flown(five_bar, compiled=False, output_times=times)
@@ -181,14 +182,14 @@ def test_events_outputs_and_backward_runs(five_bar: CompiledRobot) -> None:
     np.testing.assert_allclose(back.q[-1], whole.q[0], rtol=0, atol=1e-7)
 
 
-def test_limits_hold_in_steps_too(five_bar: CompiledRobot) -> None:
+def test_limits_hold_in_steps_too(five_bar: hybridyn.CompiledRobot) -> None:
     many = 1e6 * np.ones(len(five_bar.robot.motors))
     ours, theirs = (flown(five_bar, compiled=x, end=3e-3, effort=many) for x in (True, False))
     assert (ours.tau == theirs.tau).all()
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-6)
 
 
-def test_a_way_out_of_reach_ends_as_on_the_general_path(five_bar: CompiledRobot) -> None:
+def test_a_way_out_of_reach_ends_as_on_the_general_path(five_bar: hybridyn.CompiledRobot) -> None:
     """The general path takes over where dependent joints lose hold, and says what it says."""
     q, v, _ = pushed(five_bar)
     fast = 200 * v / np.abs(v).max()
@@ -199,6 +200,6 @@ def test_a_way_out_of_reach_ends_as_on_the_general_path(five_bar: CompiledRobot)
                 five_bar.robot, q, fast, (0, 0.1), compiled=model, effects=five_bar.effects, **FRAME
             )
             ends.append((run.status, len(run.t)))
-        except AssemblyError as error:
+        except hybridyn.AssemblyError as error:
             ends.append((type(error).__name__, 0))
     assert ends[0][0] == ends[1][0]

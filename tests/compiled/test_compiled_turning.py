@@ -20,7 +20,6 @@ from hybridyn.compiled.programs.closing.rows import rows_at
 from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.assembly.test_assembly import waves
 from tests.compiled.test_compiled_assemble import in_c, rows_towards
 from tests.dynamics.test_idm import symmetric_five_bar
@@ -34,7 +33,7 @@ ROUNDING = 1e-9  # of a bound, through the condition of a Jacobian whose pivots 
 SIZES = (1e-4, 1e-2, 0.3, 2.0)
 
 
-def kernels_of(robot: HybridRobot, motors: Any) -> list[ModuleKernels]:
+def kernels_of(robot: hybridyn.HybridRobot, motors: Any) -> list[ModuleKernels]:
     """Return the writers of the kernels of modules that follow motors."""
     requests = gather_requests(robot, motors, {})
     wanted = module_requests(robot, requests)
@@ -117,7 +116,7 @@ def test_largest_solutions_bound_every_solution() -> None:
 # ------------------------------------------------------------------ with bounds and without
 
 
-def closed(robot: HybridRobot, motors: Any, guess: Array | None = None) -> Any:
+def closed(robot: hybridyn.HybridRobot, motors: Any, guess: Array | None = None) -> Any:
     """Return the rows in C and how many the general path computed, or the error in words."""
     assembler = Assembler(robot)
     try:
@@ -126,7 +125,7 @@ def closed(robot: HybridRobot, motors: Any, guess: Array | None = None) -> Any:
         return str(error), assembler.recomputed
 
 
-def tables(robot: HybridRobot) -> list[Any]:
+def tables(robot: hybridyn.HybridRobot) -> list[Any]:
     """Return tables of motors with steps of all lengths, through folds, and between random postures."""
     rng = np.random.default_rng(6)
     out = [waves(robot, np.linspace(0, 6, count), 0.5) for count in (601, 25, 7)]

@@ -9,10 +9,8 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from hybridyn.errors import TrajectoryError
 from hybridyn.spatial import rotation_from_quaternion
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused
 from tests.effect_cases import every, rate_of
 from tests.mechanisms import random_mechanism, random_states
@@ -25,7 +23,7 @@ BALANCE = 1e-9  # of the largest power: rounding of the difference
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 
 
-def against_pinocchio(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
+def against_pinocchio(robot: hybridyn.HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
     """Compare energy, momentum and centre of mass of states with Pinocchio's."""
     peer = Peer(robot.description, robot.base)
     actual = hybridyn.energy(robot, q, v)
@@ -40,7 +38,9 @@ def against_pinocchio(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
     against_links(robot, hybridyn.kinematics(robot, q, v), motion, centre)
 
 
-def against_links(robot: HybridRobot, links: dict[str, Any], motion: np.ndarray, centre: np.ndarray) -> None:
+def against_links(
+    robot: hybridyn.HybridRobot, links: dict[str, Any], motion: np.ndarray, centre: np.ndarray
+) -> None:
     """Compare momentum and centre of mass with sums over the links that move."""
     mass, moment, momentum = 0.0, np.zeros_like(centre), np.zeros_like(centre)
     for link in robot.description.links:
@@ -54,7 +54,7 @@ def against_links(robot: HybridRobot, links: dict[str, Any], motion: np.ndarray,
     close_to(motion[:, :3], momentum, 1e-11)
 
 
-def potential_size(robot: HybridRobot) -> float:
+def potential_size(robot: hybridyn.HybridRobot) -> float:
     """Return the weight of a robot over one metre, [J]."""
     return 9.81 * sum(link.mass for link in robot.description.links)
 
@@ -107,9 +107,9 @@ def test_mistakes() -> None:
     description = shipped("five_bar")
     robot = build_robot(description)
     q, v, _ = states_near_home(description, "fixed", 0, 2)
-    refused(lambda: hybridyn.energy(robot, q, v[:1]), TrajectoryError, "samples")
+    refused(lambda: hybridyn.energy(robot, q, v[:1]), hybridyn.TrajectoryError, "samples")
     pushed = partial(hybridyn.power, robot, q, v, np.zeros((2, 2)), wrenches={"nowhere": np.zeros(6)})
-    refused(pushed, TrajectoryError, "unknown link")
+    refused(pushed, hybridyn.TrajectoryError, "unknown link")
     empty = tuple(replace(link, mass=0.0, inertia=np.zeros((3, 3))) for link in description.links)
     bare = build_robot(replace(description, links=empty))
-    refused(lambda: hybridyn.centre_of_mass(bare, q), TrajectoryError, "no moving mass")
+    refused(lambda: hybridyn.centre_of_mass(bare, q), hybridyn.TrajectoryError, "no moving mass")

@@ -8,11 +8,9 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from hybridyn import ddm, idm
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests.any_mechanism import any_mechanism
 from tests.assembly.test_assembly import with_aligned_wrist
 from tests.comparing import SOLVED, close_to
@@ -38,7 +36,7 @@ def joint(name: str, kind: str, parent: str, child: str) -> str:
     )
 
 
-def on_a_bare_link(folder: Path, *free: str, loop: str = "") -> HybridRobot:
+def on_a_bare_link(folder: Path, *free: str, loop: str = "") -> hybridyn.HybridRobot:
     """Hang bodies of mass, by joints of six freedoms, on a link without mass that a motor turns."""
     parts = ['<robot name="bare"><link name="ground"/><link name="bare"/>']
     parts += [f'<link name="{name}">{MASS}</link>' for name in free]
@@ -49,7 +47,7 @@ def on_a_bare_link(folder: Path, *free: str, loop: str = "") -> HybridRobot:
     return hybridyn.load(path)
 
 
-def moved_together(robot: HybridRobot, seed: int) -> np.ndarray:
+def moved_together(robot: hybridyn.HybridRobot, seed: int) -> np.ndarray:
     """Turn the motor, and move the bodies that hang on the link by the same displacement, shape (nq,)."""
     rng = np.random.default_rng(seed)
     bodies = robot.nv // 6
@@ -61,7 +59,7 @@ def test_what_hangs_freely_gives_a_bare_link_no_inertia(tmp_path: Path, free: tu
     """The bodies fall past it, outputs and legs of loops alike: what they hand on is rounding, no inertia."""
     robot = on_a_bare_link(tmp_path, *free, loop=loop)
     for seed in range(12):
-        a = ddm(robot, moved_together(robot, seed), np.zeros(robot.nv), np.zeros(1))
+        a = hybridyn.ddm(robot, moved_together(robot, seed), np.zeros(robot.nv), np.zeros(1))
         assert a[0] == 0.0
 
 
@@ -75,7 +73,7 @@ def test_a_thin_rod_on_a_ball_does_not_start_to_spin() -> None:
     w = np.cross(axis, [0.3, -1.0, 2.0]) + axis
     about = 4 / 3 * across
     moment = np.cross(arm * axis, mass * robot.gravity) - np.cross(w, about @ w)
-    found = ddm(robot, robot.home, w, np.zeros(len(robot.motors)))
+    found = hybridyn.ddm(robot, robot.home, w, np.zeros(len(robot.motors)))
     close_to(found, np.linalg.pinv(about, rcond=1e-9) @ moment, SOLVED)
 
 
@@ -84,7 +82,7 @@ def test_rates_of_rounding_in_loops_are_no_inertia_and_no_force(seed: int, large
     """Motions that carry no mass, in loops that leave rounding in them: neither refused nor accelerated."""
     description, base = any_mechanism(seed)
     robot = build_robot(description, base=base)
-    assert np.abs(ddm(robot, *moving_states(robot, 2, seed))).max() < largest
+    assert np.abs(hybridyn.ddm(robot, *moving_states(robot, 2, seed))).max() < largest
 
 
 def test_free_fall_needs_no_effort_of_motors_that_are_not_there() -> None:
@@ -94,14 +92,14 @@ def test_free_fall_needs_no_effort_of_motors_that_are_not_there() -> None:
     q = states_near_home(description, "floating", 0, 2)[0]
     rest, none = np.zeros((2, robot.nv)), np.zeros((2, len(robot.motors)))
     weight = 9.81 * sum(link.mass for link in description.links)
-    assert np.abs(idm(robot, q, rest, ddm(robot, q, rest, none))).max() < 1e-12 * weight
+    assert np.abs(hybridyn.idm(robot, q, rest, hybridyn.ddm(robot, q, rest, none))).max() < 1e-12 * weight
 
 
 def test_rates_of_rounding_are_rest_where_nothing_else_says_what_is_slow() -> None:
     """Without gravity and at rest there is no rate to compare with but one radian a second."""
     robot = build_robot(shipped("five_bar"), gravity=(0.0, 0.0, 0.0))
     v, zero = 1e-14 * np.arange(1.0, robot.nv + 1), np.zeros(robot.nv)
-    assert np.abs(idm(robot, robot.home, v, zero)).max() < 1e-12
+    assert np.abs(hybridyn.idm(robot, robot.home, v, zero)).max() < 1e-12
 
 
 def test_loops_of_a_rounded_file_close_as_far_as_it_says(tmp_path: Path) -> None:
@@ -123,7 +121,7 @@ def test_loops_of_a_rounded_file_close_as_far_as_it_says(tmp_path: Path) -> None
     robot = hybridyn.load(path)
     q, v, a = hybridyn.assemble(robot, motors={"a": (np.array([0.5, 1.0, 1.5]), 1.0, 2.0)})
     assert hybridyn.closure_residual(robot, q).max() > 1e-6, "a file of more digits would close better"
-    assert np.isfinite(idm(robot, q, v, a)).all()
+    assert np.isfinite(hybridyn.idm(robot, q, v, a)).all()
 
 
 def test_spins_of_rods_may_be_given_any_accelerations() -> None:
@@ -134,12 +132,12 @@ def test_spins_of_rods_may_be_given_any_accelerations() -> None:
     robot, oracle = build_robot(description), Oracle(description)
     q, v, _ = (x[0] for x in random_states(description, "fixed", 0, 1))
     tau = np.arange(1.0, len(robot.motors) + 1)
-    a = ddm(robot, q, v, tau)
+    a = hybridyn.ddm(robot, q, v, tau)
     Z = oracle.motions(q)
     idle = Z @ np.linalg.svd(Z[oracle.motors])[2][len(oracle.motors) :].T
     assert idle.shape[1] == 6
     spun = a + idle @ np.array([1.0, -2.0, 0.5, 1.5, -1.0, 2.0]) / np.abs(idle).max()
-    close_to(idm(robot, q, v, spun), tau, SOLVED)
+    close_to(hybridyn.idm(robot, q, v, spun), tau, SOLVED)
 
 
 @pytest.mark.parametrize("carries", [False, True])
@@ -151,7 +149,7 @@ def test_states_in_gimbal_lock_of_a_wrist_are_accepted(carries: bool) -> None:
     pose = hybridyn.kinematics(robot, robot.home, np.zeros(robot.nv), links=[platform])[platform].pose
     moved = np.array([0.1, -0.2, 0.3, 0.5, -0.4, 0.3])
     q, v, a = hybridyn.assemble(robot, platforms={platform: (pose, moved, 2 * moved)}, guess=robot.home)
-    assert np.isfinite(idm(robot, q, v, a)).all()
+    assert np.isfinite(hybridyn.idm(robot, q, v, a)).all()
 
 
 @pytest.mark.parametrize(("speed", "said"), [(0.0, False), (1e8, True)])
@@ -170,5 +168,5 @@ def test_efforts_that_are_rounding_are_reported_where_it_harms(
     beam = Description("beam", (base, *links), tuple(joints), (), (), ("pivot", "hinge"))
     robot = build_robot(beam)
     q, v = np.array([[0.3, 0.0], [0.7, 0.0]]), np.array([[speed, 0.0]] * 2)
-    idm(robot, q, v, np.zeros((2, 2)))
+    hybridyn.idm(robot, q, v, np.zeros((2, 2)))
     assert ("its efforts have no correct digit" in caplog.text) is said

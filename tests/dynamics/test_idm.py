@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import ActuationError, AssemblyError, HybridRobot, SingularityError, TrajectoryError
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -22,7 +21,7 @@ from tests.samples import slow
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
 
 
-def weights_of(robot: HybridRobot) -> Array:
+def weights_of(robot: hybridyn.HybridRobot) -> Array:
     return np.linspace(1.0, 3.0, len(robot.motors))
 
 
@@ -135,7 +134,7 @@ def test_five_bar_agrees_with_a_closed_form() -> None:
 
 def states(
     kind: str, seed: int = 0, count: int = 3, base: Base = "fixed"
-) -> tuple[HybridRobot, Array, Array, Array]:
+) -> tuple[hybridyn.HybridRobot, Array, Array, Array]:
     description = random_mechanism(seed, kind=kind)
     return build_robot(description, base=base), *random_states(description, base, seed, count)
 
@@ -186,7 +185,9 @@ def test_a_passive_motion_that_needs_an_effort_is_named_and_sized() -> None:
     hybridyn.idm(robot, q, v, a)
     words = r"1 motors for 2 freedoms.*N m that the motion of.*passive=\"solved\""
     module = robot.modules[0].name
-    error = refused(lambda: hybridyn.idm(robot, q, v, wrong), ActuationError, words, sample=1, module=module)
+    error = refused(
+        lambda: hybridyn.idm(robot, q, v, wrong), hybridyn.ActuationError, words, sample=1, module=module
+    )
     assert error.size > 0
     assert any(f"'{joint}'" in str(error.direction) for joint in robot.joints)
 
@@ -201,17 +202,17 @@ def test_a_missing_force_is_in_newtons_and_a_missing_moment_in_newton_metres() -
     robot = build_robot(Description("body", (body, foot), (reach,), (), (), (), ""), base="floating")
     rest = np.zeros(robot.nv)
     words = r"the 29.4 N that the motion of .*\(z\) needs"
-    error = refused(lambda: hybridyn.idm(robot, robot.home, rest, rest), ActuationError, words)
+    error = refused(lambda: hybridyn.idm(robot, robot.home, rest, rest), hybridyn.ActuationError, words)
     assert error.size == pytest.approx(3.0 * 9.81)
     turning, words = 30.0 * np.eye(robot.nv)[5], r"the 150 N m that the motion of .*\(rz\) needs"
     spun = partial(hybridyn.idm, robot, robot.home, rest, turning, effects=["inertia"])
-    refused(spun, ActuationError, words)
+    refused(spun, hybridyn.ActuationError, words)
 
 
 # -------------------------------------------------------------------- singular postures
 
 
-def flat_five_bar() -> tuple[HybridRobot, Array]:
+def flat_five_bar() -> tuple[hybridyn.HybridRobot, Array]:
     """Return the five-bar where both rods stand in one line: the motors cannot hold the tip across it."""
     robot = build_robot(symmetric_five_bar())
     # cranks at angles +-t with elbows 2 L2 apart on a level line
@@ -224,7 +225,7 @@ def flat_five_bar() -> tuple[HybridRobot, Array]:
     return robot, q
 
 
-def _angle(robot: HybridRobot, joint: str, angle: float) -> tuple[float, ...]:
+def _angle(robot: hybridyn.HybridRobot, joint: str, angle: float) -> tuple[float, ...]:
     return (
         (angle,) if robot.kinds[robot.joints.index(joint)] == "revolute" else (np.cos(angle), np.sin(angle))
     )
@@ -236,11 +237,13 @@ def test_a_parallel_singularity_raises_and_names_module_and_motor() -> None:
     zero = np.zeros(4)
     words = r"motors lose a direction at sample 0.*least-norm"
     asked = partial(hybridyn.idm, robot, q, zero, zero)
-    error = refused(asked, SingularityError, words, what="motors", sample=0, module=robot.modules[0].name)
+    error = refused(
+        asked, hybridyn.SingularityError, words, what="motors", sample=0, module=robot.modules[0].name
+    )
     assert error.condition > 1e10
     words = r"motors lose a direction at sample 0 .* their accelerations alone do not determine the motion"
     solved = partial(hybridyn.idm, robot, q, zero, zero, passive="solved")
-    refused(solved, SingularityError, words, what="motors", sample=0, module=robot.modules[0].name)
+    refused(solved, hybridyn.SingularityError, words, what="motors", sample=0, module=robot.modules[0].name)
 
 
 def test_least_norm_goes_on_through_a_parallel_singularity() -> None:
@@ -260,10 +263,10 @@ def test_least_norm_goes_on_through_a_parallel_singularity() -> None:
     both = hybridyn.idm(robot, np.stack([good, q]), *np.zeros((2, 2, 4)), on_singular="least-norm")
     close_to(both[0], hybridyn.idm(robot, good, zero, zero), ALONE)
     raising = partial(hybridyn.idm, robot, np.stack([good, q]), *np.zeros((2, 2, 4)))
-    refused(raising, SingularityError, "motors lose", sample=1)
+    refused(raising, hybridyn.SingularityError, "motors lose", sample=1)
 
 
-def tilting_five_bar(*motors: str) -> HybridRobot:
+def tilting_five_bar(*motors: str) -> hybridyn.HybridRobot:
     """Return the five-bar with the left crank on a hinge across its plane, `tilt`, that the loop locks."""
     plain = symmetric_five_bar()
     base, *links = plain.links
@@ -286,7 +289,7 @@ def test_a_motor_that_the_loops_lock_drives_nothing(engine: str) -> None:
     rest = np.zeros(on.robot.nv)
     words = r"2 motors \(the closures lock 'tilt'\) for 2 freedoms; no motor can produce"
     for more in ({}, {"on_singular": "least-norm"})[: 2 if engine == "general" else 1]:
-        refused(lambda: on.idm(on.robot.home, rest, rest, **more), ActuationError, words)  # noqa: B023
+        refused(lambda: on.idm(on.robot.home, rest, rest, **more), hybridyn.ActuationError, words)  # noqa: B023
 
 
 def test_two_motors_on_one_motion_are_one_too_few() -> None:
@@ -307,7 +310,7 @@ def test_two_motors_on_one_motion_are_one_too_few() -> None:
     assert robot.mobility == 2
     rest = np.zeros(robot.nv)
     asked = partial(hybridyn.idm, robot, robot.home, rest, rest, on_singular="least-norm")
-    refused(asked, ActuationError, "2 motors for 2 freedoms; no motor can produce")
+    refused(asked, hybridyn.ActuationError, "2 motors for 2 freedoms; no motor can produce")
 
 
 @pytest.mark.parametrize("motors", [("left", "right", "tilt"), ("left", "left_elbow", "right", "tilt")])
@@ -364,73 +367,73 @@ REFUSALS: dict[str, tuple[str, dict[str, Any], type[Exception], str]] = {
     "nobody": (
         "four_bar",
         {"wrenches": {"nobody": np.zeros(6)}},
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         "wrench on unknown link 'nobody'",
     ),
     "nearly": (
         "four_bar",
         {"wrenches": {"bass": np.zeros(6)}},
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         r"link 'bass' \(did you mean 'base'\?\)",
     ),
     "five": (
         "four_bar",
         {"wrenches": {"base": np.zeros(5)}},
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         r"wrench on 'base' has shape \(5,\); wanted \(6,\) or \(T, 6\)",
     ),
     "two samples": (
         "four_bar",
         {"wrenches": {"base": np.zeros((2, 6))}},
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         r"has shape \(2, 6\)",
     ),
     "nan": (
         "four_bar",
         {"wrenches": {"base": np.full(6, np.nan)}},
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         "wrench on 'base' is not finite",
     ),
-    "on_singular": ("four_bar", {"on_singular": "ignore"}, TrajectoryError, "on_singular must be"),
-    "passive": ("four_bar", {"passive": "guessed"}, TrajectoryError, "passive must be"),
+    "on_singular": ("four_bar", {"on_singular": "ignore"}, hybridyn.TrajectoryError, "on_singular must be"),
+    "passive": ("four_bar", {"passive": "guessed"}, hybridyn.TrajectoryError, "passive must be"),
     "few weights": (
         "five_bar_four_motors",
         {"weights": np.ones(3)},
-        ActuationError,
+        hybridyn.ActuationError,
         "weights must be 4 positive",
     ),
     "negative": (
         "five_bar_four_motors",
         {"weights": -np.ones(4)},
-        ActuationError,
+        hybridyn.ActuationError,
         "weights must be 4 positive",
     ),
     "nan weight": (
         "five_bar_four_motors",
         {"weights": [1, 1, 1, np.nan]},
-        ActuationError,
+        hybridyn.ActuationError,
         "weights must be 4 positive",
     ),
     "no weight": (
         "five_bar_four_motors",
         {"weights": np.zeros(4)},
-        ActuationError,
+        hybridyn.ActuationError,
         "weights must be 4 positive",
     ),
     "weights by name": (
         "five_bar_four_motors",
         {"weights": {"nobody": 1.0}},
-        ActuationError,
+        hybridyn.ActuationError,
         "unknown motors",
     ),
     "units": (
         "gough_eight_motors",
         {},
-        ActuationError,
+        hybridyn.ActuationError,
         r"8 motors, some in N and some in N m, share 6 freedoms. Give weights",
     ),
-    "one limit": ("one limit", {}, ActuationError, "an effort limit for each motor"),
-    "no motors": ("no motors", {}, ActuationError, r"0 motors for 1 freedoms"),
+    "one limit": ("one limit", {}, hybridyn.ActuationError, "an effort limit for each motor"),
+    "no motors": ("no motors", {}, hybridyn.ActuationError, r"0 motors for 1 freedoms"),
 }
 
 
@@ -453,4 +456,4 @@ def test_rates_inside_a_cut_wrist_are_checked_too() -> None:
     inside = next(w for w in module.mechanism.spec.wrists if len(w.joints) == 3 and not w.carries).joints
     column = int(module.v_index[module.mechanism.spanning.v_slices[inside[1]].start])
     wrong = v + np.eye(robot.nv)[column]
-    refused(lambda: hybridyn.idm(robot, q, wrong, a), AssemblyError, "rates")
+    refused(lambda: hybridyn.idm(robot, q, wrong, a), hybridyn.AssemblyError, "rates")

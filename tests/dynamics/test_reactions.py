@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from hybridyn import HybridRobot, Reactions
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
@@ -21,7 +20,7 @@ SEED = 12
 BALANCED = 1e-10  # of the largest effort: multipliers of redundant rows are found by singular values
 LOOPED = [k for k in KINDS if KINDS[k].loops]
 
-Case = tuple[HybridRobot, Array, Array, Array, dict[str, Array], Array, Reactions]
+Case = tuple[hybridyn.HybridRobot, Array, Array, Array, dict[str, Array], Array, hybridyn.Reactions]
 
 
 def solved(kind: str, base: Base, count: int = 2) -> Case:
@@ -115,7 +114,7 @@ def test_the_base_carries_what_all_bodies_together_need(kind: str, base: Base) -
             assert np.abs(reactions.base[t]).max() < SOLVED * size
 
 
-def carried_by(robot: HybridRobot, number: int) -> set[int]:
+def carried_by(robot: hybridyn.HybridRobot, number: int) -> set[int]:
     """Return the bodies of a module and of all that stand on it."""
     modules = {number}
     for k, module in enumerate(robot.modules):

@@ -17,8 +17,6 @@ import numpy as np
 import hybridyn
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
-from hybridyn.studies.assemblies import Assemblies
 from tests.once import once
 
 BASE = np.array([
@@ -41,7 +39,7 @@ def at(point: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=2)
-def robot(foot: str = "S") -> HybridRobot:
+def robot(foot: str = "S") -> hybridyn.HybridRobot:
     """Build the platform as a robot, its home far from every posture sought.
 
     Args:
@@ -75,7 +73,7 @@ def robot(foot: str = "S") -> HybridRobot:
     return build_robot(description)
 
 
-def forty() -> Assemblies:
+def forty() -> hybridyn.Assemblies:
     """Find the forty postures from 1,000 starts, once a session."""
     return once("dietmaier_forty", lambda: hybridyn.assemblies(robot(), motors=motors(), starts=1000))
 

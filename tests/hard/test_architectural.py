@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import SingularityError
 from hybridyn.assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
@@ -50,7 +49,7 @@ def test_similar_hexagons(angle: float, claim: Claim) -> None:
     assert "architecturally singular" in text
     q, rest = robot.home, np.zeros(robot.nv)
     caught = refused(
-        lambda: hybridyn.idm(robot, q, rest, rest), SingularityError, "its motors lose a direction"
+        lambda: hybridyn.idm(robot, q, rest, rest), hybridyn.SingularityError, "its motors lose a direction"
     )
     assert (caught.condition or 0.0) > 1e10
     assert np.isfinite(hybridyn.idm(robot, q, rest, rest, on_singular="least-norm")).all()

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.assemblies import SAME_ASSEMBLY, Assemblies
 from tests import ROOT
@@ -24,11 +23,11 @@ CLOSED = 1e-13  # closure residual, of the module's size: the suite's general cl
 FORWARD = 100.0  # eps times the condition number: the suite's general claim
 
 
-def at_home(robot: HybridRobot) -> dict[str, object]:
+def at_home(robot: hybridyn.HybridRobot) -> dict[str, object]:
     return {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
 
 
-def sought(robot: HybridRobot, starts: int, seed: int) -> Assemblies:
+def sought(robot: hybridyn.HybridRobot, starts: int, seed: int) -> Assemblies:
     """Look for Dietmaier's postures."""
     return hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=starts, seed=seed)
 
@@ -47,7 +46,7 @@ def test_dietmaier_all_forty(claim: Claim, foot: str, seed: int, starts: int) ->
     found = dietmaier.forty() if first else sought(robot, starts, seed)
     case = f"Dietmaier 6-{foot}PS, {starts:,} starts, seed {seed}"
     claim(case, "postures missing of 40", abs(dietmaier.REAL - len(found.q)), 0)
-    claim(case, "closure residual", closure_residual(robot, found.q).max(), CLOSED)
+    claim(case, "closure residual", hybridyn.closure_residual(robot, found.q).max(), CLOSED)
     assert found.counts.sum() <= starts
     slides = np.array([position(robot, motor, found.q) for motor in robot.motors]).T
     assert (slides == dietmaier.LENGTHS).all()  # motors stay where they were given, to the last bit
@@ -130,7 +129,7 @@ def test_known_numbers_of_postures(claim: Claim, name: str) -> None:
     assert np.abs(found.q[0] - home).max() < SAME_ASSEMBLY
 
 
-def home_pose(robot: HybridRobot) -> dict[str, object]:
+def home_pose(robot: hybridyn.HybridRobot) -> dict[str, object]:
     zero, platform = np.zeros((1, robot.nv)), robot.modules[0].outputs[0]
     return {platform: of_link(robot, robot.home[None], zero, zero, platform, robot.description.root)[0][0]}
 
@@ -160,7 +159,7 @@ def test_stacked_modules_multiply() -> None:
     tanev = build_robot(shipped("tanev"))
     found = hybridyn.assemblies(tanev, motors=at_home(tanev), starts=300)
     assert len(found.q) == 32
-    assert closure_residual(tanev, found.q).max() <= CLOSED
+    assert hybridyn.closure_residual(tanev, found.q).max() <= CLOSED
 
 
 @pytest.mark.slow
@@ -168,7 +167,7 @@ def test_too_many_stacked_postures_are_refused() -> None:
     lx4 = build_robot(shipped("lx4"))
     refused(
         lambda: hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400),
-        AssemblyError,
+        hybridyn.AssemblyError,
         r"at least .* postures .*limit 10000.*Give the poses of some platforms",
     )
 
@@ -178,7 +177,7 @@ def test_what_is_out_of_reach_has_no_posture() -> None:
     lengths = dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])
     refused(
         lambda: hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(lengths), starts=5),
-        AssemblyError,
+        hybridyn.AssemblyError,
         "do not close at sample 0",
     )
 
@@ -187,15 +186,15 @@ def test_wrong_arguments_are_named() -> None:
     robot = dietmaier.robot()
     refused(
         lambda: hybridyn.assemblies(robot, motors=dietmaier.motors(np.tile(dietmaier.LENGTHS, (2, 1)))),
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         "one sample",
     )
     refused(
         lambda: hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=0),
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         "starts must be at least 1, not 0",
     )
-    refused(lambda: hybridyn.assemblies(robot), AssemblyError, "freedoms open")
+    refused(lambda: hybridyn.assemblies(robot), hybridyn.AssemblyError, "freedoms open")
 
 
 def test_the_command_line_counts_postures_by_module(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import AssemblyError
 from tests.hard import dietmaier
 from tests.hard.claims import Claim
 from tests.samples import slow
@@ -39,7 +38,7 @@ def led_astray(number: int, lengths: np.ndarray) -> bool | None:
     robot, start = dietmaier.robot(), dietmaier.forty().q[number]
     try:
         q = hybridyn.assemble(robot, motors=dietmaier.motors(lengths), guess=start)[0]
-    except AssemblyError as error:
+    except hybridyn.AssemblyError as error:
         named = f"sample {error.sample}" in str(error)
         mend = any(text in str(error) for text in MENDS)
         return None if named and mend else True

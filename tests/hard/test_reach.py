@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import AssemblyError, HybridRobot, closure_residual
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.dynamics.test_idm import symmetric_five_bar
@@ -33,7 +32,7 @@ def test_five_bar_out_of_reach(claim: Claim, excess: float) -> None:
     """
     robot = build_robot(symmetric_five_bar())
     excess = min(excess, 2 * (CRANK + BASE / 2 - ROD) * (1 - 1e-6))
-    error = refused(lambda: hybridyn.assemble(robot, motors=stretched(excess)), AssemblyError, MEND)
+    error = refused(lambda: hybridyn.assemble(robot, motors=stretched(excess)), hybridyn.AssemblyError, MEND)
     said = str(error)
     assert "closure_tolerance" not in said  # raising it would take an open loop for rounding
     assert ("limit" in said) == (float(error.residual or 0) > robot.closure_tolerance)
@@ -51,7 +50,12 @@ def test_five_bar_just_within_reach(claim: Claim, left: float) -> None:
     """
     robot = build_robot(symmetric_five_bar())
     found = hybridyn.assemble(robot, motors=stretched(-left))[0]
-    claim(f"five-bar {left:g} m within reach", "closure residual", closure_residual(robot, found), CLOSED)
+    claim(
+        f"five-bar {left:g} m within reach",
+        "closure residual",
+        hybridyn.closure_residual(robot, found),
+        CLOSED,
+    )
     up = [position(robot, joint, found) for joint in ("left", "left_elbow")]
     B = CRANK * np.array([np.cos(up[0]), np.sin(up[0])])
     tip = B + ROD * np.array([np.cos(sum(up)), np.sin(sum(up))])
@@ -73,7 +77,9 @@ def test_dietmaier_out_of_reach(claim: Claim) -> None:
     lengths = np.tile(dietmaier.LENGTHS, (2, 1))
     lengths[1, 1] = dietmaier.BASE[1, 0] + dietmaier.LENGTHS[0] + dietmaier.PLATFORM[1, 0] + 1.0
     error = refused(
-        lambda: hybridyn.assemble(robot, motors=dietmaier.motors(lengths), guess=start), AssemblyError, MEND
+        lambda: hybridyn.assemble(robot, motors=dietmaier.motors(lengths), guess=start),
+        hybridyn.AssemblyError,
+        MEND,
     )
     claim("Dietmaier, a leg 1 m too long", "samples from the error's", abs(1 - (error.sample or 0)), 0)
 
@@ -82,13 +88,13 @@ def test_dietmaier_out_of_reach(claim: Claim) -> None:
 def test_platforms_one_metre_out_of_reach(claim: Claim, name: str) -> None:
     """The motors' joints a metre beyond, where they are slides, or the platform: module, sample, mend."""
     robot = build_robot(shipped(name))
-    error = refused(lambda: hybridyn.assemble(robot, **far(robot)), AssemblyError, "")
+    error = refused(lambda: hybridyn.assemble(robot, **far(robot)), hybridyn.AssemblyError, "")
     text = str(error)
     named = error.module in {m.name for m in robot.modules} and "sample 1" in text and "better guess" in text
     claim(f"{name}, one metre out of reach", "things that the message does not name", int(not named), 0)
 
 
-def far(robot: HybridRobot) -> dict[str, dict[str, object]]:
+def far(robot: hybridyn.HybridRobot) -> dict[str, dict[str, object]]:
     """Return a platform's pose at home and a metre further, or a partial one where it has few freedoms."""
     module = robot.modules[0]
     zero, platform = np.zeros((1, robot.nv)), module.outputs[0]
@@ -113,13 +119,13 @@ def test_five_bar_brushes_its_edge(claim: Claim, left: float, steps: int) -> Non
     if left < 1e-6 and steps < 100:
         refused(
             lambda: hybridyn.assemble(robot, motors=motors),
-            AssemblyError,
+            hybridyn.AssemblyError,
             "Move the trajectory away from the singularity",
         )
         return
     q = hybridyn.assemble(robot, motors=motors)[0]
     case = f"five-bar brushing its edge by {left:g} m, {steps} steps"
-    claim(case, "closure residual", closure_residual(robot, q).max(), CLOSED)
+    claim(case, "closure residual", hybridyn.closure_residual(robot, q).max(), CLOSED)
     side = np.sin(position(robot, "left", q) + position(robot, "left_elbow", q))
     claim(case, "samples on the other side", (np.sign(side) != np.sign(side[0])).sum(), 0)
 
@@ -132,6 +138,6 @@ def test_five_bar_driven_through_its_edge(claim: Claim) -> None:
     robot = build_robot(symmetric_five_bar())
     time = np.linspace(-1, 1, 21)
     error = refused(
-        lambda: hybridyn.assemble(robot, motors=stretched(1e-6 - 0.1 * time**2)), AssemblyError, MEND
+        lambda: hybridyn.assemble(robot, motors=stretched(1e-6 - 0.1 * time**2)), hybridyn.AssemblyError, MEND
     )
     claim("five-bar driven past its edge", "samples from the error's", abs(10 - (error.sample or 0)), 0)

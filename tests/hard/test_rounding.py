@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import ActuationError, AssemblyError, HybridRobot, TrajectoryError
 from hybridyn.spatial import Array, rotation_from_quaternion
 from tests.comparing import close_to, refused
 from tests.files import save
@@ -16,11 +15,13 @@ NOISE = 1e-17
 SMALL = 1e-11  # of weight times size: what is left of efforts that cancel
 
 
-def afloat(name: str, seed: int, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)) -> HybridRobot:
+def afloat(
+    name: str, seed: int, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+) -> hybridyn.HybridRobot:
     return hybridyn.load(name, base="floating", gravity=gravity)
 
 
-def askew(robot: HybridRobot, rng: np.random.Generator) -> Array:
+def askew(robot: hybridyn.HybridRobot, rng: np.random.Generator) -> Array:
     """Return the home posture with the base somewhere, turned at will."""
     q = robot.home.copy()
     q[:3], q[3:7] = rng.normal(size=3), rng.normal(size=4)
@@ -28,7 +29,7 @@ def askew(robot: HybridRobot, rng: np.random.Generator) -> Array:
     return q
 
 
-def heavy(robot: HybridRobot) -> float:
+def heavy(robot: hybridyn.HybridRobot) -> float:
     return 9.81 * sum(body.mass for body in robot.bodies.bodies) * robot.bodies.size
 
 
@@ -52,7 +53,7 @@ def test_a_base_that_does_not_fall_is_still_refused(name: str) -> None:
     robot, rng = afloat(name, 0), np.random.default_rng(7)
     q, v, a = askew(robot, rng), np.zeros(robot.nv), np.zeros(robot.nv)
     a[:3] = (1 - 1e-6) * (rotation_from_quaternion(q[None, 3:7])[0].T @ robot.gravity)
-    refused(lambda: hybridyn.idm(robot, q, v, a), ActuationError, "no motor can produce")
+    refused(lambda: hybridyn.idm(robot, q, v, a), hybridyn.ActuationError, "no motor can produce")
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, 0.0, 0.0)])
@@ -70,7 +71,9 @@ def test_rates_and_accelerations_of_rounding_are_rest(base: str, gravity: tuple[
     if base == "fixed":
         hybridyn.idm(robot, robot.home, noise, more)
     refused(
-        lambda: hybridyn.ddm(robot, robot.home, 1e8 * noise, tau), AssemblyError, "the rates do not close"
+        lambda: hybridyn.ddm(robot, robot.home, 1e8 * noise, tau),
+        hybridyn.AssemblyError,
+        "the rates do not close",
     )
 
 
@@ -105,7 +108,7 @@ def test_a_locked_module_may_carry_rounding(tmp_path: Path) -> None:
     close_to(hybridyn.idm(robot, q, noisy, noisy), hybridyn.idm(robot, q, v, v), 1e-14)
     refused(
         lambda: hybridyn.ddm(robot, q, v + 1e-6 * np.array([1.0, 0.0, 0.0]), np.ones(1)),
-        AssemblyError,
+        hybridyn.AssemblyError,
         "the rates do not close",
     )
 
@@ -125,12 +128,14 @@ def test_a_quaternion_has_length_one(base: str, length: float) -> None:
         lambda: hybridyn.centre_of_mass(robot, q),
     )
     for call in calls:
-        with pytest.raises(TrajectoryError, match=rf"quaternion of joint 'root_joint'.* length {length:g}"):
+        with pytest.raises(
+            hybridyn.TrajectoryError, match=rf"quaternion of joint 'root_joint'.* length {length:g}"
+        ):
             call()
     if base == "floating":
         refused(
             lambda: hybridyn.simulate(robot, q, v, [0.0, 0.1]),
-            TrajectoryError,
+            hybridyn.TrajectoryError,
             rf"q0: the quaternion.* length {length:g}",
         )
 
@@ -145,6 +150,6 @@ def test_cosine_and_sine_have_length_one_together(tmp_path: Path) -> None:
     robot = hybridyn.load(path)
     refused(
         lambda: hybridyn.ddm(robot, np.array([2.0, 0.0]), np.zeros(1), np.zeros(len(robot.motors))),
-        TrajectoryError,
+        hybridyn.TrajectoryError,
         "cosine and sine of joint 'turn' at sample 0 has length 2",
     )

@@ -10,7 +10,6 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from hybridyn.errors import ModelError
 from hybridyn.studies.compare import compare as module
 from hybridyn.studies.compare.apart import judged_apart
 from hybridyn.studies.compare.compare import compare
@@ -204,7 +203,7 @@ def test_absent_engines_are_named(two_bars: Path, monkeypatch: pytest.MonkeyPatc
     assert all("is not installed: install it with" in reason for _, reason in found.skipped)
     refused(
         lambda: compare(hybridyn.load(two_bars), ["mujco"]),
-        ModelError,
+        hybridyn.ModelError,
         r"no engine 'mujco' \(did you mean 'mujoco'",
     )
 
@@ -244,7 +243,7 @@ def test_pages(two_bars: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert (tmp_path / "page.html").read_text() == page
     refused(
         lambda: write_page(found, str(tmp_path / "nowhere" / "page.html")),
-        ModelError,
+        hybridyn.ModelError,
         "its folder does not exist",
     )
 

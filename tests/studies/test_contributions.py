@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import HybridRobot
 from hybridyn import effects as fx
 from hybridyn.effects.choice import choose
-from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
 from hybridyn.studies import effect_worth
 from hybridyn.studies.effect_worth import EffectSets, Selection, Worth
@@ -26,7 +24,7 @@ FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/
 LINEAR = 1e-11  # sums of efforts instead of efforts of sums
 
 
-def near_home() -> tuple[HybridRobot, np.ndarray, np.ndarray, np.ndarray]:
+def near_home() -> tuple[hybridyn.HybridRobot, np.ndarray, np.ndarray, np.ndarray]:
     """Return the five-bar with five states."""
     description = shipped("five_bar")
     return build_robot(description), *states_near_home(description, "fixed", 0, 5)
@@ -137,7 +135,9 @@ def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -
     parts = Worth(robot, q, v, a, choose(robot, None))
     assert np.abs(parts.full - whole.full).max() < LINEAR * weight
     q[3, 1] += 0.5
-    refused(lambda: Worth(robot, q, v, a, choose(robot, None)), AssemblyError, "at sample 3", sample=3)
+    refused(
+        lambda: Worth(robot, q, v, a, choose(robot, None)), hybridyn.AssemblyError, "at sample 3", sample=3
+    )
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ import hybridyn
 from hybridyn.effects import choose
 from hybridyn.scenes.stage import stage
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from hybridyn.studies.cost import models, points, runs, settings
 from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
 from hybridyn.studies.cost.points import (
@@ -120,7 +119,7 @@ def test_distances_are_joint_displacements() -> None:
     assert distance(robot, robot.home, q) == pytest.approx(0.25, abs=EXACT)
 
 
-def motion(robot: HybridRobot, rows: int = 130) -> Trajectory:
+def motion(robot: hybridyn.HybridRobot, rows: int = 130) -> Trajectory:
     time = np.linspace(0, 1, rows)
     motors = {}
     for i, motor in enumerate(robot.motors):

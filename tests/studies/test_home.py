@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import ModelError
 from hybridyn.structure.robot import positions
 from hybridyn.studies.home import homes
 from tests.command_line import call, read_table
@@ -61,7 +60,9 @@ def test_motors_may_stand_elsewhere(file: Path) -> None:
     (first, _) = homes(robot, {"drive": 0.1}).postures
     assert abs(abs(positions(robot, first.q)["a"][0]) - np.arccos((9 + 16 - 16) / 24)) < EXACT
     refused(
-        lambda: homes(robot, {"driwe": 0.1}), ModelError, r"no such motor 'driwe' \(did you mean 'drive'\?\)"
+        lambda: homes(robot, {"driwe": 0.1}),
+        hybridyn.ModelError,
+        r"no such motor 'driwe' \(did you mean 'drive'\?\)",
     )
 
 

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import HybridRobot
-from hybridyn.errors import AssemblyError
 from hybridyn.studies.map_table import postures_on_grid
 from tests.comparing import ROUNDING, SOLVED, close_to
 from tests.quantities.ankle import JOINTS, ankle, closed_form, leg
@@ -30,9 +28,9 @@ def test_points_behind_a_gap_are_reached_around_it(tmp_path: Path, monkeypatch: 
     robot = ankle(tmp_path)
     wall = {(1, -2), (1, -1), (1, 0), (1, 1), (1, 2), (2, 2), (3, 2), (3, 1)}
 
-    def posture(_: HybridRobot, at: dict[str, float], near: np.ndarray | None = None) -> np.ndarray:
+    def posture(_: hybridyn.HybridRobot, at: dict[str, float], near: np.ndarray | None = None) -> np.ndarray:
         if (round(at["pitch"]), round(at["roll"])) in wall:
-            raise AssemblyError("out of reach")
+            raise hybridyn.AssemblyError("out of reach")
         return robot.home
 
     monkeypatch.setattr("hybridyn.studies.map_table.posture_at", posture)

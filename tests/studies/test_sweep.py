@@ -15,7 +15,6 @@ import pytest
 
 import hybridyn
 from hybridyn.description.writing import locked
-from hybridyn.errors import HybridynError, ModelError
 from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
@@ -211,7 +210,7 @@ def test_a_table_gives_the_designs(folder: Path) -> None:
     study = read_study(written("method = 'table'\ntable = 'designs.csv'", "mass = {}"))
     assert Designs(study).values(0, 2).tolist() == [[2.5], [3.5]]
     Path("designs.csv").write_text("other,masss\n1,2.5\n")
-    refused(lambda: Designs(study), HybridynError, r"no column 'mass' \(did you mean 'masss'\?\)")
+    refused(lambda: Designs(study), hybridyn.HybridynError, r"no column 'mass' \(did you mean 'masss'\?\)")
 
 
 def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) -> None:
@@ -239,14 +238,14 @@ def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     gone = sorted(Path("out").glob("designs-*"))[1::2]
     for path in gone:
         path.unlink()
-    refused(lambda: hybridyn.sweep(study, "out"), HybridynError, "resume=True")
+    refused(lambda: hybridyn.sweep(study, "out"), hybridyn.HybridynError, "resume=True")
     state = hybridyn.sweep(study, "out", resume=True)
     assert rows_of("out") == whole
     assert (state.now, state.done) == (len(gone), 6)
     assert hybridyn.sweep(study, "out", resume=True).now == 0
     refused(
         lambda: hybridyn.sweep(written("method = 'grid'", measure='["rms_effort"]'), "out", resume=True),
-        HybridynError,
+        hybridyn.HybridynError,
         "of another study",
     )
 
@@ -261,7 +260,9 @@ def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None
             if not told:
                 told.append("not")
                 told.append(
-                    str(refused(lambda: hybridyn.sweep(study, "out", resume=True), HybridynError, ""))
+                    str(
+                        refused(lambda: hybridyn.sweep(study, "out", resume=True), hybridyn.HybridynError, "")
+                    )
                 )
             yield from super().run(*arguments, **options)
 
@@ -279,7 +280,7 @@ def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
     held = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
     assert held.stdout is not None
     held.stdout.readline()
-    with pytest.raises(HybridynError, match="another process"), locked(tmp_path):
+    with pytest.raises(hybridyn.HybridynError, match="another process"), locked(tmp_path):
         pass
     held.kill()
     held.communicate()
@@ -305,7 +306,7 @@ def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str)
         lambda: hybridyn.sweep(study, "out", resume=True),
         lambda: find_best("out", "peak_effort"),
     ):
-        with pytest.raises(HybridynError, match=said):
+        with pytest.raises(hybridyn.HybridynError, match=said):
             question()
     files[-1].unlink()
     assert hybridyn.sweep(study, "out", resume=True).now == 1
@@ -316,7 +317,9 @@ def test_a_design_in_two_shards_is_refused(tmp_path: Path) -> None:
     shards = Shards.create(tmp_path, About("study.toml", "", 3, ["x"], ["y"], "csv"), resume=False)
     shards.write(rows[:2])
     shards.write(rows[1:])
-    refused(lambda: list(read_shards(tmp_path)), HybridynError, r"the shard before it has design 1, too")
+    refused(
+        lambda: list(read_shards(tmp_path)), hybridyn.HybridynError, r"the shard before it has design 1, too"
+    )
 
 
 def digest(study: Path) -> str:
@@ -358,7 +361,7 @@ def test_a_changed_include_is_another_study_and_its_shards_are_not_taken_over(
     for _ in range(2):  # an expansion that is kept is recorded, too
         digest(study)
     Path("part.xacro").write_text(Path("part.xacro").read_text().replace("/></robot>", " /></robot>"))
-    refused(lambda: hybridyn.sweep(study, "out", resume=True), HybridynError, "of another study")
+    refused(lambda: hybridyn.sweep(study, "out", resume=True), hybridyn.HybridynError, "of another study")
 
 
 NUMBERS = "length = { values = [0.5, 1.5] }\nheavier = { values = [1.0, 3.0] }\n[numbers]\n"
@@ -393,7 +396,7 @@ def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: st
     parameters = "length = { scale_inertia = 'base', values = [0.5, 0.6] }\n[numbers]\n" + line
     refused(
         lambda: hybridyn.sweep(plain("method = 'grid'", parameters), "out", format="csv"),
-        HybridynError,
+        hybridyn.HybridynError,
         message,
     )
     assert not Path("out").exists()
@@ -418,7 +421,7 @@ def test_names_of_links_may_end_like_labels_of_numbers(folder: Path) -> None:
     dotted = replace(read, links=tuple(replace(link, name=f"{link.name}.x") for link in read.links))
     for name in ("mass:rod.x", "centre:rod.x.y"):
         assert _number(dotted, name)[1] == name
-    refused(lambda: _number(dotted, "centre:rodd.x"), ModelError, "no link 'rodd'")
+    refused(lambda: _number(dotted, "centre:rodd.x"), hybridyn.ModelError, "no link 'rodd'")
 
 
 def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:
@@ -505,7 +508,7 @@ def test_postures_out_of_reach_are_counted(folder: Path) -> None:
 def test_wrong_studies_are_one_line(folder: Path, old: str, new: str, said: str) -> None:
     path = written("method = 'grid'")
     path.write_text(path.read_text().replace(old, new))
-    refused(lambda: read_study(path), ModelError, said)
+    refused(lambda: read_study(path), hybridyn.ModelError, said)
 
 
 @pytest.mark.parametrize(
@@ -526,7 +529,7 @@ def test_a_study_that_no_design_fulfils_is_one_line(
     here(Here())
     path = written("method = 'grid'")
     path.write_text(path.read_text().replace(old, new))
-    refused(lambda: hybridyn.sweep(path, "out", format="csv"), HybridynError, said)
+    refused(lambda: hybridyn.sweep(path, "out", format="csv"), hybridyn.HybridynError, said)
     assert not Path("out").exists()
 
 
@@ -555,7 +558,7 @@ def test_the_best_and_the_pareto_front(folder: Path, here: Any) -> None:
         ("9 < 10 < length", "no design is left to compare .6 do not meet"),
         ("length > 9", "no design is left to compare .6 do not meet"),
     ):
-        with pytest.raises(HybridynError, match=said):
+        with pytest.raises(hybridyn.HybridynError, match=said):
             find_best("out", "peak_effort", where)
 
 
@@ -597,7 +600,7 @@ def test_sensitivities_are_those_of_a_linear_function(tmp_path: Path) -> None:
     rows = [Row(i, (a, b), "ok", 0, 0, (3 * a + b,), "") for i, (a, b) in enumerate(x.tolist())]
     shards = Shards.create(tmp_path, about, resume=False)
     shards.write(rows[:40])
-    refused(lambda: sensitivity(tmp_path), HybridynError, "40 designs with 'y' are too few")
+    refused(lambda: sensitivity(tmp_path), hybridyn.HybridynError, "40 designs with 'y' are too few")
     shards.write(rows[40:])
     found = {one.parameter: one for one in sensitivity(tmp_path)}
     assert abs(found["x"].value - 0.9) < SAMPLED

@@ -8,7 +8,6 @@ import pytest
 
 import hybridyn
 from hybridyn.description.reading import read
-from hybridyn.errors import HybridynError
 from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
@@ -181,7 +180,7 @@ def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided
     next(Path("compiled").glob("designs-*")).unlink()
     refused(
         lambda: hybridyn.sweep(study, "compiled", format="csv", resume=True),
-        HybridynError,
+        hybridyn.HybridynError,
         r"are of compiled models.*: no C compiler$",
     )
 
@@ -207,7 +206,7 @@ def test_descriptions_of_many_designs_are_those_of_each(
         assert differences(variants.description(variants.named(own)), wanted) == []
     refused(
         lambda: variants.description(variants.named(np.array([0.28, 1.0, 0.3]))),
-        HybridynError,
+        hybridyn.HybridynError,
         "no C compiler",
     )
 
@@ -237,7 +236,7 @@ def test_models_that_differ_are_refused(folder: Path, here: Any, monkeypatch: py
     monkeypatch.setattr(compiled_designs, "EQUAL", 0.0)
     refused(
         lambda: hybridyn.sweep(study, "out", format="csv"),
-        HybridynError,
+        hybridyn.HybridynError,
         r"design \d+, task 'swing': compiled .* differ by",
     )
 
@@ -281,7 +280,7 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
     assert found(11) == [two]
     assert found(12) == [two, one]  # 2 designs of 6 are 4 of 12
     monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), "singular", 0, 0, (), ""))
-    refused(lambda: found(12), HybridynError, "none of 6 designs")
+    refused(lambda: found(12), hybridyn.HybridynError, "none of 6 designs")
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.errors import HybridynError
 from tests.command_line import program
 from tests.comparing import refused
 from tests.extras import needs
@@ -80,12 +79,12 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
         address = f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
         refused(
             lambda: hybridyn.sweep(path, "out", engine="dask", scheduler=address, format="csv"),
-            HybridynError,
+            hybridyn.HybridynError,
             f"the scheduler {address} does not answer within 0.2 s",
         )
     refused(
         lambda: hybridyn.sweep(path, "out2", scheduler=address, format="csv"),
-        HybridynError,
+        hybridyn.HybridynError,
         "belongs to the engine 'dask' or 'ray'",
     )
 

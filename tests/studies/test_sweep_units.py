@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import HybridynError, ModelError
 from hybridyn.studies.sweep.measures import OF_KIND, check_units
 from hybridyn.studies.sweep.shards import read_shards
 from tests.command_line import table_text
@@ -49,7 +48,9 @@ def study(folder: Path, measure: str) -> Path:
 @pytest.mark.parametrize("word", OF_KIND)
 def test_a_peak_of_different_units_is_refused(word: str, tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, ARM, "arm.urdf"))
-    with pytest.raises(ModelError, match=rf"'{word}': the motors are slides and joints that turn") as error:
+    with pytest.raises(
+        hybridyn.ModelError, match=rf"'{word}': the motors are slides and joints that turn"
+    ) as error:
         check_units(robot, [word])
     for unit in OF_KIND[word]:
         assert f"'{word}[{unit}]'" in str(error.value)
@@ -80,7 +81,7 @@ def test_a_study_names_the_unit(tmp_path: Path) -> None:
     ],
 )
 def test_studies_that_compare_different_units_are_one_line(measure: str, said: str, tmp_path: Path) -> None:
-    with pytest.raises(HybridynError) as error:
+    with pytest.raises(hybridyn.HybridynError) as error:
         hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", jobs=1)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
@@ -89,6 +90,6 @@ def test_studies_that_compare_different_units_are_one_line(measure: str, said: s
 def test_a_unit_that_no_motor_has_is_refused(tmp_path: Path) -> None:
     one = ARM.replace('type="prismatic"', 'type="revolute"')
     robot = hybridyn.load(save(tmp_path, one, "one.urdf"))
-    with pytest.raises(ModelError, match="no motor has this unit"):
+    with pytest.raises(hybridyn.ModelError, match="no motor has this unit"):
         check_units(robot, ["peak_speed[m/s]"])
     check_units(robot, ["peak_speed", "peak_speed[rad/s]"])
