@@ -45,13 +45,11 @@ from benchmarks.slow import table
 from benchmarks.timing import interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
-from hybridyn.structure.building import build_robot
 from tests.clocks import Clock
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
 from tests.samples import slow
-from tests.shipped import shipped
 
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz
 REACHED = {  # soft closures; another robot's efforts; seven digits
@@ -141,7 +139,7 @@ def test_every_method_agrees_with_the_reference(case: str) -> None:
 
 def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
     by_name = {(m.model, m.name): m for m in peers.METHODS}
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     refused(lambda: by_name["ddm", "pin.aba"].prepare(robot), NotMeasuredError, "it has loops")
     refused(
         lambda: by_name["ddm", "pin.lcaba"].check_size(401),
@@ -175,7 +173,7 @@ def test_compiled_peer_passes_the_threads_on(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(hybridyn, "compile", build, raising=False)
     found = [m for m in peers.METHODS if m.threads]
-    solvers = [m.prepare(build_robot(shipped("five_bar")), 3)({}) for m in found]
+    solvers = [m.prepare(hybridyn.load("five_bar"), 3)({}) for m in found]
     assert [solve(np.zeros(1), np.zeros(1), np.zeros(1)) for solve in solvers] == [
         (3, "float64"), (-3, "float64"), (3, "float32"), (-3, "float32"),
     ]  # fmt: skip

@@ -29,7 +29,6 @@ from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.oracle import Base
 from tests.posing import COORDINATES, of_joints, of_link, position, swaying
 from tests.samples import slow
-from tests.shipped import shipped
 
 SAME = 1e-12  # of the largest entry: rounding
 SAME_AT_RANDOM = 1e-10  # the same, through the condition of a random mechanism
@@ -95,7 +94,7 @@ LATER = [
     ("what", "name"), [("motors", "five_bar"), ("relative poses", "rps3"), *(slow(*pair) for pair in LATER)]
 )
 def test_rows_are_those_of_the_general_path(what: str, name: str) -> None:
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     assembler = Assembler(robot)
     compare(assembler, **ASKED[what](robot))
     assert assembler.recomputed == 0
@@ -103,7 +102,7 @@ def test_rows_are_those_of_the_general_path(what: str, name: str) -> None:
 
 def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
     """Residual and matrix of all six coordinates of the five-bar's tool, at any posture."""
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     module, (link, base) = robot.modules[0], ("m1_tool", robot.description.root)
     tree, rng = module.mechanism.tree, np.random.default_rng(0)
     _, target = coordinate_target(robot, link, base, 1.0)
@@ -127,7 +126,7 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
 
 def test_rows_far_apart_stay_on_the_branch() -> None:
     """Steps that no prediction covers are divided into smaller ones."""
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     motors = waves(robot, np.linspace(0, 6, 241), 0.5)
     whole = compare(Assembler(robot), motors=motors)
     coarse = Assembler(robot)
@@ -235,7 +234,7 @@ def test_generated_mechanisms(kind: str, base: Base) -> None:
 
 
 def test_compiled_robots_assemble() -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     compiled = hybridyn.compile(robot)
     motors = {m: (float(position(robot, m, robot.home)) + 0.1, 1.0) for m in robot.motors}
     states = compiled.assemble(motors=motors)
@@ -249,7 +248,7 @@ def test_compiled_robots_assemble() -> None:
 @pytest.fixture(scope="module")
 def ticks() -> tuple[hybridyn.CompiledRobot, States]:
     """Return a compiled robot, and positions, rates and accelerations of its motors at every tick."""
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     moved = waves(robot, np.linspace(0, 0.2, 40), 0.3)
     levels = [np.stack([moved[m][i] for m in robot.motors], axis=1) for i in range(3)]
     return hybridyn.compile(robot), (levels[0], levels[1], levels[2])

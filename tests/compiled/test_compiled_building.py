@@ -25,13 +25,11 @@ from hybridyn.compiled.library.compilers import Compiler, find_compiler
 from hybridyn.compiled.model import _restored
 from hybridyn.description.cache_folder import folder
 from hybridyn.effects.choice import choose
-from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import ROOT
 from tests.comparing import refused
 from tests.compiled_toys import inputs, never, toy
 from tests.files import save
-from tests.shipped import shipped
 from tests.waiting import PATIENCE
 
 TOY = toy(4, 2)
@@ -169,14 +167,14 @@ def test_a_folder_that_cannot_be_written_does_no_harm(
 
 
 def test_a_robot_from_another_process_is_built_anew_where_its_library_is_gone(tmp_path: Path) -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     gone = Built(tmp_path / "gone.so", {"number": "float32"})
     compiled = _restored(robot, choose(robot, None), gone, 2, Parameters(robot.description, ()))
     assert (compiled.dtype, compiled.threads) == (np.float32, 2)
 
 
 def test_limits_are_no_part_of_casadi_functions() -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     compiled = hybridyn.compile(robot, ["default", "limits"])
     with pytest.raises(hybridyn.ModelError, match="'limits' is not part of CasADi functions"):
         _ = compiled.casadi

@@ -25,7 +25,6 @@ from tests.linkage.test_winding import OFFSET, gear
 from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
 from tests.samples import slow
-from tests.shipped import shipped
 
 #: A number that is an argument of the program, and its value in another design.
 DESIGN = "position:m1_left_elbow", (0.27, 0.0, 0.0)
@@ -132,7 +131,7 @@ def test_motors_of_gears_turn_as_far_between_calls_as_they_like(ratio: float, tm
 
 def test_loops_of_a_design_are_closed_by_one_program() -> None:
     """The rows of another design's posture; a design whose loops do not close is refused."""
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     parameters = Parameters(robot.description, [DESIGN[0]])
     function = function_of(programs(robot, models=("close",), parameters=parameters.slots)["close"])
     other = robot.with_parameters(dict([DESIGN]))

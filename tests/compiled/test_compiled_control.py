@@ -20,7 +20,6 @@ from tests.comparing import close_to, same_bits, same_words
 from tests.compiled.test_compiled_robust import robot_of
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.samples import slow
-from tests.shipped import shipped
 
 SAME = 1e-12  # of the largest effort: rounding
 GUARDED = 1.2  # operations of the inverse model over those without its guard
@@ -42,7 +41,7 @@ def at_home(robot: hybridyn.HybridRobot) -> Any:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_efforts_are_those_of_two_calls(name: str) -> None:
     """Ticks one after the other; positions have the same bits, efforts those of the general path."""
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     compiled, ticks = hybridyn.compile(robot), [*zip(*motion(robot, 12), strict=True)]
     compiled.idm_from_motors(*ticks[0])  # from here on the first tick, too, is closed in C
     apart: list[Any] = []
@@ -173,7 +172,7 @@ def test_efforts_that_are_not_certain_are_the_general_paths(
 
 def test_models_that_c_does_not_step_make_two_calls() -> None:
     """Single precision."""
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     compiled = hybridyn.compile(robot, dtype="float32")
     home = at_home(robot)
     q = compiled.idm_from_motors(home)[1]
@@ -207,7 +206,7 @@ def test_robots_that_differ_in_their_loops_alone_take_turns() -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_guard_of_closed_loops_costs_little_and_still_looks_at_pivots(name: str) -> None:
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     asked = request(robot, None)
     program = inverse_program(replace(asked, compared=False))
     guarded, alone = flattened(program)

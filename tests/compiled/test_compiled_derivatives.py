@@ -25,7 +25,6 @@ from tests.comparing import close_to, refused, same_bits
 from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
 from tests.samples import slow
-from tests.shipped import shipped
 
 STEP = 1e-4  # [s]; central differences of fourth order leave STEP^4 and rounding over STEP, both near 1e-12
 DIFFERENCES = 1e-8
@@ -35,7 +34,7 @@ SOLVED = 5e-12  # rounding times the condition of the mass matrix: 1e4 for the s
 
 @pytest.fixture(scope="module", params=["five_bar", slow("gough_stewart")])
 def robot(request: pytest.FixtureRequest) -> hybridyn.HybridRobot:
-    return build_robot(shipped(request.param))
+    return hybridyn.load(request.param)
 
 
 @pytest.fixture
@@ -116,7 +115,7 @@ def test_states_without_derivatives_are_refused(
 
 
 def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     q = near_a_lost_pivot(robot, 1e-4)
     v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
     derive = Derivatives(robot, "ddm")
@@ -153,7 +152,7 @@ def test_batches_and_casadi(robot: hybridyn.HybridRobot) -> None:
 
 
 def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     q, v, _, tau = random_states(robot, 2)
     derive = Derivatives(robot, "ddm")
     built, one = derive(q, v, tau), derive(q[1], v[1], tau[1])
@@ -164,7 +163,7 @@ def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_calls_fill_arrays(interpreted: None) -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     q, v, a, _ = random_states(robot, 2)
     derive = Derivatives(robot, "idm")
     assert_filled(derive, q, v, a)
@@ -199,7 +198,7 @@ def assert_filled(derive: Derivatives, *given: np.ndarray) -> None:
 )  # fmt: skip
 def test_the_joined_blocks_are_the_derivatives_of_the_whole_program(name: str, base: str) -> None:
     """CasADi differentiates the whole program; single columns, too, are the same to rounding."""
-    robot = build_robot(shipped(name), base=base)
+    robot = hybridyn.load(name, base=base)
     assert_as_whole(robot)
 
 

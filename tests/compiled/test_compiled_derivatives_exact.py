@@ -4,13 +4,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from hybridyn.compiled.derivatives import Derivatives
+import hybridyn
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
 from tests.compiled.test_compiled_derivatives import tangent
 from tests.oracle import Extended, Oracle
-from tests.shipped import shipped
 
 BITS = 113
 STEP = 1e-10  # central differences: STEP^2 and 2^-BITS / STEP are far below rounding of doubles
@@ -20,9 +18,9 @@ EXACT = 1e-11  # largest difference over the largest rate; 2e-14 is found
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "directions"), [("five_bar", 4), ("rps3", 3)])
 def test_derivatives_against_differences_in_113_bits(name: str, directions: int) -> None:
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
-    idm, ddm = Derivatives(robot, "idm")(q, v, a), Derivatives(robot, "ddm")(q, v, tau)
+    idm, ddm = hybridyn.idm_jacobian(robot, q, v, a), hybridyn.ddm_jacobian(robot, q, v, tau)
     E, rng = tangent(robot, q), np.random.default_rng(3)
     with mpmath.workprec(BITS):
         oracle = Oracle(robot.description, robot.base, arithmetic=Extended(mpmath.mp))

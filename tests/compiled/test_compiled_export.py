@@ -21,17 +21,12 @@ from hybridyn.compiled.export import c_name, export
 from hybridyn.compiled.library.building import NATIVE
 from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.programs.c_header import comment
-from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Payload, Spring, with_effects
 from tests.comparing import close_to
 from tests.compiled_toys import inputs, toy
 
 #: Parts of the models that every module has.
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-O1"]
-
-
-def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
-    return hybridyn.load(str(shipped_robots()[name].file), **options)
 
 
 def called(function: Any, *arrays: np.ndarray) -> float:
@@ -46,7 +41,7 @@ def called(function: Any, *arrays: np.ndarray) -> float:
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Export the five-bar once, as "bar"."""
     folder = tmp_path_factory.mktemp("exported")
-    export(shipped("five_bar"), folder, name="bar")
+    export(hybridyn.load("five_bar"), folder, name="bar")
     return folder
 
 
@@ -84,7 +79,7 @@ def test_exported_models_compile_and_give_the_reference(
     tmp_path: Path, robot: str, options: dict[str, Any]
 ) -> None:
     dtype = options.pop("dtype", "float64")
-    paths = export(shipped(robot, **options), tmp_path / "made", name="machine", dtype=dtype)
+    paths = export(hybridyn.load(robot, **options), tmp_path / "made", name="machine", dtype=dtype)
     assert {path.name for path in paths} == {
         "machine.c",
         "machine.h",
@@ -154,7 +149,7 @@ def test_c_plus_plus_calls_it_and_what_overflows_is_refused(bar: Path) -> None:
 
 
 def test_fast_math_is_refused_when_it_is_compiled(tmp_path: Path) -> None:
-    export(shipped("five_bar"), tmp_path, name="bar")
+    export(hybridyn.load("five_bar"), tmp_path, name="bar")
     command = [*find_compiler().command, "-std=c99", "-ffast-math", "-fsyntax-only", str(tmp_path / "bar.c")]
     built = subprocess.run(command, capture_output=True, text=True)
     assert built.returncode != 0
@@ -177,7 +172,7 @@ def test_reordered_sums_and_lost_signs_are_refused_when_it_is_compiled(flags: st
 
 def test_models_of_two_robots_go_into_one_program(bar: Path, tmp_path: Path) -> None:
     objects = []
-    export(shipped("five_bar"), tmp_path / "left", name="left")
+    export(hybridyn.load("five_bar"), tmp_path / "left", name="left")
     for name, folder in (("left", tmp_path / "left"), ("bar", bar)):
         objects.append(str(tmp_path / f"{name}.o"))
         source = str(folder / f"{name}.c")
@@ -190,7 +185,7 @@ def test_models_of_two_robots_go_into_one_program(bar: Path, tmp_path: Path) -> 
 
 
 def test_no_other_file_is_written_over(bar: Path, tmp_path: Path) -> None:
-    robot, mine = shipped("five_bar"), tmp_path / "mine"
+    robot, mine = hybridyn.load("five_bar"), tmp_path / "mine"
     mine.mkdir()
     (mine / "README.md").write_text("# My controller\n")
     with pytest.raises(hybridyn.ModelError, match=r"README\.md' exists and was not written by hybridyn"):
@@ -208,7 +203,7 @@ def test_names_cannot_end_a_comment() -> None:
 
 def test_limits_are_not_exported(tmp_path: Path) -> None:
     with pytest.raises(hybridyn.ModelError, match="'limits' is not exported: clip the efforts"):
-        export(shipped("five_bar"), tmp_path / "made", ["default", "limits"])
+        export(hybridyn.load("five_bar"), tmp_path / "made", ["default", "limits"])
     assert not (tmp_path / "made").exists()
 
 
@@ -249,7 +244,7 @@ def test_names_are_names_in_c(tmp_path: Path) -> None:
     assert c_name("LX-4 (new)") == "lx_4__new_"
     assert c_name("4bar") == "robot_4bar"
     with pytest.raises(hybridyn.ModelError, match="'a b' is not a C identifier"):
-        export(shipped("five_bar"), tmp_path, name="a b")
+        export(hybridyn.load("five_bar"), tmp_path, name="a b")
 
 
 def test_operations_are_counted_by_part_and_copies() -> None:
@@ -261,14 +256,13 @@ def test_operations_are_counted_by_part_and_copies() -> None:
 
 
 def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = str(shipped_robots()["five_bar"].file)
-    assert main(["export", file, "-o", str(tmp_path / "made")]) == 0
+    assert main(["export", "five_bar", "-o", str(tmp_path / "made")]) == 0
     out, err = capsys.readouterr()
     assert out == ""
     assert "README.md" in err
-    assert main(["export", file, "-o", str(tmp_path / "single"), "--float32"]) == 0
+    assert main(["export", "five_bar", "-o", str(tmp_path / "single"), "--float32"]) == 0
     assert "float numbers[" in (tmp_path / "single" / "five_bar.h").read_text()
-    assert main(["export", file]) == 2
+    assert main(["export", "five_bar"]) == 2
     assert "'-o'" in capsys.readouterr().err
 
 
@@ -289,7 +283,7 @@ def test_a_root_link_may_be_called_world(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     """The C at another design, called through ctypes, gives the numbers of that robot."""
-    robot, names = shipped("five_bar"), ["mass:m1_tool", "position:m1_left_elbow"]
+    robot, names = hybridyn.load("five_bar"), ["mass:m1_tool", "position:m1_left_elbow"]
     command = ["export", "five_bar", "-o", str(tmp_path), "--name", "bar", "--parameters", ",".join(names)]
     assert main([*command]) == 0
     header = (tmp_path / "bar.h").read_text()
@@ -345,7 +339,7 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_exported_springs_and_payloads_are_parameters(tmp_path: Path) -> None:
     joint, link = "m1_left_elbow", "m1_tool"
-    robot = with_effects(shipped("five_bar"), [Payload(link, 0.5, (0.1, 0.0, 0.0))])
+    robot = with_effects(hybridyn.load("five_bar"), [Payload(link, 0.5, (0.1, 0.0, 0.0))])
     names = [f"spring_rest:{joint}", f"payload_mass:{link}"]
     effects = ["default", Spring({joint: 3.0}, {joint: 0.2})]
     export(robot, tmp_path, effects, name="bar", parameters=names)

@@ -22,7 +22,7 @@ from hybridyn.structure.building import build_robot
 from tests.compiled_toys import inputs, toy
 from tests.mechanisms import random_mechanism
 from tests.samples import slow
-from tests.shipped import ROBOTS, shipped
+from tests.shipped import ROBOTS
 
 CLEARLY = 1e-2  # a joint moved by so much opens its loop so far that the general path raises
 BARELY = 1e-8  # relative; a hundredth of what the general path lets pass, a thousand times the guard's limit
@@ -45,7 +45,7 @@ def refused(robot: hybridyn.HybridRobot, name: str, states: list[Any]) -> bool:
 )
 def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
     """Change single joints a little, wherever the general path refuses a larger change."""
-    robot = build_robot(random_mechanism(0, kind=name) if name not in ROBOTS else shipped(name))
+    robot = hybridyn.load(name) if name in ROBOTS else build_robot(random_mechanism(0, kind=name))
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
     seen = 0
     for model, program in programs(robot, models=("idm", "ddm")).items():
@@ -68,7 +68,7 @@ def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
 
 def test_wrists_that_place_a_platform_hold_at_any_joint_motion() -> None:
     """The guard does not compare their closures: place, rate and acceleration agree where loops are open."""
-    robot, generator, seen = build_robot(shipped("tanev")), np.random.default_rng(0), 0
+    robot, generator, seen = hybridyn.load("tanev"), np.random.default_rng(0), 0
     for plan in request(robot, choose(robot, None)).plans:
         q, v, a = (plain(x) for x in generator.normal(size=(3, plan.mechanism.spanning.nv)))
         core = write_core(plan, q, v, plain(generator.normal(size=6)), a, plain(generator.normal(size=6)))
@@ -96,7 +96,7 @@ def test_wrists_that_place_a_platform_hold_at_any_joint_motion() -> None:
     ],
 )
 def test_the_guard_takes_few_operations(name: str, most: float) -> None:
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     (program,) = programs(robot, models=("idm",)).values()
     with_guard, alone = flattened(program)
     assert with_guard < most * alone
@@ -112,7 +112,7 @@ def test_results_that_are_not_finite_are_not_trusted() -> None:
 @pytest.mark.slow
 def test_lost_pivots_are_not_trusted_by_casadi() -> None:
     """Angles at which several pivots of a leg are exactly zero: their guards are NaN, which fmax ignores."""
-    robot = build_robot(shipped("delta"))
+    robot = hybridyn.load("delta")
     (program,) = programs(robot, models=("idm",)).values()
     function, rest = function_of(program), np.zeros(robot.nv)
     generator, seen = np.random.default_rng(0), 0

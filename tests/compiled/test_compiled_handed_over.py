@@ -11,7 +11,6 @@ from hybridyn.compiled.verifying import SAMPLES, warn_of_handed_over
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from tests import rods
-from tests.shipped import shipped
 from tests.written_out import Interpreted
 
 
@@ -25,7 +24,7 @@ class Doubtful(Interpreted):
 
 
 def test_a_model_that_hands_most_samples_over_says_so(caplog: pytest.LogCaptureFixture) -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     effects = choose(robot, None)
     with caplog.at_level(logging.WARNING):
         warn_of_handed_over(Interpreted(robot, ("idm", "ddm")), robot, effects)
@@ -44,7 +43,7 @@ def test_states_that_the_general_path_refuses_do_not_count(caplog: pytest.LogCap
 
 
 def test_the_reasons_are_told_apart() -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     q = np.tile(robot.home, (3, 1))
     q[1, 0] += 1e-3
     q[2, 0] = np.nan
@@ -52,7 +51,7 @@ def test_the_reasons_are_told_apart() -> None:
 
 
 def test_a_model_shows_what_it_handed_over() -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     model = hybridyn.compile(robot)
     assert "handed" not in repr(model)
     q, still = np.tile(robot.home, (3, 1)), np.zeros((3, robot.nv))
@@ -72,7 +71,7 @@ def test_a_new_model_is_asked(
         "hybridyn.compiled.compiling.warn_of_handed_over", lambda library, robot, on: asked.append(robot.name)
     )
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     for _ in range(2):
         hybridyn.compile(robot)
     assert asked == [robot.name]

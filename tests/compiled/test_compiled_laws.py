@@ -10,7 +10,6 @@ import pytest
 import hybridyn
 from hybridyn.compiled.library.steps import Steps, Taken
 from hybridyn.compiled.programs.torque import closing_of_motors
-from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
 from hybridyn.scenes import controllers
 from hybridyn.scenes.prescribed import follow_motion
@@ -31,7 +30,7 @@ Run = Callable[..., Result]
 
 @pytest.fixture(scope="module")
 def model() -> hybridyn.CompiledRobot:
-    robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    robot = hybridyn.load("five_bar")
     return hybridyn.compile(robot, effects=["default", Limits(dict.fromkeys(robot.motors, LIMIT))])
 
 
@@ -185,9 +184,9 @@ def test_a_prescribed_motion_on_the_compiled_path(
 def test_computed_torque_of_a_free_joint_stays_in_python(
     model: hybridyn.CompiledRobot, laws: dict[str, Any]
 ) -> None:
-    robot = hybridyn.load(str(shipped_robots()["five_bar"].file), motors=model.robot.motors[:1])
+    robot = hybridyn.load("five_bar", motors=model.robot.motors[:1])
     assert closing_of_motors(robot) is None
-    other = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    other = hybridyn.load("five_bar")
     law = controllers.ComputedTorque(other, laws["torque"]._reference, 1.0, 1.0)
     assert law.in_c(model) is None  # of another robot
 

@@ -13,7 +13,6 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
-from hybridyn.description.shipped import shipped_robots
 from tests.comparing import refused, same_bits, same_words
 from tests.engines import General
 from tests.samples import slow
@@ -21,13 +20,9 @@ from tests.samples import slow
 Arrays = tuple[Any, Any, Any, Any]
 
 
-def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
-    return hybridyn.load(str(shipped_robots()[name].file), **options)
-
-
 @pytest.fixture(scope="module", params=["rps3", slow("lx4")])
 def model(request: pytest.FixtureRequest) -> hybridyn.CompiledRobot:
-    return hybridyn.compile(shipped(request.param))
+    return hybridyn.compile(hybridyn.load(request.param))
 
 
 @pytest.fixture(scope="module")
@@ -49,12 +44,12 @@ def test_one_sample_has_the_bits_of_the_batch(model: hybridyn.CompiledRobot, sta
 
 
 def test_small_models_wake_threads_for_many_samples_only() -> None:
-    assert hybridyn.compile(shipped("five_bar")).library.programs["ddm"].block > 8 * BLOCK
+    assert hybridyn.compile(hybridyn.load("five_bar")).library.programs["ddm"].block > 8 * BLOCK
 
 
 @pytest.mark.parametrize("base", ["moving", "floating"])
 def test_other_bases(base: Any) -> None:
-    robot = shipped("five_bar", base=base)
+    robot = hybridyn.load("five_bar", base=base)
     model = hybridyn.compile(robot)
     q, v, _, tau = random_states(robot, 10, seed=3)
     acceleration = np.random.default_rng(1).normal(size=(10, 6))
@@ -120,7 +115,7 @@ def test_a_model_that_differs_is_refused(
 def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
     import hybridyn.compiled.programs.whole_robot as file
 
-    robot, right = shipped("five_bar", gravity=(0, 0, -9.80)), file.programs
+    robot, right = hybridyn.load("five_bar", gravity=(0, 0, -9.80)), file.programs
 
     def wrong(robot: hybridyn.HybridRobot, effects: Any, **more: Any) -> Any:
         lighter = dataclasses.replace(robot, gravity=robot.gravity * (1 + 1e-8))
@@ -136,7 +131,7 @@ def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_floats_agree_to_their_digits() -> None:
-    robot = shipped("five_bar")
+    robot = hybridyn.load("five_bar")
     model = hybridyn.compile(robot, dtype="float32")
     q, v, a, tau = random_states(robot, 30, seed=3)
     result = model.ddm(q, v, tau)
@@ -147,7 +142,7 @@ def test_floats_agree_to_their_digits() -> None:
 
 
 def test_the_casadi_functions_are_the_models() -> None:
-    robot = shipped("five_bar")
+    robot = hybridyn.load("five_bar")
     functions = hybridyn.compile(robot).casadi
     q, v, a, tau = random_states(robot, 3, seed=3)
     assert functions["ddm"].name_in() == ["q", "v", "tau"]
@@ -156,7 +151,7 @@ def test_the_casadi_functions_are_the_models() -> None:
 
 
 def test_what_cannot_be_written_out_says_so() -> None:
-    robot = shipped("five_bar")
+    robot = hybridyn.load("five_bar")
     for call, words in (
         (lambda: hybridyn.compile(robot, dtype="float16"), "dtype"),
         (lambda: hybridyn.compile(robot, threads=0), "threads"),
@@ -172,16 +167,16 @@ def test_what_cannot_be_written_out_says_so() -> None:
 
 def test_keys_tell_robots_apart() -> None:
     """What changes a number changes the key; reading the files again does not."""
-    on = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    on = hybridyn.load("five_bar")
     default = hybridyn.ddm.__globals__["choose"](on, None)
-    assert robot_key(on, default) == robot_key(shipped("five_bar"), default)
+    assert robot_key(on, default) == robot_key(hybridyn.load("five_bar"), default)
     keys = {
         robot_key(robot, default)
         for robot in (
             on,
-            shipped("five_bar", gravity=(0, 0, -9.8)),
-            shipped("five_bar", base="floating"),
-            shipped("delta"),
+            hybridyn.load("five_bar", gravity=(0, 0, -9.8)),
+            hybridyn.load("five_bar", base="floating"),
+            hybridyn.load("delta"),
         )
     }
     assert len(keys) == 4
@@ -189,7 +184,7 @@ def test_keys_tell_robots_apart() -> None:
 
 def test_effort_limits_hold() -> None:
     """They are no part of the C: efforts are clipped before it, and checked after it."""
-    robot = shipped("five_bar")
+    robot = hybridyn.load("five_bar")
     q, v, a, tau = random_states(robot, 20, seed=3)
     bound = float(np.median(np.abs(tau)))
     effects = ["default", hybridyn.effects.Limits(dict.fromkeys(robot.motors, bound))]
@@ -218,4 +213,4 @@ def test_simulations_refuse_models_of_something_else(model: hybridyn.CompiledRob
         with pytest.raises(hybridyn.ModelError, match=words):
             hybridyn.simulate(model.robot, q[0], v[0], [0, 1e-3], compiled=model, **options, **other)
     with pytest.raises(hybridyn.ModelError, match="another robot"):
-        hybridyn.simulate(shipped("delta"), q[0], v[0], [0, 1e-3], compiled=model, **options)
+        hybridyn.simulate(hybridyn.load("delta"), q[0], v[0], [0, 1e-3], compiled=model, **options)

@@ -12,12 +12,10 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.kinematics import WIDTH
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.link_motion import body_motions
-from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.comparing import refused
 from tests.engines import TRUSTED, written_agrees
 from tests.oracle import Base
-from tests.shipped import shipped
 
 AGREE = 1e-10  # the claim: two ways of elimination, each good to some hundred roundings
 EXACT = 1e-13  # one chain of products, summed in another order
@@ -33,7 +31,7 @@ EXACT = 1e-13  # one chain of products, summed in another order
     ],
 )
 def test_effects(effects: Any) -> None:
-    robot = hybridyn.with_effects(build_robot(shipped("gough_stewart")), effects)
+    robot = hybridyn.with_effects(hybridyn.load("gough_stewart"), effects)
     written_agrees(robot, 3, effects, AGREE)
 
 
@@ -41,7 +39,7 @@ def test_effects(effects: Any) -> None:
     ("name", "base"), [("gough_stewart", "fixed"), ("delta", "moving"), ("scara_delta", "floating")]
 )
 def test_kinematics(name: str, base: Base) -> None:
-    robot = build_robot(shipped(name), base=base)
+    robot = hybridyn.load(name, base=base)
     q, v, a, _ = random_states(robot, 2)
     function = function_of(programs(robot, models=("kinematics",))["kinematics"])
     for t in range(2):
@@ -54,7 +52,7 @@ def test_kinematics(name: str, base: Base) -> None:
 
 
 def test_effects_that_are_off_leave_no_code() -> None:
-    robot = build_robot(shipped("gough_stewart"))
+    robot = hybridyn.load("gough_stewart")
     sizes = [
         function_of(programs(robot, effects, models=("ddm",))["ddm"]).n_instructions()
         for effects in (None, ["gravity", "inertia", "leg_inertia"], ["gravity", "inertia"])
@@ -63,7 +61,7 @@ def test_effects_that_are_off_leave_no_code() -> None:
 
 
 def test_base_parameters_make_it_shorter() -> None:
-    robot = build_robot(shipped("gough_stewart"))
+    robot = hybridyn.load("gough_stewart")
     sizes = [
         function_of(programs(robot, None, models=("ddm",), regroup=regroup)["ddm"]).n_instructions()
         for regroup in (True, False)
@@ -72,7 +70,7 @@ def test_base_parameters_make_it_shorter() -> None:
 
 
 def test_a_state_that_is_not_closed_is_not_trusted() -> None:
-    robot = build_robot(shipped("gough_stewart"))
+    robot = hybridyn.load("gough_stewart")
     q, v, _, tau = (x[0] for x in random_states(robot, 1))
     function = function_of(programs(robot, models=("ddm",))["ddm"])
     slide = robot.q_slices[robot.joint_index[robot.motors[0]]].start
@@ -81,7 +79,7 @@ def test_a_state_that_is_not_closed_is_not_trusted() -> None:
 
 
 def test_effects_that_need_time_or_contact_are_refused() -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     wrench = hybridyn.effects.Wrench(robot.bodies.bodies[-1].name, (0.0, 0, 0, 0, 0, 1.0))  # type: ignore[attr-defined]
     for call, words in (
         (lambda: request(robot, ["default", wrench]), "cannot be compiled"),

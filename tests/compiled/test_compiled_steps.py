@@ -9,7 +9,6 @@ import hybridyn
 from hybridyn.compiled.equations.states import random_states as assembled_states
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
-from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation import stepping
@@ -72,7 +71,7 @@ def test_newton_steps_close_the_loops(kind: str, base: Base) -> None:
 
 @pytest.fixture(scope="module")
 def five_bar() -> hybridyn.CompiledRobot:
-    robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    robot = hybridyn.load("five_bar")
     limits = Limits(dict.fromkeys(robot.motors, LIMIT))
     return hybridyn.compile(robot, effects=["default", limits])
 

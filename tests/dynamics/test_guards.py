@@ -97,7 +97,7 @@ def test_free_fall_needs_no_effort_of_motors_that_are_not_there() -> None:
 
 def test_rates_of_rounding_are_rest_where_nothing_else_says_what_is_slow() -> None:
     """Without gravity and at rest there is no rate to compare with but one radian a second."""
-    robot = build_robot(shipped("five_bar"), gravity=(0.0, 0.0, 0.0))
+    robot = hybridyn.load("five_bar", gravity=(0.0, 0.0, 0.0))
     v, zero = 1e-14 * np.arange(1.0, robot.nv + 1), np.zeros(robot.nv)
     assert np.abs(hybridyn.idm(robot, robot.home, v, zero)).max() < 1e-12
 

@@ -8,14 +8,12 @@ import pytest
 
 import hybridyn
 from hybridyn.dynamics import results
-from hybridyn.structure.building import build_robot
-from tests.shipped import shipped
 
 
 def test_many_single_calls_are_warned_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results, "MANY_CALLS", 3)
     monkeypatch.setattr(results, "_calls", itertools.count(1))
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     still, tau = np.zeros(robot.nv), np.zeros(2)
     hybridyn.idm(robot, *np.zeros((3, 9, robot.nv)) + robot.home * np.array([1, 0, 0])[:, None, None])
     hybridyn.idm(robot, robot.home, still, still)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.structure.building import build_robot
 from hybridyn.studies.assemblies import SAME_ASSEMBLY, Assemblies
 from tests import ROOT
 from tests.command_line import call
@@ -14,7 +13,6 @@ from tests.hard import dietmaier
 from tests.hard.claims import EPS, Claim
 from tests.posing import of_link, position
 from tests.samples import slow
-from tests.shipped import shipped
 
 DIGITS = 50
 ZERO = 1e-30  # left-hand sides of Dietmaier's equations after refinement in DIGITS digits
@@ -79,7 +77,7 @@ def test_dietmaier_each_posture_is_real_and_another(every: int, claim: Claim) ->
 
 def test_the_same_seed_gives_the_same_bits() -> None:
     """And the order does not depend on the seed: what is nearest to home comes first."""
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     first, second, other = (
         hybridyn.assemblies(robot, motors=at_home(robot), starts=100, seed=seed) for seed in (0, 0, 7)
     )
@@ -121,7 +119,7 @@ COUNTED = {
 @pytest.mark.parametrize("name", COUNTED)
 def test_known_numbers_of_postures(claim: Claim, name: str) -> None:
     """As many as the literature counts, home first."""
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     found = hybridyn.assemblies(robot, motors=at_home(robot), starts=300)
     claim(f"{name} at home", "postures missing", abs(COUNTED[name] - len(found.q)), 0)
     claim(f"{name} at home", "closure residual", found.residual.max(), CLOSED)
@@ -140,14 +138,14 @@ def test_a_platform_pose_leaves_the_legs_their_ways() -> None:
 
     The two ways in which a universal joint points a straight leg are one.
     """
-    robot = build_robot(shipped("gough_stewart"))
+    robot = hybridyn.load("gough_stewart")
     found = hybridyn.assemblies(robot, platforms=home_pose(robot), starts=3000)
     assert len(found.q) == 2**6
     assert found.within_limits.sum() == found.within_limits[0] == 1
 
 
 def test_a_platform_pose_leaves_elbows_in_or_out() -> None:
-    delta = build_robot(shipped("delta"))
+    delta = hybridyn.load("delta")
     found = hybridyn.assemblies(delta, platforms=home_pose(delta), starts=200)
     arms = np.array([position(delta, motor, found.q) for motor in delta.motors]).T
     assert len(np.unique(np.round(arms, 6), axis=0)) == 2**3
@@ -156,7 +154,7 @@ def test_a_platform_pose_leaves_elbows_in_or_out() -> None:
 @pytest.mark.slow
 def test_stacked_modules_multiply() -> None:
     """The two modules of Tanev's robot have 16 and 2 postures: 32 together."""
-    tanev = build_robot(shipped("tanev"))
+    tanev = hybridyn.load("tanev")
     found = hybridyn.assemblies(tanev, motors=at_home(tanev), starts=300)
     assert len(found.q) == 32
     assert hybridyn.closure_residual(tanev, found.q).max() <= CLOSED
@@ -164,7 +162,7 @@ def test_stacked_modules_multiply() -> None:
 
 @pytest.mark.slow
 def test_too_many_stacked_postures_are_refused() -> None:
-    lx4 = build_robot(shipped("lx4"))
+    lx4 = hybridyn.load("lx4")
     refused(
         lambda: hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400),
         hybridyn.AssemblyError,

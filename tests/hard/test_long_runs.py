@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from hybridyn import HybridRobot, closure_residual, simulate
+import hybridyn
 from hybridyn.effects import Spring
 from hybridyn.simulation.result import Result
-from hybridyn.structure.building import build_robot
 from tests.hard.claims import Claim
 from tests.posing import position
-from tests.shipped import shipped
 
 STEP = 0.004  # [s], of the conserving method: 20 steps in the fastest swing
 KEPT = (
@@ -21,19 +19,19 @@ RTOL = 1e-8  # of the adaptive method
 STIFFNESS = 60e3  # of the slides' springs [N/m], those of the shipped scene's controller
 
 
-def undamped() -> tuple[HybridRobot, list[object]]:
+def undamped() -> tuple[hybridyn.HybridRobot, list[object]]:
     """Return the LX4 with springs instead of motors, without friction."""
-    robot = build_robot(shipped("lx4"))
+    robot = hybridyn.load("lx4")
     rest = {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
     return robot, ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
 
 
-def judged(claim: Claim, case: str, robot: HybridRobot, result: Result, drift: float) -> None:
+def judged(claim: Claim, case: str, robot: hybridyn.HybridRobot, result: Result, drift: float) -> None:
     """Hold a run to its claims."""
     assert result.status == "finished", result.message
     change = np.abs(result.energy - result.energy[0]).max() / result.kinetic.max()
     claim(case, "change of energy over peak kinetic energy", change, drift)
-    claim(case, "closure residual", closure_residual(robot, result.q).max(), CLOSED)
+    claim(case, "closure residual", hybridyn.closure_residual(robot, result.q).max(), CLOSED)
     off = []
     for kind, at in zip(robot.kinds, robot.q_slices, strict=True):
         if kind in ("continuous", "spherical", "floating"):
@@ -62,7 +60,7 @@ def test_undamped_lx4(claim: Claim, method: str, end: float) -> None:
     robot, effects = undamped()
     step = STEP if method == "conserving" else None
     times = np.linspace(0, end, 11)
-    result = simulate(
+    result = hybridyn.simulate(
         robot, robot.home, np.zeros(robot.nv), times, method=method, step=step, effects=effects, rtol=RTOL
     )
     judged(claim, f"undamped LX4, {end:g} s, {method}", robot, result, KEPT if step else 100 * RTOL)
@@ -75,12 +73,12 @@ def test_a_platform_afloat(claim: Claim, end: float) -> None:
 
     Energy is the conserving method's promise; the base starts turning at 1 rad/s, so its quaternion moves.
     """
-    robot = build_robot(shipped("gough_stewart"), base="floating", gravity=(0.0, 0.0, 0.0))
+    robot = hybridyn.load("gough_stewart", base="floating", gravity=(0.0, 0.0, 0.0))
     rest = {motor: float(position(robot, motor, robot.home)) + 0.01 for motor in robot.motors}
     effects = ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
     v = np.zeros(robot.nv)
     v[3:6] = 0.6, -0.5, 0.6
     times = np.linspace(0, end, 11)
-    result = simulate(robot, robot.home, v, times, method="conserving", step=STEP, effects=effects)
+    result = hybridyn.simulate(robot, robot.home, v, times, method="conserving", step=STEP, effects=effects)
     assert np.abs(result.q[-1, 3:7] - robot.home[3:7]).max() > 0.1
     judged(claim, f"gough_stewart afloat on springs, {end:g} s, conserving", robot, result, KEPT)

@@ -10,7 +10,6 @@ from tests.dynamics.test_idm import symmetric_five_bar
 from tests.hard import dietmaier
 from tests.hard.claims import EPS, Claim
 from tests.posing import of_link, position
-from tests.shipped import shipped
 
 CRANK, ROD, BASE = 0.4, 0.55, 0.5  # of the five-bar [m]
 CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module
@@ -87,7 +86,7 @@ def test_dietmaier_out_of_reach(claim: Claim) -> None:
 @pytest.mark.parametrize("name", ["rps3", "delta", "gough_stewart", "lx4"])
 def test_platforms_one_metre_out_of_reach(claim: Claim, name: str) -> None:
     """The motors' joints a metre beyond, where they are slides, or the platform: module, sample, mend."""
-    robot = build_robot(shipped(name))
+    robot = hybridyn.load(name)
     error = refused(lambda: hybridyn.assemble(robot, **far(robot)), hybridyn.AssemblyError, "")
     text = str(error)
     named = error.module in {m.name for m in robot.modules} and "sample 1" in text and "better guess" in text

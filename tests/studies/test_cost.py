@@ -12,7 +12,6 @@ import pytest
 import hybridyn
 from hybridyn.effects import choose
 from hybridyn.scenes.stage import stage
-from hybridyn.structure.building import build_robot
 from hybridyn.studies.cost import models, points, runs, settings
 from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
 from hybridyn.studies.cost.points import (
@@ -36,7 +35,6 @@ from tests.command_line import call, table_text
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
-from tests.shipped import shipped
 
 EXACT = 1e-12
 
@@ -113,7 +111,7 @@ def test_a_time_is_the_least_of_several(
 
 
 def test_distances_are_joint_displacements() -> None:
-    robot = build_robot(shipped("five_bar"))
+    robot = hybridyn.load("five_bar")
     q = robot.home.copy()
     q[0] += 0.25
     assert distance(robot, robot.home, q) == pytest.approx(0.25, abs=EXACT)
