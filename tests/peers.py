@@ -114,11 +114,6 @@ class Peer:
             out[index] += placement.act(pin.Force(wrench))
         return out
 
-    def energy(self, q: np.ndarray, v: np.ndarray) -> float:
-        """Return kinetic and potential energy."""
-        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
-        return float(kinetic + pin.computePotentialEnergy(self.model, self.data, q))
-
     def constraint_models(self) -> pin.StdVec_RigidConstraintModel:
         """Return Pinocchio's models of the closures, points and welds."""
         models = pin.StdVec_RigidConstraintModel()
