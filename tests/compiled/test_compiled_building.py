@@ -2,13 +2,12 @@
 
 import importlib.util
 import json
-import os
 import shutil
 import stat
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,19 +25,14 @@ from hybridyn.compiled.model import _restored
 from hybridyn.description.cache_folder import folder
 from hybridyn.effects.choice import choose
 from hybridyn.structure.parameters.entries import Parameters
-from tests import ROOT
 from tests.comparing import refused
 from tests.compiled_toys import inputs, never, toy
 from tests.files import save
-from tests.waiting import PATIENCE
 
 TOY = toy(4, 2)
 
 
-@pytest.fixture(autouse=True)
-def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache"
+pytestmark = pytest.mark.usefixtures("empty_cache")
 
 
 @pytest.fixture
@@ -67,14 +61,11 @@ def test_a_model_is_built_once(empty_cache: Path) -> None:
 
 def test_another_machine_or_package_builds_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     cached("a robot", source)
-    with monkeypatch.context() as patch:
-        patch.setattr(cache_file, "machine", lambda: "another machine")
-        with pytest.raises(AssertionError):
-            cached("a robot", never)
-    with monkeypatch.context() as patch:
-        patch.setattr(cache_file, "package_state", lambda: "another version")
-        with pytest.raises(AssertionError):
-            cached("a robot", never)
+    for what in ("machine", "package_state"):
+        with monkeypatch.context() as patch:
+            patch.setattr(cache_file, what, lambda: "another one")
+            with pytest.raises(AssertionError):
+                cached("a robot", never)
 
 
 #: What may happen to the library, its record and its key.
@@ -139,30 +130,11 @@ def test_a_model_that_is_not_accepted_stays_unknown() -> None:
     cached("a robot", never, accept=refuse)
 
 
-BUILDER = f"""
-import sys
-from hybridyn.compiled.library.cache import cached
-from {__name__} import source, works
-assert works(cached("a robot", source))
-"""
-
-
-@pytest.mark.slow
-def test_processes_may_build_at_the_same_time(empty_cache: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    running = [subprocess.Popen([sys.executable, "-c", BUILDER], env=environment) for _ in range(3)]
-    assert [process.wait(PATIENCE) for process in running] == [0, 0, 0]
-    assert works(cached("a robot", source))
-    assert len(list((empty_cache / "models").iterdir())) == 1
-    assert not [path for path in empty_cache.rglob("*") if path.name.startswith(("building", "tmp"))]
-
-
 def test_a_folder_that_cannot_be_written_does_no_harm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    in_the_way = tmp_path / "file"
-    in_the_way.write_text("")
-    monkeypatch.setenv("HYBRIDYN_CACHE", str(in_the_way / "cache"))
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "file" / "cache"))
     assert works(cached("a robot", source))
 
 
@@ -233,14 +205,13 @@ def test_the_cache_may_be_emptied_while_a_model_is_written(empty_cache: Path) ->
 
 
 def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
-    for call, words in (
-        (lambda: build(("int main( {",), find_compiler(), tmp_path / "library.so"), "error"),
-        (
-            lambda: build(("int x;",), Compiler((str(tmp_path / "none"),), ""), tmp_path / "library.so"),
-            "cannot be started",
-        ),
+    for text, command, words in (
+        ("int main( {", find_compiler().command, "error"),
+        ("int x;", (str(tmp_path / "none"),), "cannot be started"),
+        ("int x;", (sys.executable, "-c", ""), "there is no library"),
     ):
-        refused(call, hybridyn.CompileError, words)
+        asked = partial(build, (text,), Compiler(command, ""), tmp_path / "library.so")
+        refused(asked, hybridyn.CompileError, words)
 
 
 def test_the_ziglang_wheel_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

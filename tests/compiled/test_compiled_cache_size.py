@@ -29,10 +29,9 @@ NOW = time.time()
 
 
 @pytest.fixture(autouse=True)
-def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+def at(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(keeping, "time", Clock(NOW))
-    return tmp_path / "cache"
+    return empty_cache
 
 
 def built(number: int) -> Built:

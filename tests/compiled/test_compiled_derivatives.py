@@ -37,12 +37,6 @@ def robot(request: pytest.FixtureRequest) -> hybridyn.HybridRobot:
     return hybridyn.load(request.param)
 
 
-@pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let CasADi run the derivatives: there is nothing to build."""
-    monkeypatch.setenv("CC", "no-such-compiler")
-
-
 def states_along(robot: hybridyn.HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return closed states along a motion of the motors, smooth in time."""
     rng = np.random.default_rng(2)
@@ -124,9 +118,11 @@ def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
     np.testing.assert_allclose(
         derive(q, v, tau)["tau"] @ tau, linear, atol=DERIVATIVE_AGREES * np.abs(linear).max()
     )
-    for distance in (1e-6, 0.0):  # the result agrees, but 1e-6 and 2e-2 of the derivatives over q do not
+    other = Derivatives(robot, "ddm", coordinates="motors")
+    # at 1e-6 the result agrees, but 1e-6 and 2e-2 of the derivatives over q do not
+    for distance, of in ((1e-6, derive), (0.0, derive), (0.0, other)):
         q, words = near_a_lost_pivot(robot, distance), r"not to be trusted at sample 0: the pivots .* vanish"
-        refused(lambda: derive(q, v, tau), hybridyn.SingularityError, words)  # noqa: B023
+        refused(partial(of, q, v, tau), hybridyn.SingularityError, words)
 
 
 def near_a_lost_pivot(robot: hybridyn.HybridRobot, distance: float) -> np.ndarray:
@@ -136,19 +132,25 @@ def near_a_lost_pivot(robot: hybridyn.HybridRobot, distance: float) -> np.ndarra
 
 
 @pytest.mark.slow
-def test_batches_and_casadi(robot: hybridyn.HybridRobot) -> None:
-    q, v, a, _ = random_states(robot, 3)
-    derive = Derivatives(robot, "idm", parameters=True)
-    many = derive(q, v, a)
-    assert many["q"].shape == (3, len(robot.motors), robot.nv)
-    same_bits(derive(q[1], v[1], a[1]), {name: block[1] for name, block in many.items()})
-    assert_filled(derive, q, v, a)
-    assert derive.casadi.name_in() == ["q", "v", "a", "parameters"]
-    assert derive.casadi.name_out() == ["d_q", "d_v", "d_a", "d_parameters", "guard"]
-    found = derive.casadi.call([q[1], v[1], a[1], parameters_of(robot)])[:4]
-    close_to(
-        tuple(map(np.array, found)), tuple(many[name][1] for name in ("q", "v", "a", "parameters")), EXACT
-    )
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [("idm", {"parameters": True}), *((model, {"coordinates": "motors"}) for model in ("idm", "ddm"))],
+    ids=str,
+)
+def test_batches_and_casadi(robot: hybridyn.HybridRobot, model: str, options: dict[str, Any]) -> None:
+    """Single calls have the bits of batches, CasADi's functions their numbers."""
+    q, v, a, tau = random_states(robot, 3)
+    given = {"q": q, "v": v} | ({"a": a} if model == "idm" else {"tau": tau})
+    derive = Derivatives(robot, model, **options)
+    assert_filled(derive, *given.values())
+    many, one = derive(*given.values()), {name: x[1] for name, x in given.items()}
+    assert many["q"].shape[:2] == (3, len(robot.motors))
+    same_bits(derive(*one.values()), {name: block[1] for name, block in many.items()})
+    one |= {"parameters": parameters_of(robot)} if "parameters" in options else {}
+    assert derive.casadi.name_in() == [*one]
+    assert derive.casadi.name_out() == [*(f"d_{name}" for name in one), "guard"]
+    found = derive.casadi.call([*one.values()])[:-1]
+    close_to(tuple(map(np.array, found)), tuple(many[name][1] for name in one), EXACT)
 
 
 def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) -> None:

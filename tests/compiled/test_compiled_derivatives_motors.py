@@ -16,8 +16,7 @@ from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
 from hybridyn.compiled.programs.derivatives.nodes import Node
 from hybridyn.compiled.programs.derivatives.tangents import Graph
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to, refused, same_bits
-from tests.compiled.test_compiled_derivatives import assert_filled
+from tests.comparing import close_to, refused
 from tests.effect_cases import CASES
 from tests.locked import hinged_five_bar, with_truss
 from tests.mechanisms import random_mechanism
@@ -27,12 +26,6 @@ from tests.shipped import shipped
 ROUNDING = 1e-12  # of both derivatives, and the condition of the mass matrix; 8e-14 is found (snake)
 STEP = 1e-3  # of differences of fourth order: STEP^4 and rounding of the closed loops over STEP
 DIFFERENCES = 1e-7  # 8e-8 is found (tanev, over rates, whose derivatives are small)
-
-
-@pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let CasADi run the derivatives: there is nothing to build."""
-    monkeypatch.setenv("CC", "no-such-compiler")
 
 
 def columns_of(robot: hybridyn.HybridRobot) -> list[int]:
@@ -177,17 +170,6 @@ def test_motors_that_loops_lock_are_no_coordinates(model: str) -> None:
             Derivatives(robot, model, coordinates="motors")
 
 
-@pytest.mark.slow
-def test_where_pivots_vanish_the_words_are_those_over_joints(interpreted: None) -> None:
-    robot = build_robot(shipped("five_bar"))
-    motors = dict(zip(robot.motors, np.array([[-1.0703831736303813], [0.88]]), strict=True))
-    q = hybridyn.assemble(robot, motors=motors)[0]
-    with pytest.raises(
-        hybridyn.SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"
-    ):
-        Derivatives(robot, "ddm", coordinates="motors")(q, np.zeros(robot.nv), np.array([0.3, -0.2]))
-
-
 def test_linear_steps_are_directional_derivatives() -> None:
     """Of all operations, by CasADi's own sweep; an output that does not change is left out."""
     x, y, z = ca.SX.sym("x", 3), ca.SX.sym("y", 2), ca.SX.sym("z")
@@ -222,16 +204,3 @@ def test_only_numbers_that_results_need_get_tangents() -> None:
     assert list(linear.outputs) == [(0, 0)]
     assert linear.operations([(0, 0), (0, 1), (0, 2)]) == 3  # two products, one sum
     assert linear.operations([(0, 2)]) == 0
-
-
-@pytest.mark.slow
-def test_in_c_calls_and_batches_give_the_same_bits() -> None:
-    robot = build_robot(shipped("five_bar"))
-    q, v, a, tau = random_states(robot, 3)
-    for model, x in (("idm", a), ("ddm", tau)):
-        derive = Derivatives(robot, model, coordinates="motors")
-        assert_filled(derive, q, v, x)
-        many = derive(q, v, x)
-        same_bits(derive(q[1], v[1], x[1]), {name: block[1] for name, block in many.items()})
-        found = derive.casadi.call([q[1], v[1], x[1]])[:3]
-        close_to(tuple(map(np.array, found)), tuple(block[1] for block in many.values()), ROUNDING)

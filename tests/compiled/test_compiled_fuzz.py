@@ -21,7 +21,7 @@ from hybridyn.compiled.equations.static_elimination import Pivots, solve_definit
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description import read
-from hybridyn.errors import CompileError, HybridynError, install_advice
+from hybridyn.errors import HybridynError, install_advice
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.hard.scaling import Scale
@@ -248,11 +248,3 @@ def test_without_casadi(tmp_path: Path) -> None:
     assert done.stderr.count(f"error: compiling a model needs CasADi: {install_advice('compiled')}") == 1
     assert len(done.stderr.splitlines()) == 1
     assert not [*tmp_path.iterdir()]
-
-
-def test_a_compiler_that_makes_nothing(tmp_path: Path) -> None:
-    from hybridyn.compiled.library.building import build
-    from hybridyn.compiled.library.compilers import Compiler
-
-    with pytest.raises(CompileError, match="there is no library"):
-        build(("int x;",), Compiler((sys.executable, "-c", ""), "none"), tmp_path / "library.so")

@@ -12,12 +12,11 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.export import export
-from hybridyn.compiled.library.compilers import find_compiler
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import SOLVED, close_to, refused
 from tests.compiled.ros2_control import HANDLES, HEADERS, PROGRAM
-from tests.compiled.test_compiled_export import STRICT, called, run_test
+from tests.compiled.test_compiled_export import STRICT, called, compiler, run_test
 from tests.dynamics.test_idm import flat_five_bar
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, ankle_text, leg
 
@@ -48,14 +47,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "main.cpp").write_text(PROGRAM)
     include = [f"-I{at}" for at in (folder, folder / "ankle_c", PACKAGE / "include")]
     ankle_c = folder / "ankle_c" / "ankle.c"
-    commands = (
-        [*find_compiler().command, *STRICT, *include, "-c", ankle_c, "-o", folder / "ankle.o"],
-        [*CPP, *include, PACKAGE / "src" / f"{NAME}.cpp", folder / "main.cpp", folder / "ankle.o", "-lm",
-         "-o", folder / "main"],
-    )  # fmt: skip
-    for command in commands:
-        done = subprocess.run([*map(str, command)], capture_output=True, text=True)
-        assert (done.returncode, done.stderr) == (0, "")
+    parts = PACKAGE / "src" / f"{NAME}.cpp", folder / "main.cpp", folder / "ankle.o"
+    assert compiler(*STRICT, *include, "-c", ankle_c, "-o", parts[-1]) == ""
+    assert compiler(*include, *parts, "-lm", "-o", folder / "main", program=CPP) == ""
     return folder
 
 
@@ -85,11 +79,7 @@ def test_the_map_in_c_follows_from_another_posture(tmp_path: Path) -> None:
     robot = ankle(tmp_path)
     export(robot, tmp_path, map_joints=JOINTS)
     source, library = tmp_path / "ankle.c", tmp_path / "ankle.so"
-    command = [*find_compiler().command, *STRICT, "-fPIC"]
-    done = subprocess.run(
-        [*command, "-shared", str(source), "-o", str(library), "-lm"], capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert compiler(*STRICT, "-fPIC", "-shared", source, "-o", library, "-lm") == ""
     loaded = ctypes.CDLL(str(library))
     found = hybridyn.joint_map(robot, {"pitch": 0.1, "roll": -0.2}, JOINTS)
     rates, efforts = np.random.default_rng(0).normal(size=(2, 2))
@@ -146,9 +136,8 @@ def test_it_builds_with_the_handles_of_other_releases(built: Path, tmp_path: Pat
     (tmp_path / HANDLE).write_text(HANDLES[release])
     include = [tmp_path, built, built / "ankle_c", PACKAGE / "include"]
     for source in (PACKAGE / "src" / f"{NAME}.cpp", built / "main.cpp"):
-        command = [*CPP, "-Wno-deprecated-declarations", "-fsyntax-only", *(f"-I{at}" for at in include)]
-        done = subprocess.run([*command, str(source)], capture_output=True, text=True)
-        assert (done.returncode, done.stderr) == (0, "")
+        words = "-Wno-deprecated-declarations", "-fsyntax-only", *(f"-I{at}" for at in include), source
+        assert compiler(*words, program=CPP) == ""
 
 
 @pytest.mark.slow

@@ -43,9 +43,8 @@ def test_copies_and_statements_decide_which_codes_are_built() -> None:
     "number", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
 )  # the other widths
 def test_every_code_of_single_calls_gives_the_bits_of_a_batch(
-    number: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    number: str, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(alone, "VECTOR_STATEMENT", np.inf)  # build all
     readings = accumulate(10**9 // n for n in count(1))  # each measurement is shorter than the one before
     monkeypatch.setattr(choosing, "time", SimpleNamespace(thread_time_ns=readings.__next__))
@@ -89,8 +88,7 @@ def test_clocks_that_stand_still_measure_nothing_and_other_results_are_never_cho
     assert max(calls) <= 1001
 
 
-def test_quick_builds_have_the_code_of_batches_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+def test_quick_builds_have_the_code_of_batches_alone(empty_cache: Path) -> None:
     program = program_of(1)
     source = library_source([program], Scalar("float64", 4))
     built = cached("single", lambda: source, quick=True)

@@ -13,12 +13,6 @@ from tests.compiled_toys import numbered
 
 
 @pytest.fixture
-def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache"
-
-
-@pytest.fixture
 def group_may_write() -> Iterator[None]:
     """Make new files and folders writable by the group, as many systems do."""
     before = os.umask(0o002)
@@ -34,12 +28,12 @@ def built() -> tuple[Built, int]:
 
 @pytest.mark.parametrize("inner", ["", "keys", "models", "libraries"])
 @pytest.mark.parametrize("mode", [0o777, 0o720, 0o1777])
-def test_a_folder_in_which_others_can_write_is_refused(at: Path, inner: str, mode: int) -> None:
+def test_a_folder_in_which_others_can_write_is_refused(empty_cache: Path, inner: str, mode: int) -> None:
     built()
-    (at / inner).chmod(mode)
+    (empty_cache / inner).chmod(mode)
     with pytest.raises(CompileError, match=r"others can write in .*chmod go-w .* HYBRIDYN_CACHE"):
         built()
-    (at / inner).chmod(mode & ~0o022)
+    (empty_cache / inner).chmod(mode & ~0o022)
     assert built()[1] == 0
 
 
@@ -56,7 +50,7 @@ def test_a_folder_that_anybody_can_replace_is_refused(
         assert built()[1] == 0
 
 
-def test_a_folder_of_somebody_else_is_refused(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_somebody_else_is_refused(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built()
     other = os.geteuid() + 1
     monkeypatch.setattr(os, "geteuid", lambda: other)
@@ -74,16 +68,16 @@ def test_the_users_own_folder_is_looked_at_too(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("pattern", ["keys/*", "models/*.json", "libraries/*.so"])
-def test_files_that_others_can_write_are_made_anew(at: Path, pattern: str) -> None:
+def test_files_that_others_can_write_are_made_anew(empty_cache: Path, pattern: str) -> None:
     built()
-    (file,) = at.glob(pattern)
+    (file,) = empty_cache.glob(pattern)
     file.chmod(0o666)
     assert built()[1] == 1
     assert file.stat().st_mode & 0o022 == 0
     assert built()[1] == 0
 
 
-def test_a_link_in_the_cache_is_not_followed(at: Path, tmp_path: Path) -> None:
+def test_a_link_in_the_cache_is_not_followed(empty_cache: Path, tmp_path: Path) -> None:
     library = built()[0].path
     library.rename(tmp_path / "elsewhere.so")
     library.symlink_to(tmp_path / "elsewhere.so")
@@ -92,7 +86,7 @@ def test_a_link_in_the_cache_is_not_followed(at: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("group_may_write")
-def test_what_is_built_is_the_users_alone_whatever_the_system_gives(at: Path) -> None:
+def test_what_is_built_is_the_users_alone_whatever_the_system_gives(empty_cache: Path) -> None:
     built()
     assert built()[1] == 0
-    assert all(path.stat().st_mode & 0o022 == 0 for path in at.rglob("*"))
+    assert all(path.stat().st_mode & 0o022 == 0 for path in empty_cache.rglob("*"))

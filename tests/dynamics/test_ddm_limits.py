@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 from functools import partial
 
-import mpmath
 import numpy as np
 import pytest
 
@@ -22,10 +21,9 @@ from tests.comparing import ROUNDING, close_to, refused
 from tests.engines import engine_of
 from tests.judging import BACKWARD, ORACLE, drawn, efforts, judged
 from tests.mechanisms import random_mechanism
-from tests.oracle import Base, Extended, Oracle
+from tests.oracle import Base
 from tests.shipped import shipped, states_near_home
 
-EPS = float(np.finfo(float).eps)
 LIMIT = 1e-8  # a light leg's inertia over its mass ratio, between ratios of 1e-9 and 1e-12
 
 
@@ -70,32 +68,6 @@ def test_light_legs_cost_no_digits(ratio: float, base: Base) -> None:
     close_to(
         ddm(build_robot(description, base=base), q, v, tau), judged(description, base, q, v, tau), ORACLE
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("ratio", "light_base"), [(1e-12, False), (1e-6, True), pytest.param(1e-6, False, marks=pytest.mark.slow)]
-)
-def test_light_legs_against_forty_digits(ratio: float, light_base: bool) -> None:
-    """A floating 3-RPS: three directions of its base feel the platform, three only the legs and the base.
-
-    Where the base is as light as the legs, its apparent inertia has condition 1 / ratio, and that is lost.
-    """
-    plain = shipped("rps3")
-    description = with_legs(plain, ratio)
-    if not light_base:
-        links = (plain.links[0], *description.links[1:])
-        assert links[0].name == description.root
-        description = replace(description, links=links)
-    mpmath.mp.dps = 40
-    exact = Oracle(description, "floating", arithmetic=Extended(mpmath.mp), inertia_tolerance=1e-25)
-    (start,), (rate,), _ = states_near_home(description, "floating", 9, 1)
-    tau = efforts(description, 1)[0]
-    q = exact.close(start)
-    v = exact.project_velocity(q, rate)
-    actual = ddm(build_robot(description, base="floating"), q.astype(float), v.astype(float), tau)
-    tolerance = 4 * EPS / ratio if light_base else ORACLE
-    close_to(actual, exact.ddm(q, v, tau).astype(float), tolerance)
 
 
 def test_the_apparent_inertia_of_light_legs_is_proportional_to_their_mass() -> None:
