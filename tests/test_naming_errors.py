@@ -116,8 +116,7 @@ def test_what_is_no_number_is_named(wrong: Any) -> None:
         "guess is": lambda: hybridyn.assemble(robot, guess=np.array([wrong] * robot.nq)),
     }
     for name, run in calls.items():
-        with pytest.raises(TrajectoryError, match=f"{name} not an array of numbers"):
-            run()
+        refused(run, TrajectoryError, f"{name} not an array of numbers")
     refused(
         lambda: hybridyn.assemble(robot, platforms={link: {"x": np.zeros((2, 2))}}),
         TrajectoryError,

@@ -122,8 +122,7 @@ def test_a_model_that_is_not_accepted_stays_unknown() -> None:
     def refuse(built: Built) -> None:
         raise hybridyn.CompileError("it is wrong")
 
-    with pytest.raises(hybridyn.CompileError, match="it is wrong"):
-        cached("a robot", source, accept=refuse)
+    refused(lambda: cached("a robot", source, accept=refuse), hybridyn.CompileError, "it is wrong")
     asked = []
     cached("a robot", source, accept=asked.append)
     assert len(asked) == 1
@@ -165,8 +164,9 @@ def test_without_a_compiler_the_message_says_what_to_install(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(hybridyn.CompileError, match=r"install gcc or clang.*pip install ziglang"):
-        cached("a robot", source)
+    refused(
+        lambda: cached("a robot", source), hybridyn.CompileError, r"install gcc or clang.*pip install ziglang"
+    )
 
 
 @pytest.mark.parametrize(

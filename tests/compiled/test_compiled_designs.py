@@ -19,6 +19,7 @@ from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
 from tests.comparing import close_to, refused, same_bits
+from tests.files import save
 from tests.posing import swaying
 from tests.structure.test_parameters import COUNTED
 
@@ -210,8 +211,7 @@ CARRYING = COUNTED.replace(
 @pytest.mark.slow
 def test_a_design_of_another_structure_gets_a_model_of_its_own(tmp_path: Path) -> None:
     """It has an error in a table; the robot with its arguments has a model like any other."""
-    file = tmp_path / "stack.urdf.xacro"
-    file.write_text(CARRYING)
+    file = save(tmp_path, CARRYING, "stack.urdf.xacro")
     robot = hybridyn.load(file)
     compiled = hybridyn.compile(robot, parameters=["length"])
     motors = waves(robot, 0.3)

@@ -24,6 +24,7 @@ from hybridyn.description import read
 from hybridyn.errors import HybridynError, install_advice
 from hybridyn.structure.building import build_robot
 from tests import ROOT
+from tests.files import save
 from tests.hard.scaling import Scale
 from tests.hard.singular_postures import PLACES, posture
 from tests.oracle import Base, Oracle
@@ -105,9 +106,6 @@ def test_two_small_pivots_are_handed_over() -> None:
     assert doubtful == 2
 
 
-WRIST = """<robot name="wrist">{links}{joints}</robot>"""
-
-
 def light_wrist(folder: Path, mass: float, more: str = "") -> hybridyn.HybridRobot:
     """Return an arm with a roll-pitch-roll wrist whose inner links have next to no mass, axes askew."""
     links, joints = "", ""
@@ -123,9 +121,8 @@ def light_wrist(folder: Path, mass: float, more: str = "") -> hybridyn.HybridRob
             f'<origin xyz="0 0 {z}" rpy="{3 * z} {z} 0"/><axis xyz="{axis}"/>'
             '<limit lower="-3" upper="3" effort="10" velocity="5"/></joint>'
         )
-    path = folder / "wrist.urdf"
-    path.write_text(WRIST.format(links=links, joints=joints + more))
-    return build_robot(read(path))
+    text = f'<robot name="wrist">{links}{joints}{more}</robot>'
+    return hybridyn.load(save(folder, text, "wrist.urdf"))
 
 
 @pytest.mark.parametrize("mass", [0.0, 1e-9])

@@ -9,6 +9,7 @@ import pytest
 from hybridyn.compiled.library import cache
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.errors import CompileError
+from tests.comparing import refused
 from tests.compiled_toys import numbered
 
 
@@ -31,8 +32,7 @@ def built() -> tuple[Built, int]:
 def test_a_folder_in_which_others_can_write_is_refused(empty_cache: Path, inner: str, mode: int) -> None:
     built()
     (empty_cache / inner).chmod(mode)
-    with pytest.raises(CompileError, match=r"others can write in .*chmod go-w .* HYBRIDYN_CACHE"):
-        built()
+    refused(built, CompileError, r"others can write in .*chmod go-w .* HYBRIDYN_CACHE")
     (empty_cache / inner).chmod(mode & ~0o022)
     assert built()[1] == 0
 
@@ -43,8 +43,7 @@ def test_a_folder_that_anybody_can_replace_is_refused(
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "open" / "mine" / "cache"))
     built()
     (tmp_path / "open").chmod(0o777)
-    with pytest.raises(CompileError, match=r"anybody can replace .*chmod o-w .*open'.* HYBRIDYN_CACHE"):
-        built()
+    refused(built, CompileError, r"anybody can replace .*chmod o-w .*open'.* HYBRIDYN_CACHE")
     for mode in (0o1777, 0o775):  # only owners rename there, as in /tmp; a group of one's own
         (tmp_path / "open").chmod(mode)
         assert built()[1] == 0
@@ -54,8 +53,7 @@ def test_a_folder_of_somebody_else_is_refused(empty_cache: Path, monkeypatch: py
     built()
     other = os.geteuid() + 1
     monkeypatch.setattr(os, "geteuid", lambda: other)
-    with pytest.raises(CompileError, match=r"belongs to another user.*HYBRIDYN_CACHE"):
-        built()
+    refused(built, CompileError, r"belongs to another user.*HYBRIDYN_CACHE")
 
 
 def test_the_users_own_folder_is_looked_at_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,8 +61,7 @@ def test_the_users_own_folder_is_looked_at_too(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(cache, "folder", lambda: tmp_path / "default")
     built()
     (tmp_path / "default").chmod(0o777)
-    with pytest.raises(CompileError, match="others can write"):
-        built()
+    refused(built, CompileError, "others can write")
 
 
 @pytest.mark.parametrize("pattern", ["keys/*", "models/*.json", "libraries/*.so"])

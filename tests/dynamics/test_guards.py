@@ -15,6 +15,7 @@ from tests.any_mechanism import any_mechanism
 from tests.assembly.test_assembly import with_aligned_wrist
 from tests.comparing import SOLVED, close_to
 from tests.dynamics.test_lost_rank import BAR, HINGE
+from tests.files import save
 from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Oracle
 from tests.shipped import shipped, states_near_home
@@ -42,9 +43,7 @@ def on_a_bare_link(folder: Path, *free: str, loop: str = "") -> hybridyn.HybridR
     parts += [f'<link name="{name}">{MASS}</link>' for name in free]
     parts += [joint("motor", "continuous", "ground", "bare")]
     parts += [joint(f"free_{name}", "floating", "bare", name) for name in free]
-    path = folder / "bare.urdf"
-    path.write_text("".join(parts) + loop + "</robot>")
-    return hybridyn.load(path)
+    return hybridyn.load(save(folder, "".join(parts) + loop + "</robot>", "bare.urdf"))
 
 
 def moved_together(robot: hybridyn.HybridRobot, seed: int) -> np.ndarray:
@@ -116,9 +115,7 @@ def test_loops_of_a_rounded_file_close_as_far_as_it_says(tmp_path: Path) -> None
         """<loop name="l" type="revolute"><predecessor link="coupler"><origin xyz="1.6 0 0"/></predecessor>
         <successor link="rocker"><origin xyz="1.2 0 0"/></successor><axis xyz="0 0 1"/></loop></robot>""",
     ]
-    path = tmp_path / "rounded.urdf"
-    path.write_text("".join(parts))
-    robot = hybridyn.load(path)
+    robot = hybridyn.load(save(tmp_path, "".join(parts), "rounded.urdf"))
     q, v, a = hybridyn.assemble(robot, motors={"a": (np.array([0.5, 1.0, 1.5]), 1.0, 2.0)})
     assert hybridyn.closure_residual(robot, q).max() > 1e-6, "a file of more digits would close better"
     assert np.isfinite(hybridyn.idm(robot, q, v, a)).all()

@@ -10,6 +10,7 @@ import hybridyn
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
+from tests.files import save
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
 from tests.oracle import Base, Oracle
 from tests.samples import in_turn, some
@@ -267,9 +268,7 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_a_hinge_has_one_reaction_however_it_is_written(form: str, tmp_path: Path) -> None:
     """Half the beam's weight rests on the rocker, in the axes of the `<origin>` that the author wrote."""
-    path = tmp_path / "portal.urdf"
-    path.write_text(PORTAL.format(FORMS[form]))
-    robot = hybridyn.load(path)
+    robot = hybridyn.load(save(tmp_path, PORTAL.format(FORMS[form]), "portal.urdf"))
     rest = np.zeros(robot.nv)
     _, reactions = hybridyn.idm(robot, robot.home, rest, rest, reactions=True)
     down = [-4.905, 0.0, 0.0] if form == "frame whose x points up" else [0.0, 0.0, -4.905]

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -306,8 +307,7 @@ def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str)
         lambda: hybridyn.sweep(study, "out", resume=True),
         lambda: find_best("out", "peak_effort"),
     ):
-        with pytest.raises(hybridyn.HybridynError, match=said):
-            question()
+        refused(question, hybridyn.HybridynError, said)
     files[-1].unlink()
     assert hybridyn.sweep(study, "out", resume=True).now == 1
 
@@ -558,8 +558,7 @@ def test_the_best_and_the_pareto_front(folder: Path, here: Any) -> None:
         ("9 < 10 < length", "no design is left to compare .6 do not meet"),
         ("length > 9", "no design is left to compare .6 do not meet"),
     ):
-        with pytest.raises(hybridyn.HybridynError, match=said):
-            find_best("out", "peak_effort", where)
+        refused(partial(find_best, "out", "peak_effort", where), hybridyn.HybridynError, said)
 
 
 def test_functions_of_a_python_file_measure(folder: Path) -> None:
