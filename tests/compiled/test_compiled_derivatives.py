@@ -21,6 +21,7 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.pinocchio_model import pinocchio_inertia
+from tests.assembly.test_assembly import waves
 from tests.comparing import close_to, refused, same_bits
 from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
@@ -37,18 +38,6 @@ def robot(request: pytest.FixtureRequest) -> hybridyn.HybridRobot:
     return hybridyn.load(request.param)
 
 
-def states_along(robot: hybridyn.HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return closed states along a motion of the motors, smooth in time."""
-    rng = np.random.default_rng(2)
-    motion = {}
-    for name in robot.motors:
-        w, size = rng.uniform(1.0, 2.0), 0.03
-        home = robot.home[robot.q_slices[robot.joint_index[name]].start]
-        x = home + size * np.sin(w * (times + 0.3))
-        motion[name] = (x, size * w * np.cos(w * (times + 0.3)), -size * w**2 * np.sin(w * (times + 0.3)))
-    return hybridyn.assemble(robot, motors=motion)
-
-
 def parameters_of(robot: hybridyn.HybridRobot) -> np.ndarray:
     """Return ten inertial parameters of each body."""
     return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies])
@@ -62,7 +51,7 @@ def rate(values: np.ndarray) -> np.ndarray:
 
 def test_along_a_closed_motion(robot: hybridyn.HybridRobot, interpreted: None) -> None:
     times = 0.4 + STEP * np.arange(-2, 3)
-    q, v, a = states_along(robot, times)
+    q, v, a = hybridyn.assemble(robot, motors=waves(robot, times, 0.03))
     tau = hybridyn.idm(robot, q, v, a)
     jerk = rate(a)
     J = hybridyn.idm_jacobian(robot, q[2], v[2], a[2])

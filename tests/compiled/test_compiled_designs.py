@@ -18,6 +18,7 @@ from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
+from tests.assembly.test_assembly import waves
 from tests.comparing import close_to, refused, same_bits
 from tests.files import save
 from tests.posing import swaying
@@ -25,21 +26,13 @@ from tests.structure.test_parameters import COUNTED
 
 AGREE = 1e-11  # of the largest entry
 ROWS = 30
+TIME = np.linspace(0.0, np.pi, ROWS)
 
 NAMES = {
     "five_bar": ["mass:m1_tool", "position:m1_left_elbow", "position:m1_right_elbow"],
     "gough_stewart": ["mass:m1_platform", "position:m1_leg1_cross_y", "position:m1_leg3_ball/successor"],
 }
 SWING = {"five_bar": 0.2, "gough_stewart": 0.01}
-
-
-def waves(robot: hybridyn.HybridRobot, size: float) -> dict[str, tuple[Array, Array, Array]]:
-    """Return a swing of each motor, with rates and accelerations."""
-    x = np.linspace(0.0, 2 * np.pi, ROWS)
-    return {
-        name: (size * np.sin(x + i), size * np.cos(x + i), -size * np.sin(x + i))
-        for i, name in enumerate(robot.motors)
-    }
 
 
 def robot_of(compiled: hybridyn.CompiledRobot, p: Array) -> hybridyn.HybridRobot:
@@ -65,7 +58,7 @@ def agrees(table: Any, k: int, robot: hybridyn.HybridRobot, **asked: Any) -> Non
 def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     robot = hybridyn.load(name)
     compiled = hybridyn.compile(robot, parameters=NAMES[name])
-    motors = waves(robot, SWING[name])
+    motors = waves(robot, TIME, SWING[name])
     rng, nominal = np.random.default_rng(1), compiled.parameters.nominal
     p = nominal * (1.0 + 0.04 * rng.uniform(-1.0, 1.0, (20, len(nominal))))
     found = compiled.designs(p, motors=motors)
@@ -134,11 +127,11 @@ def test_whole_poses_of_links_that_a_parameter_places_are_left_to_the_general_pa
 def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
     robot = hybridyn.load(name)
     compiled = hybridyn.compile(robot, parameters=NAMES[name])
-    levels = waves(robot, SWING[name]).values()
+    levels = waves(robot, TIME, SWING[name]).values()
     x, x_dot, x_ddot = (np.array([level[i] for level in levels]).T for i in range(3))
     nominal = compiled.parameters.nominal
     p = nominal * (1.0 + 0.02 * np.random.default_rng(1).uniform(-1.0, 1.0, (ROWS, len(nominal))))
-    wanted = hybridyn.assemble(robot_of(compiled, p[4]), motors=waves(robot, SWING[name]))
+    wanted = hybridyn.assemble(robot_of(compiled, p[4]), motors=waves(robot, TIME, SWING[name]))
     found = compiled.close(x, x_dot, x_ddot, parameters=p[4])  # one design, row after row
     close_to(found, wanted, AGREE, 1.0)
     lone = compiled.close(x[4], x_dot[4], x_ddot[4], last=found[0][3], parameters=p[4])
@@ -174,7 +167,7 @@ def test_a_library_that_differs_from_the_general_path_is_not_used(
 
     monkeypatch.setattr(ClosedDesigns, "close", close)
     compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
-    table = compiled.designs([[0.4]], motors=waves(compiled.robot, 0.1))
+    table = compiled.designs([[0.4]], motors=waves(compiled.robot, TIME, 0.1))
     assert (table.recomputed, compiled.recomputed) == (1, ROWS)
     assert "the compiled loops of the robot" in caplog.text
     assert "differ from the general path" in caplog.text
@@ -183,7 +176,7 @@ def test_a_library_that_differs_from_the_general_path_is_not_used(
 @pytest.mark.slow
 def test_postures_that_cannot_be_are_counted() -> None:
     compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["position:m1_left_elbow"])
-    wide = {name: (x[0] * 5, x[1] * 5, x[2] * 5) for name, x in waves(compiled.robot, 0.2).items()}
+    wide = {name: (x[0] * 5, x[1] * 5, x[2] * 5) for name, x in waves(compiled.robot, TIME, 0.2).items()}
     nominal = compiled.parameters.nominal
     p = nominal + np.array([[0.0, 0, 0], [0.65, 0, 0], [0, 0.1, 0], [0.15, 0, 0]])
     found = compiled.designs(p, motors=wide)
@@ -214,7 +207,7 @@ def test_a_design_of_another_structure_gets_a_model_of_its_own(tmp_path: Path) -
     file = save(tmp_path, CARRYING, "stack.urdf.xacro")
     robot = hybridyn.load(file)
     compiled = hybridyn.compile(robot, parameters=["length"])
-    motors = waves(robot, 0.3)
+    motors = waves(robot, TIME, 0.3)
     found = compiled.designs([[0.4], [0.9], [0.6]], motors=motors)
     assert list(found.errors) == [1]
     assert "with length = 0.9, the links are others" in found.errors[1]
@@ -232,7 +225,7 @@ def test_a_design_of_another_structure_gets_a_model_of_its_own(tmp_path: Path) -
 @pytest.mark.slow
 def test_wrong_designs_are_refused() -> None:
     compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
-    motors = waves(compiled.robot, 0.1)
+    motors = waves(compiled.robot, TIME, 0.1)
     for designs, error, words in (
         ([[0.4], [-0.1]], hybridyn.ModelError, "mass of 'm1_tool' is negative in design 1"),
         ([[0.4, 1.0]], hybridyn.TrajectoryError, "parameters has shape"),

@@ -39,20 +39,9 @@ def multiprecision(mp: Any) -> Arithmetic:
     )
 
 
-def cross(a: Numbers, b: Numbers) -> Numbers:
-    """Return the cross product of vectors (..., 3)."""
-    i, j = [1, 2, 0], [2, 0, 1]
-    return a[..., i] * b[..., j] - a[..., j] * b[..., i]
-
-
 def mul(A: Numbers, x: Numbers) -> Numbers:
     """Return matrices times vectors, (..., m, n), (..., n)."""
-    return (A * x[..., None, :]).sum(axis=-1)
-
-
-def mat(A: Numbers, B: Numbers) -> Numbers:
-    """Return products of matrices (..., m, n), (..., n, k)."""
-    return (A[..., :, :, None] * B[..., None, :, :]).sum(axis=-2)
+    return (A @ x[..., None])[..., 0]
 
 
 def turned(A: Numbers) -> Numbers:
@@ -62,7 +51,7 @@ def turned(A: Numbers) -> Numbers:
 
 def hat(r: Numbers) -> Numbers:
     """Return the matrices of r x, (..., 3, 3)."""
-    columns = [cross(r, np.broadcast_to(np.eye(3, dtype=int)[i], r.shape)) for i in range(3)]
+    columns = [np.cross(r, np.broadcast_to(np.eye(3, dtype=int)[i], r.shape)) for i in range(3)]
     return np.stack(columns, axis=-1)
 
 

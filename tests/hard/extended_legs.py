@@ -6,7 +6,7 @@ import numpy as np
 
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
-from tests.hard.extended import Arithmetic, Numbers, cross, hat, mat, mul, turned
+from tests.hard.extended import Arithmetic, Numbers, hat, mul, turned
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def _placed(on: Arithmetic, joint: Joint) -> tuple[Numbers, Numbers]:
     M = on.array(joint.placement)
     R = M[:3, :3]
     for _ in range(3):
-        R = mat(R, 3 * np.eye(3, dtype=int) - mat(turned(R), R)) / 2
+        R = (R @ (3 * np.eye(3, dtype=int) - (turned(R) @ R))) / 2
     return R, M[:3, 3]
 
 
@@ -130,19 +130,21 @@ def move(
     out = Moved([], [], [], [], [], [], [])
     for j, slides in enumerate(chain.slides):
         arm = mul(R, chain.t[:, j])
-        p, pd = p + arm, pd + cross(w, arm)
-        pdd = pdd + cross(wd, arm) + cross(w, cross(w, arm))
-        R = mat(R, chain.R[:, j])
+        p, pd = p + arm, pd + np.cross(w, arm)
+        pdd = pdd + np.cross(wd, arm) + np.cross(w, np.cross(w, arm))
+        R = R @ chain.R[:, j]
         z = mul(R, chain.axis[:, j])
         x, x_dot, x_ddot = (u[..., j, None] for u in (q, v, a))
         if slides:
             arm, along = z * x, z * x_dot
-            p, pd = p + arm, pd + cross(w, arm) + along
-            pdd = pdd + cross(wd, arm) + cross(w, cross(w, arm)) + 2 * cross(w, along) + z * x_ddot
+            p, pd = p + arm, pd + np.cross(w, arm) + along
+            pdd = (
+                pdd + np.cross(wd, arm) + np.cross(w, np.cross(w, arm)) + 2 * np.cross(w, along) + z * x_ddot
+            )
         else:
-            wd = wd + cross(w, z * x_dot) + z * x_ddot
+            wd = wd + np.cross(w, z * x_dot) + z * x_ddot
             w = w + z * x_dot
-            R = mat(R, rotation(on, np.broadcast_to(chain.axis[:, j], p.shape), x))
+            R = R @ rotation(on, np.broadcast_to(chain.axis[:, j], p.shape), x)
         for kept, now in zip(
             (out.R, out.p, out.z, out.w, out.wd, out.pd, out.pdd), (R, p, z, w, wd, pd, pdd), strict=True
         ):
@@ -154,7 +156,7 @@ def rotation(on: Arithmetic, axis: Numbers, angle: Numbers) -> Numbers:
     """Return the rotations about axes (..., 3) by angles (..., 1)."""
     s, c = on.sin(angle)[..., None], on.cos(angle)[..., None]
     K = hat(axis)
-    return np.eye(3, dtype=int) + s * K + (1 - c) * mat(K, K)
+    return np.eye(3, dtype=int) + s * K + (1 - c) * (K @ K)
 
 
 def at_rest(on: Arithmetic, shape: tuple[int, ...]) -> tuple[Numbers, ...]:
@@ -168,6 +170,6 @@ def jacobian(chain: Chain, moved: Moved, body: int, point: Numbers) -> Numbers:
     columns = []
     for j, slides in enumerate(chain.slides):
         z = moved.z[j] * (1 if j <= body else 0)
-        linear = z if slides else cross(z, point - moved.p[j])
+        linear = z if slides else np.cross(z, point - moved.p[j])
         columns.append(np.concatenate([linear, z * (0 if slides else 1)], axis=-1))
     return np.stack(columns, axis=-1)

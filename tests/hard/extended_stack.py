@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Description
-from tests.hard.extended import Arithmetic, Numbers, block, cross, double, hat, mat, mul, reach, solve, turned
+from tests.hard.extended import Arithmetic, Numbers, block, double, hat, mul, reach, solve, turned
 from tests.hard.extended_legs import Chain, at_rest, jacobian, move, read_kind
 
 
@@ -60,9 +60,9 @@ class Stack:
         tip = end.p[-1] + arm
         rows = [0, 1] if self.planar else [0, 1, 2]
         J = jacobian(k.legs, end, last, tip)[..., rows, :]
-        bias = end.pdd[-1] + cross(end.wd[-1], arm) + cross(end.w[-1], cross(end.w[-1], arm))
+        bias = end.pdd[-1] + np.cross(end.wd[-1], arm) + np.cross(end.w[-1], np.cross(end.w[-1], arm))
         w = np.broadcast_to(self.w[:, None], self.r.shape)
-        wanted = cross(w, cross(w, self.r)) - bias
+        wanted = np.cross(w, np.cross(w, self.r)) - bias
         eye = np.broadcast_to(np.eye(3, dtype=int), (*self.r.shape, 3)) + 0 * self.r[..., None]
         points = np.concatenate([eye, -hat(self.r)], axis=-1)[..., rows, :][..., k.plane]
         both = solve(J, np.concatenate([points, wanted[..., rows, None]], axis=-1))
@@ -78,8 +78,8 @@ class Stack:
         R, p, w, wd, pd, pdd = (x[-1][:, 0] for x in (end.R, end.p, end.w, end.wd, end.pd, end.pdd))
         arm = mul(R, k.mount[1])
         return (
-            mat(R, k.mount[0]), p + arm, w, pd + cross(w, arm),
-            wd, pdd + cross(wd, arm) + cross(w, cross(w, arm)),
+            (R @ k.mount[0]), p + arm, w, pd + np.cross(w, arm),
+            wd, pdd + np.cross(wd, arm) + np.cross(w, np.cross(w, arm)),
         )  # fmt: skip
 
     def _spins(self) -> Numbers:
@@ -104,13 +104,13 @@ class Stack:
             arm = mul(moved.R[b], k.legs.com[:, b])
             centre = moved.p[b] + arm
             w, wd = moved.w[b], moved.wd[b]
-            pdd = moved.pdd[b] + cross(wd, arm) + cross(w, cross(w, arm))
-            inertia = mat(mat(moved.R[b], k.legs.inertia[:, b]), turned(moved.R[b]))
+            pdd = moved.pdd[b] + np.cross(wd, arm) + np.cross(w, np.cross(w, arm))
+            inertia = (moved.R[b] @ k.legs.inertia[:, b]) @ turned(moved.R[b])
             m = np.broadcast_to(k.legs.mass[:, b, None], zero.shape)
             X.append(reach(centre))
             J.append(jacobian(k.legs, self.relative, b, centre))
             mass.append(block(m, inertia))
-            force.append(np.concatenate([m * pdd, mul(inertia, wd) + cross(w, mul(inertia, w))], axis=-1))
+            force.append(np.concatenate([m * pdd, mul(inertia, wd) + np.cross(w, mul(inertia, w))], axis=-1))
         return tuple(np.stack(x, axis=2) for x in (X, J, mass, force))
 
     def _platform_inertia(self) -> tuple[Numbers, Numbers]:
@@ -121,17 +121,17 @@ class Stack:
         w = mul(turned(self.R), self.w_base + self.w)
         I_c = np.broadcast_to(k.inertia, (self.count, 3, 3))
         X = reach(c)
-        inertia = mat(turned(X), mat(block(m, I_c), X))
-        force = np.concatenate([m * cross(w, cross(w, c)), cross(w, mul(I_c, w))], axis=-1)
+        inertia = turned(X) @ (block(m, I_c) @ X)
+        force = np.concatenate([m * np.cross(w, np.cross(w, c)), np.cross(w, mul(I_c, w))], axis=-1)
         return inertia, mul(turned(X), force)
 
     def _along(self) -> tuple[Numbers, Numbers, Numbers]:
         """Give the platforms' accelerations in their own axes: maps from the base's and from u_dot; bias."""
         R6 = double(turned(self.R))
         w0 = self.w_base
-        linear = cross(w0, cross(w0, self.p)) + 2 * cross(w0, self.pd)
-        bias = np.concatenate([linear, cross(w0, self.w)], axis=-1)
-        return mat(R6, reach(self.p)), R6[..., self.kind.plane], mul(R6, bias)
+        linear = np.cross(w0, np.cross(w0, self.p)) + 2 * np.cross(w0, self.pd)
+        bias = np.concatenate([linear, np.cross(w0, self.w)], axis=-1)
+        return (R6 @ reach(self.p)), R6[..., self.kind.plane], mul(R6, bias)
 
     def _first(self) -> Numbers:
         return np.concatenate([-self.gravity, self.gravity * 0])
@@ -143,9 +143,9 @@ class Stack:
                            for i in range(self.count)])  # fmt: skip
         tau = self.on.array(tau[driven])
         X, J, mass, force = self._bodies(self.drift)
-        J = mat(J, self.Psi[:, :, None])
+        J = J @ self.Psi[:, :, None]
         T = np.concatenate([X, J], axis=-1)
-        M = mat(turned(T), mat(mass, T)).sum(axis=(1, 2))
+        M = (turned(T) @ (mass @ T)).sum(axis=(1, 2))
         F = mul(turned(T), force).sum(axis=(1, 2))
         Q = (self.Psi[:, :, k.motor] * tau[..., None]).sum(axis=1)
         X_p, a_p, bias = self._along()
@@ -153,7 +153,7 @@ class Stack:
         I_star, beta = (list(x) for x in self._platform_inertia())
         G, y, eye = [None] * self.count, [None] * self.count, self.on.array(np.eye(6))
         for i in reversed(range(self.count)):
-            M_i = M[i] + mat(T_p[i].T, mat(I_star[i], T_p[i]))
+            M_i = M[i] + (T_p[i].T @ (I_star[i] @ T_p[i]))
             F_i = F[i] + mul(T_p[i].T, mul(I_star[i], bias[i]) + beta[i])
             E, Q_0 = M_i[6:, :6], Q[i] - F_i[6:]
             both = solve(M_i[6:, 6:], np.concatenate([E, Q_0[:, None]], axis=-1))
@@ -161,7 +161,7 @@ class Stack:
             if i:
                 # A difference of M and E^T A^-1 E would lose digits at every module, twice as many each time.
                 follows = np.concatenate([eye, -G[i]])
-                I_star[i - 1] = I_star[i - 1] + mat(follows.T, mat(M_i, follows))
+                I_star[i - 1] = I_star[i - 1] + (follows.T @ (M_i @ follows))
                 beta[i - 1] = beta[i - 1] + F_i[:6] + mul(G[i].T, Q_0)
         A, u_dot = self._first(), []
         for i in range(self.count):

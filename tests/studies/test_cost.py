@@ -30,6 +30,7 @@ from hybridyn.studies.cost.runs import Runner, distance, needed_effects, study_r
 from hybridyn.tables.rates import derivatives
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
+from tests.assembly.test_assembly import waves
 from tests.clocks import Clock
 from tests.command_line import call, table_text
 from tests.comparing import refused
@@ -119,11 +120,7 @@ def test_distances_are_joint_displacements() -> None:
 
 def motion(robot: hybridyn.HybridRobot, rows: int = 130) -> Trajectory:
     time = np.linspace(0, 1, rows)
-    motors = {}
-    for i, motor in enumerate(robot.motors):
-        home, wave = robot.home[robot.q_slices[robot.joint_index[motor]].start], 2 * time + i
-        motors[motor] = (home + 0.2 * np.sin(wave), 0.4 * np.cos(wave), -0.8 * np.sin(wave))
-    return Trajectory(*hybridyn.assemble(robot, motors=motors), time)
+    return Trajectory(*hybridyn.assemble(robot, motors=waves(robot, time, 0.2)), time)
 
 
 def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
