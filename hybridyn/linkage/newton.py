@@ -158,7 +158,7 @@ class LoopProblem:
             x = np.empty((len(R), c))
             np.put_along_axis(x, order, back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0], axis=1)
             out[:, cols] = x.reshape(T, count, c)
-            easy &= pivot_ratio(R, c).reshape(T, -1).min(axis=1) > RANK_TOLERANCE
+            easy &= pivot_ratio(R, c).reshape(T, count).min(axis=1) > RANK_TOLERANCE
         return np.flatnonzero(~easy)
 
 
