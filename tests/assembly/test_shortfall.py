@@ -95,4 +95,5 @@ def test_what_is_proven_out_of_reach_is_refused_without_further_starts(name: str
 def test_where_no_sample_is_in_reach_none_is_closed() -> None:
     """There is then nothing to solve, which was an error of its own."""
     robot = hybridyn.load("five_bar")
-    assert not closed_postures(robot, {}, {"m1_tool": {"x": np.zeros(3), "z": np.full(3, -40.0)}})[1].any()
+    far = {"m1_tool": {"x": np.zeros(3), "z": np.full(3, -40.0)}}
+    assert not closed_postures(robot, motors={}, platforms=far)[1].any()
