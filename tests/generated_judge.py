@@ -35,7 +35,7 @@ def judge(case: Case, states: list[State]) -> None:
     """Compare both models with the oracle at every state."""
     robot = build_robot(case.description, base=case.base)
     assert robot.mobility == case.mobility
-    q, v, a, tau = states_of(states)
+    q, v, a, tau = (np.array([getattr(state, name) for state in states]) for name in ("q", "v", "a", "tau"))
     assert hybridyn.closure_residual(robot, q).max(initial=0.0) <= CLOSED
     rng = np.random.default_rng([case.seed, 2])
     names = [link.name for link in case.description.links]
@@ -48,12 +48,6 @@ def judge(case: Case, states: list[State]) -> None:
     judge_inverse(case, Found(robot, q, v, tau, found), wrenches, needs=False)
     if case.base != "floating":
         judge_inverse(case, Found(robot, q, v, tau, a), wrenches, needs=True)
-
-
-def states_of(states: list[State]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return q, v, a and efforts of all states as arrays."""
-    q, v, a, tau = (np.array([getattr(state, name) for state in states]) for name in ("q", "v", "a", "tau"))
-    return q, v, a, tau
 
 
 def judge_direct(case: Case, found: Found, wrenches: dict[str, np.ndarray]) -> None:

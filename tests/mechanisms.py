@@ -21,7 +21,7 @@ from tests.oracle import Base, Oracle
 from tests.recipes import KINDS, Kind
 from tests.sketch import Sketch, unit
 
-__all__ = ["KINDS", "Kind", "drawn", "home_posture", "random_mechanism", "random_states", "random_wrenches"]
+__all__ = ["KINDS", "Kind", "home_posture", "random_mechanism", "random_states", "random_wrenches"]
 
 KEPT = 1e-2  # least singular value of the scaled closure rows that are kept, relative to the largest
 DROPPED = 1e-12  # greatest one that is dropped: closed to rounding, far under the oracle's threshold of 1e-9
@@ -155,12 +155,3 @@ def _drawn_states(
             a = oracle.solve_passive(q, v, a, wrenches)
         states.append((q, v, a))
     raise RuntimeError(f"{description.name}: too few well conditioned states")
-
-
-def drawn(
-    kind: str, base: Base = "fixed", seed: int = 0
-) -> tuple[Description, np.ndarray, np.ndarray, np.ndarray]:
-    """Return one mechanism with one state."""
-    description = random_mechanism(seed, kind=kind)
-    q, v, a = (x[0] for x in random_states(description, base, seed, 1))
-    return description, q, v, a

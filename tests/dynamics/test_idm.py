@@ -21,10 +21,6 @@ from tests.samples import slow
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
 
 
-def weights_of(robot: hybridyn.HybridRobot) -> Array:
-    return np.linspace(1.0, 3.0, len(robot.motors))
-
-
 # -------------------------------------------------------------------- a closed form
 
 L1, L2 = 0.4, 0.55  # crank and rod [m], both sides
@@ -152,7 +148,7 @@ def with_efforts(description: Description, limits: list[float]) -> Description:
 def test_redundant_motors_share_by_weights(kind: str) -> None:
     robot, q, v, a = states(kind)
     oracle = Oracle(robot.description)
-    weights = weights_of(robot)
+    weights = np.linspace(1.0, 3.0, len(robot.motors))
     expected = np.array([oracle.idm(*s, weights=weights) for s in zip(q, v, a, strict=True)])
     tau = hybridyn.idm(robot, q, v, a, weights=weights)
     close_to(tau, expected, SOLVED)

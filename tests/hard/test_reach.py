@@ -5,6 +5,7 @@ import pytest
 
 import hybridyn
 from hybridyn.structure.building import build_robot
+from tests.assembly.test_assembly import stretched
 from tests.comparing import refused
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.hard import dietmaier
@@ -17,12 +18,6 @@ FORWARD = 100.0  # eps times the condition number, likewise
 MEND = "out of reach, or contradicts another one; move it, or give a better guess"
 
 
-def stretched(excess: float | np.ndarray) -> dict[str, object]:
-    """Return crank angles that hold the elbows two rods and an excess apart."""
-    t = np.arccos((ROD + np.asarray(excess) / 2 - BASE / 2) / CRANK)
-    return {"left": np.pi - t, "right": t}
-
-
 @pytest.mark.parametrize("excess", [1e-9, 1e-6, 1.0])
 def test_five_bar_out_of_reach(claim: Claim, excess: float) -> None:
     """By 1e-9 m, under the file's closure tolerance of 1e-4, and by as far as cranks reach: an error each.
@@ -31,7 +26,9 @@ def test_five_bar_out_of_reach(claim: Claim, excess: float) -> None:
     """
     robot = build_robot(symmetric_five_bar())
     excess = min(excess, 2 * (CRANK + BASE / 2 - ROD) * (1 - 1e-6))
-    error = refused(lambda: hybridyn.assemble(robot, motors=stretched(excess)), hybridyn.AssemblyError, MEND)
+    error = refused(
+        lambda: hybridyn.assemble(robot, motors=stretched(robot, excess)), hybridyn.AssemblyError, MEND
+    )
     said = str(error)
     assert "closure_tolerance" not in said  # raising it would take an open loop for rounding
     assert ("limit" in said) == (float(error.residual or 0) > robot.closure_tolerance)
@@ -48,7 +45,7 @@ def test_five_bar_just_within_reach(claim: Claim, left: float) -> None:
     Forward error: the height is the root of what is left, so eps counts 1 / root(left) times.
     """
     robot = build_robot(symmetric_five_bar())
-    found = hybridyn.assemble(robot, motors=stretched(-left))[0]
+    found = hybridyn.assemble(robot, motors=stretched(robot, -left))[0]
     claim(
         f"five-bar {left:g} m within reach",
         "closure residual",
@@ -114,7 +111,7 @@ def test_five_bar_brushes_its_edge(claim: Claim, left: float, steps: int) -> Non
     """
     robot = build_robot(symmetric_five_bar())
     time = np.linspace(-1, 1, steps + 1)
-    motors = stretched(-(left + 0.1 * time**2))
+    motors = stretched(robot, -(left + 0.1 * time**2))
     if left < 1e-6 and steps < 100:
         refused(
             lambda: hybridyn.assemble(robot, motors=motors),
@@ -137,6 +134,8 @@ def test_five_bar_driven_through_its_edge(claim: Claim) -> None:
     robot = build_robot(symmetric_five_bar())
     time = np.linspace(-1, 1, 21)
     error = refused(
-        lambda: hybridyn.assemble(robot, motors=stretched(1e-6 - 0.1 * time**2)), hybridyn.AssemblyError, MEND
+        lambda: hybridyn.assemble(robot, motors=stretched(robot, 1e-6 - 0.1 * time**2)),
+        hybridyn.AssemblyError,
+        MEND,
     )
     claim("five-bar driven past its edge", "samples from the error's", abs(10 - (error.sample or 0)), 0)

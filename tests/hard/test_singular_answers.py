@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from hybridyn import HybridRobot, SingularityError, assemble, ddm, idm
+from hybridyn import SingularityError, assemble, ddm, idm
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.hard.claims import Claim
@@ -75,7 +75,8 @@ def test_a_platform_motion_cannot_be_followed_where_a_leg_is_singular(place: str
     description, q = posture(place, 0.0)
     robot = build_robot(description)
     link, axes = OUTPUTS[place.split()[0]]
-    pose = link_pose(robot, q, link)
+    still = np.zeros((1, robot.nv))
+    pose = of_link(robot, q[None], still, still, link, robot.description.root)[0][0]
     rate = np.array([0.3, 0.0, -0.2, 0.0, 0.0, 0.0])
     given: tuple[object, object] = (pose, rate)
     if axes:
@@ -111,12 +112,6 @@ def test_motors_that_lose_a_direction_do_not_tell_a_motion(place: str, lost: str
         f"cannot be followed.*{words}",
         what=lost,
     )
-
-
-def link_pose(robot: HybridRobot, q: np.ndarray, link: str) -> np.ndarray:
-    """Return a link's pose in the base, shape (7,)."""
-    still = np.zeros((1, robot.nv))
-    return of_link(robot, q[None], still, still, link, robot.description.root)[0][0]
 
 
 # ------------------------------------------------------------------ one singular sample among others

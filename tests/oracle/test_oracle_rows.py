@@ -8,7 +8,7 @@ import pytest
 
 from hybridyn.description.records import Closure, Description, Joint, Link
 from tests.comparing import ROUNDING, refused
-from tests.mechanisms import drawn
+from tests.judging import drawn
 from tests.oracle import Oracle
 from tests.sketch import CLOSURES, Sketch
 
@@ -54,7 +54,7 @@ def test_closures_hold_what_their_record_says(kind: str) -> None:
 
 
 def test_loops_out_of_reach_and_turned_axes_are_no_closure() -> None:
-    description, q, _, _ = drawn("four_bar")
+    description, _, ((q, _), _, _) = drawn("four_bar", "fixed")
     closure, far = description.closures[0], np.eye(4)
     far[0, 3] = 5.0
     unreachable = replace(description, closures=(replace(closure, frame_b=closure.frame_b @ far),))

@@ -34,6 +34,7 @@ from tests.clocks import Clock
 from tests.command_line import call
 from tests.comparing import refused
 from tests.extras import needs
+from tests.files import save
 
 #: Largest relative difference to a formula: both round a few times.
 ROUNDING = 1e-12
@@ -93,18 +94,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def written(designs: str, parameters: str = SCALES, measure: str = '["peak_effort"]') -> Path:
     text = STUDY.format(designs=designs, parameters=parameters, measure=measure)
-    if "pendulum" in text and "scale_inertia = 'base'" in text:
+    if "scale_inertia = 'base'" in text or "[numbers]" in text:
         text = text.replace("pendulum.urdf.xacro", "pendulum.urdf")
-    path = Path("study.toml")
-    path.write_text(text)
-    return path
+    return save(Path(), text, "study.toml")
 
 
-def plain(designs: str, parameters: str) -> Path:
-    """A study of the pendulum whose file is no xacro."""
-    path = written(designs, parameters)
-    path.write_text(path.read_text().replace("pendulum.urdf.xacro", "pendulum.urdf"))
-    return path
+def evaluated(study: Path, **options: bool) -> tuple[Row, ...]:
+    """Evaluate all designs of a study in one chunk."""
+    source = read_study(study, **options)
+    designs = Designs(source)
+    return evaluate(source, Chunk(0, designs.values(0, designs.count))).rows
 
 
 def effort(length: float, factor: float) -> np.ndarray:
@@ -177,10 +176,7 @@ def test_a_grid_has_the_numbers_of_the_pendulums_equation(
 
 
 def test_rows_are_those_of_load_and_idm(folder: Path) -> None:
-    study = read_study(written("method = 'random'\ncount = 2\nseed = 4", "mass = { normal = [2.0, 0.1] }"))
-    designs = Designs(study)
-    found = evaluate(study, Chunk(0, designs.values(0, 2))).rows
-    for row in found:
+    for row in evaluated(written("method = 'random'\ncount = 2\nseed = 4", "mass = { normal = [2.0, 0.1] }")):
         robot = hybridyn.load("pendulum.urdf.xacro", xacro_args={"mass": repr(row.values[0])})
         tau = hybridyn.idm(robot, ANGLE[:, None], RATE[:, None], -ANGLE[:, None])
         assert row.measures == (np.abs(tau).max(),)  # the same bits
@@ -369,10 +365,7 @@ STATED = '"centre:rod.x" = "length"\n"mass:rod" = "2 * heavier"\n"inertia:rod.yy
 
 
 def test_numbers_of_the_description_are_set_by_expressions(folder: Path) -> None:
-    study = read_study(plain("method = 'grid'", NUMBERS + STATED))
-    designs = Designs(study)
-    rows = evaluate(study, Chunk(0, designs.values(0, 4))).rows
-    for row in rows:
+    for row in evaluated(written("method = 'grid'", NUMBERS + STATED)):
         wanted = np.abs(effort(*row.values)).max()
         assert row.status == "ok"
         assert abs(row.measures[0] - wanted) <= ROUNDING * wanted
@@ -395,7 +388,7 @@ def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: st
     here(Here())
     parameters = "length = { scale_inertia = 'base', values = [0.5, 0.6] }\n[numbers]\n" + line
     refused(
-        lambda: hybridyn.sweep(plain("method = 'grid'", parameters), "out", format="csv"),
+        lambda: hybridyn.sweep(written("method = 'grid'", parameters), "out", format="csv"),
         hybridyn.HybridynError,
         message,
     )
@@ -405,7 +398,7 @@ def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: st
 def test_numbers_beside_a_stated_one_are_scaled_with_its_link(folder: Path) -> None:
     """Numbers in slots, without a description of each design, are those of its description."""
     parameters = 'heavier = { scale_inertia = "rod", values = [2.0, 3.0] }\n[numbers]\n'
-    study = read_study(plain("method = 'grid'", parameters + '"inertia:rod.yy" = "0.1 * heavier"'))
+    study = read_study(written("method = 'grid'", parameters + '"inertia:rod.yy" = "0.1 * heavier"'))
     variants, values = Variants(study), np.array([[2.0], [3.0]])
     each = [variants.description(variants.named(own)) for own in values]
     slots = differences(*each)
@@ -416,7 +409,7 @@ def test_numbers_beside_a_stated_one_are_scaled_with_its_link(folder: Path) -> N
 
 
 def test_names_of_links_may_end_like_labels_of_numbers(folder: Path) -> None:
-    study = read_study(plain("method = 'grid'", NUMBERS + STATED))
+    study = read_study(written("method = 'grid'", NUMBERS + STATED))
     read = Variants(study).unscaled
     dotted = replace(read, links=tuple(replace(link, name=f"{link.name}.x") for link in read.links))
     for name in ("mass:rod.x", "centre:rod.x.y"):
@@ -455,8 +448,7 @@ def test_a_full_disk_keeps_what_was_done(folder: Path, here: Any, monkeypatch: p
 
 
 def test_designs_that_do_not_load_are_named(folder: Path) -> None:
-    study = read_study(written("method = 'grid'", "mass = { values = [1.0, -1.0] }"))
-    good, bad = evaluate(study, Chunk(0, Designs(study).values(0, 2))).rows
+    good, bad = evaluated(written("method = 'grid'", "mass = { values = [1.0, -1.0] }"))
     assert (good.status, bad.status) == ("ok", "not loaded")
     assert "mass" in bad.message
     assert np.isnan(bad.measures).all()
@@ -477,8 +469,7 @@ def test_postures_out_of_reach_are_counted(folder: Path) -> None:
     path.write_text(
         path.read_text().replace("swing.csv", "down.csv").replace("pendulum.urdf.xacro", "five_bar")
     )
-    study = read_study(path)
-    short, long = evaluate(study, Chunk(0, Designs(study).values(0, 2))).rows
+    short, long = evaluated(path)
     away = np.flatnonzero(np.hypot(0.12, z) > 0.2 + 0.35)
     assert (short.status, short.unreachable, short.singular) == ("unreachable", len(away), 0)
     assert f"down.csv, row {away[0] + 1} " in short.message
@@ -565,10 +556,8 @@ def test_functions_of_a_python_file_measure(folder: Path) -> None:
     Path("cost.py").write_text(
         "def cost(robot, motion):\n    return motion.effort[3, 0] + motion.measures['p']\n"
     )
-    study = read_study(
-        written("method = 'grid'", measure="{ c = 'cost.py:cost', p = 'peak_effort' }"), allow_python=True
-    )
-    row = evaluate(study, Chunk(0, Designs(study).values(0, 1))).rows[0]
+    study = written("method = 'grid'", measure="{ c = 'cost.py:cost', p = 'peak_effort' }")
+    row = evaluated(study, allow_python=True)[0]
     tau = effort(1.0, 1.0)
     assert np.allclose(row.measures, [tau[3] + np.abs(tau).max(), np.abs(tau).max()], rtol=ROUNDING)
 

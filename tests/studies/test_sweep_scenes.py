@@ -7,11 +7,9 @@ import pytest
 from scipy.integrate import quad
 
 from hybridyn.errors import ModelError
-from hybridyn.studies.sweep.designs import Designs
-from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
 from hybridyn.studies.sweep.reading import read_study
 from tests.comparing import refused
-from tests.studies.test_sweep import folder
+from tests.studies.test_sweep import evaluated, folder
 
 __all__ = ["folder"]
 
@@ -68,15 +66,9 @@ def fall(folder: Path) -> None:
     Path("study.toml").write_text(STUDY)
 
 
-def rows_of_study() -> tuple[Row, ...]:
-    source = read_study("study.toml")
-    designs = Designs(source)
-    return evaluate(source, Chunk(0, designs.values(0, designs.count))).rows
-
-
 def test_a_fall_has_the_energy_and_the_time_of_a_pendulum() -> None:
     """From rest at the horizontal, the kinetic energy is m g l sin(angle), and the time its quadrature."""
-    for row in rows_of_study():
+    for row in evaluated(Path("study.toml")):
         length = row.values[0]
         inertia = 0.1 + 2.0 * length**2
 
@@ -98,7 +90,7 @@ def test_a_fall_has_the_energy_and_the_time_of_a_pendulum() -> None:
 
 def test_a_scene_that_cannot_begin_is_counted() -> None:
     Path("fall.toml").write_text(SCENE + "[initial]\njoints = { turn = 0.0, end = 1.0 }\n")
-    assert {row.status for row in rows_of_study()} == {"failed"}
+    assert {row.status for row in evaluated(Path("study.toml"))} == {"failed"}
 
 
 @pytest.mark.parametrize(
