@@ -19,11 +19,10 @@ RTOL = 1e-8  # of the adaptive method
 STIFFNESS = 60e3  # of the slides' springs [N/m], those of the shipped scene's controller
 
 
-def undamped() -> tuple[hybridyn.HybridRobot, list[object]]:
-    """Return the LX4 with springs instead of motors, without friction."""
-    robot = hybridyn.load("lx4")
-    rest = {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
-    return robot, ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
+def on_springs(robot: hybridyn.HybridRobot, away: float = 0.0) -> list[object]:
+    """Return effects with springs instead of motors, so far from rest at home [m], without friction."""
+    rest = {motor: float(position(robot, motor, robot.home)) + away for motor in robot.motors}
+    return ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
 
 
 def judged(claim: Claim, case: str, robot: hybridyn.HybridRobot, result: Result, drift: float) -> None:
@@ -57,11 +56,18 @@ def test_undamped_lx4(claim: Claim, method: str, end: float) -> None:
     steps; the adaptive one promises rtol a step, held to 100 rtol over the run. The slow runs are what a few
     minutes allow of the hour (100 s are 25,000 steps: ten minutes).
     """
-    robot, effects = undamped()
+    robot = hybridyn.load("lx4")
     step = STEP if method == "conserving" else None
     times = np.linspace(0, end, 11)
     result = hybridyn.simulate(
-        robot, robot.home, np.zeros(robot.nv), times, method=method, step=step, effects=effects, rtol=RTOL
+        robot,
+        robot.home,
+        np.zeros(robot.nv),
+        times,
+        method=method,
+        step=step,
+        effects=on_springs(robot),
+        rtol=RTOL,
     )
     judged(claim, f"undamped LX4, {end:g} s, {method}", robot, result, KEPT if step else 100 * RTOL)
 
@@ -74,11 +80,11 @@ def test_a_platform_afloat(claim: Claim, end: float) -> None:
     Energy is the conserving method's promise; the base starts turning at 1 rad/s, so its quaternion moves.
     """
     robot = hybridyn.load("gough_stewart", base="floating", gravity=(0.0, 0.0, 0.0))
-    rest = {motor: float(position(robot, motor, robot.home)) + 0.01 for motor in robot.motors}
-    effects = ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
     v = np.zeros(robot.nv)
     v[3:6] = 0.6, -0.5, 0.6
     times = np.linspace(0, end, 11)
-    result = hybridyn.simulate(robot, robot.home, v, times, method="conserving", step=STEP, effects=effects)
+    result = hybridyn.simulate(
+        robot, robot.home, v, times, method="conserving", step=STEP, effects=on_springs(robot, 0.01)
+    )
     assert np.abs(result.q[-1, 3:7] - robot.home[3:7]).max() > 0.1
     judged(claim, f"gough_stewart afloat on springs, {end:g} s, conserving", robot, result, KEPT)

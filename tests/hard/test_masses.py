@@ -52,9 +52,9 @@ def efforts(description: Description) -> np.ndarray:
     return 20 * np.random.default_rng(5).normal(size=len(description.motors))
 
 
-def judged(description: Description, q: np.ndarray, case: str, claim: Claim) -> None:
-    """Claim the errors of both models at a posture."""
-    judge, robot = Judge(description, q), build_robot(description)
+def judged(description: Description, q: np.ndarray, case: str, claim: Claim, speed: float = 1.0) -> None:
+    """Claim the errors of both models at a posture, at so many radians a second."""
+    judge, robot = Judge(description, q, speed=speed), build_robot(description)
     tau = efforts(description)
     a = ddm(robot, q, judge.v, tau)
     errors = {"ddm": judge.of_ddm(tau, a), "idm": judge.of_idm(a, idm(robot, q, judge.v, a))}

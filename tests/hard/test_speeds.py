@@ -15,9 +15,9 @@ import pytest
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.structure.building import build_robot
-from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
+from tests.hard.claims import FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge
-from tests.hard.test_masses import arm, efforts
+from tests.hard.test_masses import arm, efforts, judged
 from tests.oracle import Extended, Oracle
 from tests.shipped import shipped, states_near_home
 
@@ -35,15 +35,8 @@ def posed(name: str) -> tuple[HybridRobot, np.ndarray]:
 def test_any_speed(name: str, claim: Claim, caplog: pytest.LogCaptureFixture) -> None:
     """Accelerations under ordinary efforts, and back to the efforts; speeds per scaled coordinate."""
     robot, q = posed(name)
-    tau = efforts(robot.description)
     for speed in (1.0, 1e2, 1e4, 1e6):
-        judge = Judge(robot.description, q, speed=speed)
-        a = ddm(robot, q, judge.v, tau)
-        errors = {"ddm": judge.of_ddm(tau, a), "idm": judge.of_idm(a, idm(robot, q, judge.v, a))}
-        for model, error in errors.items():
-            case = f"{name}, {speed:.0e} rad/s"
-            claim(case, f"backward error of {model}", error.backward, BACKWARD * len(robot.modules))
-            claim(case, f"forward error of {model} over the condition number", error.units * EPS, FORWARD)
+        judged(robot.description, q, f"{name}, {speed:.0e} rad/s", claim, speed)
     assert NO_DIGIT not in caplog.text
 
 
