@@ -208,16 +208,6 @@ class Remembering(Oracle):
 
 
 @dataclass(frozen=True)
-class State:
-    """One closed state: positions, rates, accelerations that the loops allow, efforts."""
-
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    tau: np.ndarray
-
-
-@dataclass(frozen=True)
 class Case:
     """A mechanism, what carries it, and the oracle of both."""
 
@@ -228,10 +218,13 @@ class Case:
     mobility: int | None
     parts: tuple[str, ...] = ()
 
-    def states(self, count: int) -> list[State]:
-        """Draw states at clear ranks, two at each posture, the first at home; fewer where few are clear."""
+    def states(self, count: int) -> list[tuple[np.ndarray, ...]]:
+        """Draw q, v, a that the loops allow, and efforts; two states at each posture, the first at home.
+
+        Only at clear ranks: there are fewer where few are clear.
+        """
         rng, oracle = np.random.default_rng([self.seed, 1]), self.oracle
-        out: list[State] = []
+        out: list[tuple[np.ndarray, ...]] = []
         for number in range(2 * count):
             q = self.near_home(rng, STEP if number else 0.0)
             if q is None or mobility_of(oracle, q) != self.mobility:
@@ -239,7 +232,7 @@ class Case:
             for _ in range(2):
                 v = oracle.project_velocity(q, rng.normal(size=oracle.nv))
                 a = oracle.consistent_acceleration(q, v, 3 * rng.normal(size=oracle.nv))
-                out.append(State(q, v, a, 20 * rng.normal(size=len(oracle.motors))))
+                out.append((q, v, a, 20 * rng.normal(size=len(oracle.motors))))
             if len(out) >= count:
                 break
         return out[:count]

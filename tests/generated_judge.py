@@ -3,39 +3,28 @@
 A refusal is judged too: its reason must be one that the oracle finds.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 import hybridyn
 from hybridyn.structure.building import build_robot
-from tests.generated import Case, State
+from tests.generated import Case
+from tests.judging import Wrenches
 
 EPS = float(np.finfo(float).eps)
 CLOSED = 1e-12  # the draws are closed to 1e-12 in metres and cosines
 BACKWARD = 1e-12  # of the largest term: both models are backward stable
 FORWARD = 1e3 * EPS  # of the condition number: products of some hundred terms on both sides
 LOST = 1e-6  # of the largest singular value of the motors' map: below it a refusal is right
+States = tuple[np.ndarray, ...]  # positions, rates, efforts and accelerations, shapes (T, ...)
 MISSING = 1e-9  # of the largest effort: an effort that no motor can produce, which must be refused above it
 
 
-@dataclass(frozen=True)
-class Found:
-    """What the core gave for all states of a case."""
-
-    robot: hybridyn.HybridRobot
-    q: np.ndarray
-    v: np.ndarray
-    tau: np.ndarray
-    a: np.ndarray
-
-
-def judge(case: Case, states: list[State]) -> None:
+def judge(case: Case, states: list[States]) -> None:
     """Compare both models with the oracle at every state."""
     robot = build_robot(case.description, base=case.base)
     assert robot.mobility == case.mobility
-    q, v, a, tau = (np.array([getattr(state, name) for state in states]) for name in ("q", "v", "a", "tau"))
+    q, v, a, tau = (np.array(x) for x in zip(*states, strict=True))
     assert hybridyn.closure_residual(robot, q).max(initial=0.0) <= CLOSED
     rng = np.random.default_rng([case.seed, 2])
     names = [link.name for link in case.description.links]
@@ -43,19 +32,19 @@ def judge(case: Case, states: list[State]) -> None:
         str(name): 5 * rng.normal(size=6) for name in rng.choice(names, min(2, len(names)), replace=False)
     }
     given = a[:, :6] if case.base == "moving" else None
-    found = hybridyn.ddm(robot, q, v, tau, base_acceleration=given, wrenches=wrenches)
-    judge_direct(case, Found(robot, q, v, tau, found), wrenches)
-    judge_inverse(case, Found(robot, q, v, tau, found), wrenches, needs=False)
+    moved = hybridyn.ddm(robot, q, v, tau, base_acceleration=given, wrenches=wrenches)
+    judge_direct(case, robot, (q, v, tau, moved), wrenches)
+    judge_inverse(case, robot, (q, v, tau, moved), wrenches, needs=False)
     if case.base != "floating":
-        judge_inverse(case, Found(robot, q, v, tau, a), wrenches, needs=True)
+        judge_inverse(case, robot, (q, v, tau, a), wrenches, needs=True)
 
 
-def judge_direct(case: Case, found: Found, wrenches: dict[str, np.ndarray]) -> None:
+def judge_direct(case: Case, robot: hybridyn.HybridRobot, states: States, wrenches: Wrenches) -> None:
     """Compare accelerations with the oracle's; check the loops and the balance of power."""
     oracle = case.oracle
-    power = hybridyn.power(found.robot, found.q, found.v, found.tau, wrenches=wrenches)
-    data = found.robot.model.createData()
-    for t, (q, v, tau, a) in enumerate(zip(found.q, found.v, found.tau, found.a, strict=True)):
+    power = hybridyn.power(robot, *states[:3], wrenches=wrenches)
+    data = robot.model.createData()
+    for t, (q, v, tau, a) in enumerate(zip(*states, strict=True)):
         wanted = oracle.ddm(q, v, tau, a[:6] if case.base == "moving" else None, wrenches)
         posture = oracle.posture(q)
         size = float(np.abs(wanted / oracle.unit).max(initial=0.0) + natural_acceleration(case, v[None])[0])
@@ -64,7 +53,7 @@ def judge_direct(case: Case, found: Found, wrenches: dict[str, np.ndarray]) -> N
         k = oracle.tree.drifts(posture, v)[2]
         opening = np.abs((posture.K @ a + k) / posture.scale).max(initial=0.0)
         assert opening <= BACKWARD * max(1.0, np.abs(a / oracle.unit).max(initial=0.0) + size), "loops open"
-        force = pin.rnea(found.robot.model, data, q, v, a)
+        force = pin.rnea(robot.model, data, q, v, a)
         skip = 6 if case.base == "moving" else 0
         rate = force[skip:] @ v[skip:]
         if not skip:
@@ -76,23 +65,23 @@ def judge_direct(case: Case, found: Found, wrenches: dict[str, np.ndarray]) -> N
             )
 
 
-def judge_inverse(case: Case, found: Found, wrenches: dict[str, np.ndarray], needs: bool) -> None:
+def judge_inverse(
+    case: Case, robot: hybridyn.HybridRobot, states: States, wrenches: Wrenches, needs: bool
+) -> None:
     """Compare efforts with the oracle's along the motions that the loops allow."""
-    oracle, weights = case.oracle, np.ones(len(found.robot.motors))
-    answers = [
-        oracle.idm_and_missing(q, v, a, wrenches) for q, v, a in zip(found.q, found.v, found.a, strict=True)
-    ]
-    maps = [oracle.motor_map(oracle.posture(q)) for q in found.q]
+    oracle, weights, (q, v, led_by, a) = case.oracle, np.ones(len(robot.motors)), states
+    answers = [oracle.idm_and_missing(*state, wrenches) for state in zip(q, v, a, strict=True)]
+    maps = [oracle.motor_map(oracle.posture(x)) for x in q]
     largest = [
-        np.abs(tau).max(initial=0.0) + np.abs(missing).max(initial=0.0) + needed(case, v, a)
-        for (tau, missing), q, v, a in zip(answers, found.q, found.v, found.a, strict=True)
+        np.abs(tau).max(initial=0.0) + np.abs(missing).max(initial=0.0) + needed(case, rates, rate)
+        for (tau, missing), rates, rate in zip(answers, v, a, strict=True)
     ]
     lacking = [
         np.abs(missing).max(initial=0.0) / size for (_, missing), size in zip(answers, largest, strict=True)
     ]
     refused: hybridyn.HybridynError | None = None
     try:
-        tau = hybridyn.idm(found.robot, found.q, found.v, found.a, wrenches=wrenches, weights=weights)
+        tau = hybridyn.idm(robot, q, v, a, wrenches=wrenches, weights=weights)
     except (hybridyn.ActuationError, hybridyn.SingularityError) as error:
         refused = error
     if isinstance(refused, hybridyn.ActuationError):
@@ -103,7 +92,7 @@ def judge_inverse(case: Case, found: Found, wrenches: dict[str, np.ndarray], nee
     if refused:
         return
     assert max(lacking, default=0.0) <= MISSING, "efforts that no motor can produce were not refused"
-    given = tau if needs else found.tau  # the efforts that led to these accelerations
+    given = tau if needs else led_by  # the efforts that led to these accelerations
     for B, (wanted, _), got, led, size in zip(maps, answers, tau, given, largest, strict=True):
         for efforts in (got, led):
             off = np.abs(B @ (efforts - wanted)).max(initial=0.0)

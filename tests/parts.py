@@ -189,7 +189,6 @@ def star(
         how = wrists[int(s.rng.integers(len(wrists)))]
         rod, platform = leg(s, base, B, P, platform, foot, how, turned=i < turned)
         rods.append(rod)
-    assert platform is not None
     return platform, rods
 
 
@@ -204,7 +203,6 @@ def rps3(s: Sketch, base: str, p: Place) -> tuple[str, list[str]]:
         lower = s.joint("revolute", base, B, t)
         rods.append(s.joint("prismatic", lower, B + 0.3 * d, d, motor=True))
         platform = wrist(s, rods[-1], platform, P, d, WRISTS[int(s.rng.integers(4))])
-    assert platform is not None
     return platform, rods
 
 
@@ -252,7 +250,6 @@ def delta(s: Sketch, base: str, p: Place, *, bars: bool) -> str:
             platform = s.joint("revolute", bottom, F, t, stem="platform")
         else:
             s.close("revolute", bottom, platform, F, t)
-    assert platform is not None
     return platform
 
 

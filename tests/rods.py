@@ -71,7 +71,6 @@ def delta_on(s: Sketch, base: str, p: Place, foot: Foot = "ball", *, thin: bool 
         E, F = p.origin + 0.7 * r + 0.3 * p.normal, center + 0.15 * r
         for side in (-0.1, 0.1):
             platform = rod(s, upper, E + side * t, platform, F + side * t, foot, thin=thin)
-    assert platform is not None
     return platform
 
 

@@ -60,11 +60,9 @@ def with_side_car() -> Texts:
     """Return the five-bar with its loop in a side-car: a point, which is all that a plane needs."""
     texts = dict(originals("five_bar"))
     loop = re.search(r"<loop\b.*?</loop>", texts[".urdf"], re.DOTALL)
-    assert loop is not None
     frames = ""
     for number, side in enumerate(("predecessor", "successor")):
         part = re.search(rf'<{side} link="([^"]+)"(?:/>|>(.*?)</{side}>)', loop[0], re.DOTALL)
-        assert part is not None
         frames += f'<link name="end{number}"/><joint name="end{number}_joint" type="fixed">'
         frames += f'<parent link="{part[1]}"/><child link="end{number}"/>{part[2] or ""}</joint>'
     texts[".urdf"] = texts[".urdf"].replace(loop[0], frames)

@@ -91,7 +91,6 @@ def test_poses_tell_what_all_joints_do(kind: str, base: Base) -> None:
     """Newton's method from a posture nearby, by poses of the platforms and by the other modules' motors."""
     robot = build_robot(random_mechanism(1, kind=kind, base=base), base=base)
     program = close_platforms_program(request(robot, None))
-    assert program is not None
     function, manifold = function_of(program), Manifold(robot)
     q, v, a, _ = random_states(robot, 1, seed=2)
     told = platform_motions(robot, q, v, a)

@@ -77,12 +77,10 @@ def test_laws_in_c_are_those_in_python(
 ) -> None:
     """At times within the reference, at its ends, and at rest after it."""
     law, steps = laws[name], model.library.steps
-    assert steps is not None
     t = np.array([0.0, 0.013, 0.05, 0.061, 0.08, 0.19])
     x = {motor: (0.1 * np.sin(t + k), np.cos(9 * t), 0 * t) for k, motor in enumerate(model.robot.motors)}
     q, v, _ = hybridyn.assemble(model.robot, motors=x)
     made = law.in_c(model)
-    assert made is not None
     ours = steps.efforts(made, t, q, v)
     theirs = np.array([law(*state) for state in zip(t, q, v, strict=True)])
     agree = SOLVED * np.abs(theirs).max() if name == "torque" else 0.0

@@ -151,9 +151,7 @@ def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: fl
     motors = rods.swings(robot, 5, size)
     q, v, a = hybridyn.assemble(robot, motors=motors)
     wanted = module_requests(robot, gather_requests(robot, motors, {}))
-    assert wanted is not None
     parts = parts_of(robot, wanted)
-    assert parts is not None
     (part,), (g, g_dot, g_ddot) = parts, numbers(parts, wanted)
     assert part.spins
     kernels = ModuleKernels([part.module], part.given, part.blocks, spins=part.spins)

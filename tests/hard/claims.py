@@ -3,8 +3,8 @@
 import json
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import pytest
@@ -20,11 +20,8 @@ def apart(actual: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(actual - expected).max(initial=0.0) / largest)
 
 
-class Claim(Protocol):
-    """What the fixture gives."""
-
-    def __call__(self, case: str, quantity: str, measured: float, bound: float) -> None:
-        """Hold `measured` to `bound`."""
+#: What the fixture gives: it holds a measured number of a quantity of a case to its bound.
+Claim = Callable[[str, str, float, float], None]
 
 
 @pytest.fixture

@@ -30,9 +30,7 @@ ROUNDING = 1e-12
 def share_of_motors(robot: hybridyn.HybridRobot) -> float:
     """Return the greatest share of the motors, over generic postures, in the direction that they lose."""
     m = robot.modules[0].mechanism
-    share = motor_share(robot.modules[0], m.basis(m.generic_K).Psi)
-    assert share is not None
-    return float(share.max())
+    return float(motor_share(robot.modules[0], m.basis(m.generic_K).Psi).max())
 
 
 def hexagons(base: float, platform: float) -> Description:

@@ -8,7 +8,7 @@ from hybridyn.assembly.task import closure_residual
 from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.generated import Case, State
+from tests.generated import Case
 from tests.generated_judge import condition, natural_acceleration
 from tests.samples import fuzz, slow
 from tests.strategies import for_all, mechanisms
@@ -20,15 +20,17 @@ ENERGY = 1e-8  # of what is exchanged: a step's error is its fifth power
 BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
 
 
-def moved(case: Case, state: State, robot: HybridRobot, steps: int, **options: object) -> Result:
+def moved(
+    case: Case, state: tuple[np.ndarray, ...], robot: HybridRobot, steps: int, **options: object
+) -> Result:
     """Simulate so many steps; a base that is prescribed rests."""
-    v, more = state.v.copy(), {}
+    (q, v, _, tau), more = state, {}
     if case.base == "moving":
-        v = case.oracle.project_velocity(state.q, np.concatenate([np.zeros(6), v[6:]]))
-        pose, rest = state.q[:7].copy(), np.zeros(6)
+        v = case.oracle.project_velocity(q, np.concatenate([np.zeros(6), v[6:]]))
+        pose, rest = q[:7].copy(), np.zeros(6)
         more = {"base_motion": lambda t: (pose, rest, rest)}
     return hybridyn.simulate(
-        robot, state.q, v, (0.0, steps * STEP), method="rk4", step=STEP, effort=state.tau, **more, **options
+        robot, q, v, (0.0, steps * STEP), method="rk4", step=STEP, effort=tau, **more, **options
     )  # type: ignore[arg-type]
 
 
@@ -39,7 +41,7 @@ def judge_run(case: Case) -> None:
     assert run.status == "finished", run.message
     assert closure_residual(robot, run.q).max() <= CLOSED
     q, v, a = run.q[-1], run.v[-1], run.a[-1]
-    wanted = case.oracle.ddm(q, v, state.tau)
+    wanted = case.oracle.ddm(q, v, state[-1])
     unit = case.oracle.unit
     size = np.abs(wanted / unit).max() + natural_acceleration(case, v[None])[0]
     off = np.abs((a - wanted) / unit).max() / size

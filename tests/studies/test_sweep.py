@@ -275,7 +275,6 @@ def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
         f"with locked({str(tmp_path)!r}): print(flush=True); time.sleep(100)"
     )
     held = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
-    assert held.stdout is not None
     held.stdout.readline()
     with pytest.raises(hybridyn.HybridynError, match="another process"), locked(tmp_path):
         pass
