@@ -114,14 +114,6 @@ def test_an_installed_wheel_works_in_any_folder(
     assert str(ROOT / "hybridyn") not in done.stdout + done.stderr
 
 
-def readme_commands() -> list[str]:
-    """Return the README's commands in their order, files of the clone written by their robots' names."""
-    commands = []
-    for block in blocks(ROOT / "README.md", "console"):
-        commands += re.findall(r"^\$ (.*)$", block.text, re.MULTILINE)
-    return commands
-
-
 def by_name(command: str, data: Path) -> str:
     """Write `urdf/X.urdf.xacro` as X and `models/X/f` as X/f for hybridyn, as a path for other programs."""
     if shlex.split(command)[0] == "hybridyn":
@@ -135,7 +127,8 @@ def run_readme(programs: Path, folder: Path) -> None:
     listed = json.loads(run(programs, folder, "hybridyn robots --json").stdout)
     data = Path(listed[0]["file"]).parents[1]
     assert programs.parent in data.parents
-    for command in readme_commands():
+    consoles = "".join(block.text for block in blocks(ROOT / "README.md", "console"))
+    for command in re.findall(r"^\$ (.*)$", consoles, re.MULTILINE):
         done = run(programs, folder, by_name(command, data))
         assert done.returncode == 0, (command, done.stderr)
     text = "\n".join(

@@ -1,5 +1,7 @@
-"""Guards of open loops, and one division per divisor."""
+"""Guards of open loops and of calls, and one division per divisor."""
 
+import sys
+import threading
 from typing import Any
 
 import casadi as ca
@@ -10,11 +12,14 @@ import hybridyn
 from benchmarks.operations import flattened
 from hybridyn.compiled.code.graph import graph_of
 from hybridyn.compiled.code.quotients import costing, operations_of
+from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.chains import point_acceleration, point_velocity
 from hybridyn.compiled.equations.core import write_core
 from hybridyn.compiled.equations.expressions import dot, numbers, pack, plain
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.library.calls import load
+from hybridyn.compiled.program import Call, Given, Kernel, Program, Result, Worst
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects.choice import choose
@@ -109,22 +114,6 @@ def test_results_that_are_not_finite_are_not_trusted() -> None:
     assert float(function(*(x * np.nan for x in given))[-1]) == np.inf
 
 
-@pytest.mark.slow
-def test_lost_pivots_are_not_trusted_by_casadi() -> None:
-    """Angles at which several pivots of a leg are exactly zero: their guards are NaN, which fmax ignores."""
-    robot = hybridyn.load("delta")
-    (program,) = programs(robot, models=("idm",)).values()
-    function, rest = function_of(program), np.zeros(robot.nv)
-    generator, seen = np.random.default_rng(0), 0
-    for _ in range(40):
-        q = generator.choice([0.0, np.pi / 2, np.pi], size=robot.nq)
-        tau, guard = function(q, rest, rest)
-        if not np.isfinite(np.array(tau)).all():
-            seen += 1
-            assert not float(guard) <= 1.0
-    assert seen
-
-
 def test_a_divisor_divides_once() -> None:
     a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
     f = ca.Function("f", [a, b, c], [ca.vertcat(a / c, b / c, a / 3, b / a)])
@@ -132,3 +121,54 @@ def test_a_divisor_divides_once() -> None:
     costs = [node.name for node in costing(operations_of(f))]
     assert costs.count("div") == 2  # 1 / c, b / a
     assert costs.count("mul") == 3
+
+
+# -------------------------------------------------------------------- the guard of a call
+
+
+def rooted(first: int) -> Program:
+    """Return a program whose result is finite and whose guards are the roots of both inputs, in an order."""
+    x = ca.SX.sym("x", 1)
+    kernel = Kernel("root", ca.Function("root", [x], [1.0 + 0.0 * x * x, ca.sqrt(x)]), "module")
+    calls = tuple(
+        Call(0, 1, (Given(np.array([[k]])),), (Result(np.array([[k]])), Worst())) for k in (first, 1 - first)
+    )
+    return Program(f"rooted_{first}", (("x", 2),), (("one", 2),), (kernel,), calls, 0, 0)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("x", [(-1.0, 0.25), (0.25, -1.0), (-1.0, -1.0)])
+def test_a_guard_that_is_nan_fails_in_every_engine(first: int, x: tuple[float, float]) -> None:
+    program = rooted(first)
+    library = load([program])
+    guards = [
+        float(function_of(program)(np.array(x))[1]),
+        library.single(program.name, np.array(x))[1],
+        float(library.batch(program.name, np.array([x]))[1][0]),
+        float(library.batch(program.name, np.array([x, x]))[1][1]),
+    ]
+    assert not any(guard <= GUARD_LIMIT for guard in guards)
+
+
+def test_threads_do_not_read_each_others_guards() -> None:
+    """Each thread calls with its own sample, while the others' guards are on the other side of the limit."""
+    program = rooted(0)
+    library, wrong = load([program]), []
+
+    def call(x: float) -> None:
+        given, guard = np.full(2, x), np.sqrt(x)
+        for _ in range(4000):
+            if library.single(program.name, given)[1] != guard:
+                wrong.append(x)
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    threads = [threading.Thread(target=call, args=(x,)) for x in (0.25, 4.0, 0.0625, 16.0)]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    assert not wrong
