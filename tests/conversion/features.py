@@ -153,7 +153,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "closure without a row": ("loop", closed("none")),
     "closure from the base": ("loop", closed("revolute", "base", "tool")),
     "closure to the base": ("loop", closed("universal", "tool", "base")),
-    "closure at a massless end": ("loop", closed("spherical", d=link(**WEIGHTLESS))),
+    "closure at a massless end": ("", closed("spherical", d=link(**WEIGHTLESS))),
     **{
         f"author's axes, {kind}": ("loop", closed(kind, turn=CYCLIC))
         for kind in ("fixed", "spherical", "revolute", "prismatic", "universal", "rows_xz_parallel")
@@ -166,12 +166,12 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "coupling of three": ("gear", coupled("gear", ("two", 1.0), ("one", -2.0), ("rail", 3.0), offset=0.5)),
     "coupling of one": ("gear", coupled("gear", ("two", 2.0), offset=0.5)),
     "coupling with a zero": ("two", coupled("two", ("one", 0.0), ("two", 1.0), offset=0.5)),
-    "limits in a loop": ("one", closed("revolute", d=joint("one", lower=-1.0, upper=2.0))),
+    "limits in a loop": ("one", closed("spherical", d=joint("one", lower=-1.0, upper=2.0))),
     "spring in a loop": (
-        "one", closed("revolute", d=effect("spring", stiffness={"one": 5.0}, rest={"one": 0.5})),
+        "one", closed("spherical", d=effect("spring", stiffness={"one": 5.0}, rest={"one": 0.5})),
     ),
     "mimic in a loop": (
-        "two", closed("revolute", d=coupled("two", ("two", 1.0), ("one", -2.0), offset=0.5)),
+        "two", closed("spherical", d=coupled("two", ("two", 1.0), ("one", -2.0), offset=0.5)),
     ),
     "endless gear": (
         "two", replace(coupled("two", ("two", 1.0), ("one", -2.0)), home={"one": (3.5,), "two": (7.0,)}),

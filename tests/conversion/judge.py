@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from hybridyn import HybridRobot, assemble, ddm, idm
+from hybridyn import HybridRobot, assemble, ddm, idm, mass_matrix
 from hybridyn.assembly.task import closure_residual
 from hybridyn.conversion.convert import MODEL, file_beside
 from hybridyn.conversion.request import Request, Written
@@ -149,6 +149,14 @@ def same_structure(
         if kind in ("spherical", "floating") and ours[q] @ theirs[q] < 0:
             theirs[q] *= -1  # a quaternion and its negative are one posture
     close_to(ours, theirs, tolerance)
+
+
+def same_mass(description: Description, other: Description, tolerance: float) -> None:
+    """Compare robots with different joints by their motors, and by the inertia that these feel at home."""
+    one, two = build_robot(description), build_robot(other)
+    assert (two.mobility, two.motors) == (one.mobility, one.motors)
+    if len(one.motors) == one.mobility:
+        same_answer(answer(mass_matrix, two, two.home), answer(mass_matrix, one, one.home), tolerance)
 
 
 def answer(model: Callable[..., np.ndarray], *given: object, **more: object) -> np.ndarray | type:

@@ -1,4 +1,4 @@
-"""No mutation of a file that `convert` wrote, with its marks, ends in a traceback or a hang."""
+"""No mutation of a file that `convert` wrote ends in a traceback or a hang."""
 
 import random
 from pathlib import Path

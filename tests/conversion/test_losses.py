@@ -49,7 +49,10 @@ LINES = {
     "pose": "pose of the floating base in the home posture",
     "gravity": "gravity of ",
     "mass": "moving links without mass, which MuJoCo refuses: written with",
-    "body": "names of massless links that only carry a joint: they have no body",
+    "body": "names of massless links that only carry a joint or end a closure",
+    "balls": "floating joints are three slides and a ball",
+    "pins": "closures with an axis are connects of two points on it",
+    "follow": "closures are a weld to a body of their own, which follows one link",
     "thin": "links without inertia about an axis, which MuJoCo refuses: written with a small one",
     "light": "links with inertia but without mass: written with",
     "large": "inertias that no body can have: the largest principal moment is reduced",
@@ -76,14 +79,14 @@ revolute joint                  kept        kept              kept          kept
 continuous joint                kept        continuous        kept          endless
 prismatic joint                 kept        kept              kept          kept
 spherical joint                 kept        kept              kept          kept
-planar joint                    kept        kept              planar        planar
-floating joint                  kept        kept              free          free
+planar joint                    kept        planar            planar        planar
+floating joint                  kept        balls             free          free
 home of a revolute joint        kept        kept              kept          kept
 home of a continuous joint      kept        continuous        kept          endless
 home of a prismatic joint       kept        kept              kept          kept
 home of a spherical joint       kept        kept              kept          kept
-home of a planar joint          kept        kept              planar        planar
-home of a floating joint        kept        kept              free          free
+home of a planar joint          kept        planar            planar        planar
+home of a floating joint        kept        balls             free          free
 fixed joint                     kept        weld              kept          kept
 lower limit                     kept        kept              kept          kept
 upper limit                     kept        kept              kept          kept
@@ -101,26 +104,26 @@ rotor                           kept        kept              kept          kept
 geared rotor                    kept        gear              kept          kept
 gear without rotor              kept        gear              kept          kept
 viscous friction, spherical     kept        kept              forces        kept
-viscous friction, planar        kept        kept              planar+forces forces+planar
-viscous friction, floating      kept        kept              free+forces   forces+free
+viscous friction, planar        kept        planar            planar+forces forces+planar
+viscous friction, floating      kept        balls             free+forces   forces+free
 dry friction, spherical         kept        friction          forces        kept
-dry friction, planar            kept        friction          planar+forces forces+planar
-dry friction, floating          kept        friction          free+forces   forces+free
+dry friction, planar            kept        planar+friction   planar+forces forces+planar
+dry friction, floating          kept        balls+friction    free+forces   forces+free
 rotor, spherical                kept        kept              forces        kept
-rotor, planar                   kept        friction          planar+forces forces+planar
-rotor, floating                 kept        friction          free+forces   forces+free
+rotor, planar                   kept        planar+friction   planar+forces forces+planar
+rotor, floating                 kept        balls+friction    free+forces   forces+free
 gear, spherical                 kept        gear              forces        kept
-gear, planar                    kept        gear              planar+forces forces+planar
-gear, floating                  kept        gear              free+forces   forces+free
+gear, planar                    kept        planar+gear       planar+forces forces+planar
+gear, floating                  kept        balls+gear        free+forces   forces+free
 position limit, spherical       limit       limit             limit         limit
-position limit, planar          limit       limit             planar+limit  planar+limit
-position limit, floating        limit       limit             free+limit    free+limit
+position limit, planar          limit       planar+limit      planar+limit  planar+limit
+position limit, floating        limit       balls+limit       free+limit    free+limit
 speed limit, spherical          limit       speed             limit         limit
-speed limit, planar             kept        speed             planar+limit  planar+limit
-speed limit, floating           kept        speed             free+limit    free+limit
+speed limit, planar             kept        planar+speed      planar+limit  planar+limit
+speed limit, floating           kept        balls+speed       free+limit    free+limit
 effort limit, spherical         limit       limit             limit         limit
-effort limit, planar            kept        limit             planar+limit  planar+limit
-effort limit, floating          kept        limit             free+limit    free+limit
+effort limit, planar            kept        planar+limit      planar+limit  planar+limit
+effort limit, floating          kept        balls+limit       free+limit    free+limit
 spring                          kept        kept              kept          kept
 spring with a rest              kept        kept              kept          kept
 spring away from home           kept        kept              kept          kept
@@ -135,31 +138,31 @@ stribeck friction               kept        kept              kept          kept
 stop                            kept        kept              kept          kept
 ground contact                  kept        kept              kept          kept
 closure fixed                   kept        kept              home          kept
-closure revolute                kept        kept              home          kept
-closure prismatic               kept        kept              home          kept
-closure cylindrical             kept        kept              home+slides   kept
-closure universal               kept        kept              home          cross
-closure planar                  kept        kept              home+slides   kept
+closure revolute                kept        pins              home          kept
+closure prismatic               kept        follow            home          kept
+closure cylindrical             kept        follow            home+slides   kept
+closure universal               kept        follow            home          cross
+closure planar                  kept        follow            home+slides   kept
 closure spherical               kept        kept              home          kept
-closure rows_x                  kept        kept              home+slides   kept
-closure rows_yz                 kept        kept              home+slides   kept
-closure rows_y_perpendicular    kept        kept              home+slides   cross
-closure rows_xz_parallel        kept        kept              home+slides   kept
-closure rows_x_fixed            kept        kept              home+slides   kept
-closure rows_parallel           kept        kept              home+slides   kept
-closure rows_fixed              kept        kept              home+slides   kept
+closure rows_x                  kept        follow            home+slides   kept
+closure rows_yz                 kept        follow            home+slides   kept
+closure rows_y_perpendicular    kept        follow            home+slides   cross
+closure rows_xz_parallel        kept        follow            home+slides   kept
+closure rows_x_fixed            kept        follow            home+slides   kept
+closure rows_parallel           kept        follow            home+slides   kept
+closure rows_fixed              kept        follow            home+slides   kept
 closure without a row           rows        rows              rows          rows
-closure from the base           kept        kept              home          kept
-closure to the base             kept        kept              home          cross
-closure at a massless end       kept        kept              home          kept
+closure from the base           kept        pins              home          kept
+closure to the base             kept        follow            home          cross
+closure at a massless end       kept        follow+body       home          kept
 author's axes, fixed            kept        kept              home          kept
 author's axes, spherical        kept        kept              home          kept
-author's axes, revolute         kept        kept              home          kept
-author's axes, prismatic        kept        kept              home          kept
-author's axes, universal        kept        axes              home          cross
-author's axes, rows_xz_parallel kept        kept              home+slides   kept
-oblique axes, revolute          kept        axes              home          axes
-oblique axes, rows_x_fixed      axes        axes              home+slides   axes
+author's axes, revolute         kept        pins              home          kept
+author's axes, prismatic        kept        follow            home          kept
+author's axes, universal        kept        follow            home          cross
+author's axes, rows_xz_parallel kept        follow            home+slides   kept
+oblique axes, revolute          kept        pins              home          axes
+oblique axes, rows_x_fixed      axes        follow            home+slides   axes
 mimic                           kept        kept              kept          kept
 mimic with an offset            kept        kept              kept          kept
 coupling with a name            mimic       kept              mimic         kept
@@ -187,7 +190,7 @@ added body                      load        load              load          load
 name with a colon               kept        kept              name          other
 name with other letters         kept        kept              kept          other
 link named as a joint           kept        kept              name          other
-closure named as a joint        kept        kept              name+home     other
+closure named as a joint        kept        pins              name+home     other
 link named world                kept        world             name          kept
 base named world                kept        still             still         kept
 robot without a name            kept        kept              kept          kept

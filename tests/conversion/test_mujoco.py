@@ -27,11 +27,10 @@ from tests.conversion.judge import (
     read_back,
     same_robot,
     same_structure,
-    states,
 )  # fmt: skip
 from tests.extras import needs
 from tests.files import save
-from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.mechanisms import KINDS, random_mechanism
 from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
 from tests.mujoco_matrices import mass_matrix
 from tests.samples import slow, some
@@ -172,15 +171,12 @@ def test_followers_stay_as_tight_as_asked(kind: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["andrews", slow("bricard")])
-def test_massless_ends_of_closures_come_back(name: str, tmp_path: Path) -> None:
+def test_massless_ends_of_closures_add_no_mass(name: str, tmp_path: Path) -> None:
     description = read(find_robot(name))
     other, out = read_back(description, tmp_path / "robot.xml")
     assert any("springs and dampers" in note for note in out.notes) == (name == "andrews")  # that has one
-    assert {line.split()[0] for line in out.losses} <= {"speed", "names"}
-    assert [link.name for link in other.links if link.mass == 0 and link.name.startswith("strut")] == (
-        ["strut_end"] if name == "andrews" else []
-    )
-    same_robot(description, other, states(description))
+    assert {line.split()[0] for line in out.losses} <= {"speed", "names", "closures"}
+    judge.same_mass(description, other, judge.SAME)
 
 
 @pytest.mark.parametrize("kind", ["andrews", "gear_three", slow("flyball_governor"), slow("gear_rack")])
@@ -203,16 +199,12 @@ def test_loops_are_closed_where_mujoco_weighs_equalities(kind: str) -> None:
 @pytest.mark.parametrize(
     "kind", ["serial_all", slow("planar_rpr"), slow("gough_floating"), slow("star_five")]
 )
-def test_joints_that_mujoco_does_not_have_come_back(kind: str, tmp_path: Path) -> None:
+def test_joints_that_mujoco_does_not_have_move_as_ours(kind: str, tmp_path: Path) -> None:
     description = bodily(random_mechanism(3, kind=kind))
     other, out = read_back(description, tmp_path / "robot.xml")
-    assert {line.split()[0] for line in out.losses} <= {"names", "continuous"}
-    assert {joint.name: joint.kind for joint in other.joints if joint.kind in ("planar", "floating")} == {
-        joint.name: joint.kind for joint in description.joints if joint.kind in ("planar", "floating")
-    }
-    same_robot(description, other, random_states(description, "fixed", 3, 1))
-    said = " ".join(out.notes)
-    assert all(joint.name in said for joint in description.joints if joint.kind == "planar")
+    judge.same_mass(description, other, judge.SAME)
+    said = " ".join(out.losses)
+    assert all(joint.name in said for joint in description.joints if joint.kind in ("planar", "floating"))
 
 
 @pytest.mark.parametrize("name", some(ROBOTS_OF_MJCF, ("balls", "a foot on the ground")))
@@ -258,13 +250,13 @@ def chain(names: list[str], closures: tuple[Closure, ...] = ()) -> Description:
     return Description("chain", links, joints, closures)
 
 
-def test_what_could_not_be_read_back_is_refused() -> None:
+def test_what_mujoco_would_not_read_is_refused() -> None:
     slider = Closure("slider", "prismatic", "a", np.eye(4), "b", np.eye(4), (0, 1), "fixed")
     refused(lambda: Model(chain([str(number) for number in range(300)])), ModelError, "more than 240 joints")
     refused(
-        lambda: Model(chain(["a", "b", "slider:x"], (slider,))),
+        lambda: Model(chain(["a", "b", "slider:follower"], (slider,))),
         ModelError,
-        "would have these names twice: 'slider'",
+        "<body> would have these names twice: 'slider:follower'",
     )
     point = Closure("x", "point", "a", np.eye(4), "b", np.eye(4), (0, 1, 2), "free")
     refused(
@@ -272,45 +264,6 @@ def test_what_could_not_be_read_back_is_refused() -> None:
         ModelError,
         "<site> would have these names twice: 'x:",
     )
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("hybridyn:m1_tip", "hybridyn:m1_top", "marks the closure 'm1_top', but .*did you mean 'm1_tip'"),
-        ("tx ty tz rx rz", "tx ty rq", "text 'hybridyn:m1_tip': unknown row 'rq'"),
-        ("tx ty tz rx rz", "", "no row is stated"),
-    ],
-)
-def test_edited_marks_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
-    edited(shipped("five_bar"), f'"{old}"', f'"{new}"', message, tmp_path / "robot.xml")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('joint:{}"', 'joint:tabel"', "marks the joint 'tabel', but there is no joint 'tabel_x'"),
-        (
-            'data="planar 1',
-            'data="plan 1',
-            "text 'hybridyn joint:.*' states none of spherical, planar, floating",
-        ),
-        ('data="planar 1', 'data="planar 0', "states none of"),
-        ('data="planar 1 0', 'data="planar 1 x', "states none of"),
-    ],
-)
-def test_edited_marks_of_joints_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
-    description = bodily(random_mechanism(3, kind="planar_rpr"))
-    (name,) = (joint.name for joint in description.joints if joint.kind == "planar")
-    edited(description, old.format(name), new, message, tmp_path / "robot.xml")
-
-
-def edited(description: Description, old: str, new: str, message: str, file: Path) -> None:
-    """Check that an edited file of a robot is refused."""
-    text = write(Request(description, file)).text
-    assert old in text
-    file.write_text(text.replace(old, new))
-    refused(lambda: read(file), ModelError, message)
 
 
 # -------------------- springs, dampers and friction

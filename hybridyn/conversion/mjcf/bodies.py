@@ -16,15 +16,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.mjcf.joint_marks import PARTS
-from ...description.mjcf.marks import FOLLOWER
 from ...description.placement import inverse
-from ...description.records import Array, Description, Joint
+from ...description.records import Array, Description, Joint, JointKind
 from ...description.robot_file import ZERO
 from ..home import home_of, motion_of
 from ..losses import Losses
 from ..numerals import numeral, numerals, quaternion_of
-from .followers import Follower
+from .followers import FOLLOWER, Follower
 from .inertias import Inertias, add_inertial
 
 #: Name of MuJoCo's own body, which does not move.
@@ -32,6 +30,12 @@ WORLD = "world"
 AXES = np.eye(3)
 #: Kinds of joints with one freedom.
 SINGLE = ("revolute", "continuous", "prismatic")
+#: Endings of the joints of MuJoCo that stand for a joint, by its kind.
+PARTS: dict[JointKind, tuple[str, ...]] = {
+    "spherical": ("",),
+    "planar": ("_x", "_y", "_turn"),
+    "floating": ("_x", "_y", "_z", "_turn"),
+}
 
 
 @dataclass(eq=False)
@@ -46,7 +50,6 @@ class Tree:
         qpos: Home positions of all joints, in MuJoCo's order.
         ends: Frame of each follower's end of its closure in the follower's body, shapes (4, 4).
         refs: Positions at `qpos0` of the joints with one freedom, by name [m or rad].
-        marks: Kind and frame of the joints that stand as other joints, as texts, by name.
     """
 
     worldbody: ET.Element
@@ -56,7 +59,6 @@ class Tree:
     qpos: list[float] = field(default_factory=list)
     ends: dict[str, Array] = field(default_factory=dict)
     refs: dict[str, float] = field(default_factory=dict)
-    marks: dict[str, str] = field(default_factory=dict)
 
 
 class _Carried(NamedTuple):
@@ -75,7 +77,6 @@ class Builder:
         followers: Bodies that follow links.
         ends: Links that have no body, because they only end a closure.
         losses: Receives what is changed.
-        remarks: Receives joints that stand as other joints, which hybridyn reads back.
     """
 
     def __init__(
@@ -85,9 +86,7 @@ class Builder:
         followers: Iterable[Follower],
         ends: Collection[str],
         losses: Losses,
-        remarks: Losses,
     ) -> None:
-        self._remarks = remarks
         self._d, self._inertias, self._losses, self._ends = d, inertias, losses, ends
         self._children: dict[str, list[Joint]] = {}
         for joint in d.joints:
@@ -179,6 +178,7 @@ class Builder:
         for joint, frame in carried:
             if parent is self.tree.worldbody and self._floats(joint, carried):
                 ET.SubElement(body, "freejoint", name=joint.name)
+                self._losses.add("floating joints on a base at rest are free joints beside it", joint.name)
                 x = home_of(self._d, joint)
                 self.tree.qpos += [*x[:3], x[6], *x[3:6]]
             else:
@@ -205,16 +205,11 @@ class Builder:
         kind, at = ("hinge", home[2:]) if joint.kind == "planar" else ("ball", home[-4:])
         turns = self._add(body, parts[-1], kind, frame, AXES[2], at)
         (self.tree.joints if joint.kind == "planar" else self.tree.balls)[parts[-1]] = turns
-        turned = not np.array_equal(frame[:3, :3], np.eye(3))
-        if turned or len(parts) > 1:
-            self.tree.marks[joint.name] = f"{joint.kind} {numerals(quaternion_of(frame[:3, :3]))}"
-        if joint.kind == "spherical":
-            what = "ball joints whose coordinates MuJoCo counts about other axes" if turned else ""
-        else:
+        if joint.kind != "spherical":
             count = {"planar": "two slides and a hinge", "floating": "three slides and a ball"}[joint.kind]
-            what = f"{joint.kind} joints, which MuJoCo does not have there: written as {count}"
-        if what:
-            self._remarks.add(what, joint.name)
+            self._losses.add(f"{joint.kind} joints are {count}", joint.name)
+        elif not np.array_equal(frame[:3, :3], np.eye(3)):
+            self._losses.add("ball joints whose coordinates MuJoCo counts about other axes", joint.name)
 
     def _add(
         self,

@@ -1,4 +1,4 @@
-"""Refuse what would not be read back: names that occur twice, and bodies nested too deep."""
+"""Refuse what MuJoCo would not read: names that occur twice, and bodies nested too deep."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from ...description.mjcf.marks import MARK
 from ...description.names import listed
 from ...description.records import Description
 from ...description.zero_posture import outwards
@@ -36,21 +35,17 @@ def check_depth(d: Description) -> None:
             )
 
 
-def check_names(root: ET.Element, d: Description) -> None:
+def check_names(root: ET.Element) -> None:
     """Refuse names that would be mixed up.
 
     Raises:
-        ModelError: A name occurs twice, or a link has the name of a part of a closure.
+        ModelError: A name occurs twice.
     """
     worldbody, equality = root.find("worldbody"), root.find("equality")
     for tags in GROUPS:
         place = equality if "weld" in tags else root if tags == ("fixed",) else worldbody
         found = [] if place is None else [str(x.get("name")) for x in place.iter() if x.tag in tags]
         _refuse([name for name, count in Counter(found).items() if count > 1], f"<{tags[0]}>")
-    marks = [str(text.get("name")).removeprefix(MARK) for text in root.findall("custom/text")]
-    own = [link.name for link in d.links] + [closure.name for closure in d.closures]
-    prefixes = {name.rpartition(":")[0] for name in own if ":" in name}
-    _refuse([name for name in marks if name in prefixes], "the parts of closures, which start with")
 
 
 def _refuse(names: Iterable[str], what: str) -> None:

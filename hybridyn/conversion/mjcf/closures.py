@@ -1,4 +1,4 @@
-"""Write closures as equalities between sites, with a mark in `<custom>` where one equality does not say them.
+"""Write closures as equalities between sites.
 
 a point                one connect
 fixed                  one weld
@@ -13,13 +13,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.mjcf.marks import FOLLOWER, MARK
 from ...description.placement import placement_from, turned
 from ...description.records import Array, Closure
-from ..closure_rows import rows_of
 from ..losses import Losses
 from .bodies import Tree, pose
-from .followers import Follower
+from .followers import FOLLOWER, Follower
 
 FULL = (0, 1, 2)
 
@@ -30,7 +28,6 @@ def needs_follower(closure: Closure) -> bool:
 
 
 def add_closures(
-    root: ET.Element,
     equality: ET.Element,
     closures: tuple[Closure, ...],
     followers: Mapping[str, Follower],
@@ -38,16 +35,15 @@ def add_closures(
     arm: float,
     losses: Losses,
 ) -> None:
-    """Add sites, equalities and marks.
+    """Add sites and equalities.
 
     Args:
-        root: The root element, which receives `<custom>`.
         equality: The element `<equality>`.
         closures: The closures.
         followers: The follower of each closure that needs one, by its name.
         tree: The bodies, which receive sites.
         arm: Distance of the two points that hold an axis [m].
-        losses: Receives closures whose axes are lost.
+        losses: Receives closures that MuJoCo has no word for.
     """
     for closure in closures:
         ends = {"a": (closure.link_a, closure.frame_a), "b": (closure.link_b, closure.frame_b)}
@@ -56,22 +52,14 @@ def add_closures(
             name = f"{closure.name}:{FOLLOWER}"
             ends["a" if follower.first else "b"] = (name, tree.ends[name])
             word = "weld"
-        rows, turn = rows_of(closure, losses)
-        own = {end: (link, turned(frame, turn.T)) for end, (link, frame) in ends.items()}
+            losses.add("closures are a weld to a body of their own, which follows one link", closure.name)
+        own = {end: (link, turned(frame, closure.turn.T)) for end, (link, frame) in ends.items()}
         _equate(equality, word, closure.name, f"{closure.name}:", own, tree)
         if word == "connect" and closure.rotation == "parallel":
             ahead = placement_from(np.eye(3), np.array([0.0, 0.0, arm]))
             second = {end: (link, frame @ ahead) for end, (link, frame) in ends.items()}
             _equate(equality, word, f"{closure.name}:axis", f"{closure.name}:axis_", second, tree)
-        if follower or (word, closure.rotation) not in (("weld", "fixed"), ("connect", "free")):
-            add_text(root, MARK + closure.name, rows)
-
-
-def add_text(root: ET.Element, name: str, data: str) -> None:
-    """Add a text to `<custom>` of the root element."""
-    custom = root.find("custom")
-    custom = ET.SubElement(root, "custom") if custom is None else custom
-    ET.SubElement(custom, "text", name=name, data=data)
+            losses.add("closures with an axis are connects of two points on it", closure.name)
 
 
 def _equate(

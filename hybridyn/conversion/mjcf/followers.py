@@ -20,6 +20,8 @@ from ..numerals import quaternion_of
 from .inertias import Inertias
 
 Z = np.array([0.0, 0.0, 1.0])
+#: End of the name of a follower, after the closure's name.
+FOLLOWER = "follower"
 
 
 @dataclass(frozen=True, eq=False)

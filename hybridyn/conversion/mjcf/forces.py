@@ -7,11 +7,10 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.mjcf.joint_marks import PARTS
 from ...description.records import Description, Joint
 from ..losses import Losses, add_limits
 from ..numerals import numeral, numerals
-from .bodies import Tree
+from .bodies import PARTS, Tree
 
 #: Effects that stand in the file itself; the others go to model.toml.
 SAID = ("spring", "damper")

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from xml.etree import ElementTree as ET
 
-from ...description.mjcf.joint_marks import JOINT
-from ...description.mjcf.marks import BASE, LINK
 from ...description.records import Description
 from ...description.weightless import Bodies
 from ..home import poses_at
@@ -16,7 +14,7 @@ from ..numerals import numeral, numerals
 from ..request import USUAL_GRAVITY, Request, Written
 from .bodies import Builder, Tree
 from .checks import check_depth, check_names
-from .closures import add_closures, add_text, needs_follower
+from .closures import add_closures, needs_follower
 from .couplings import add_couplings
 from .followers import follower_of
 from .forces import SAID, add_forces, add_motors
@@ -40,17 +38,16 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
     chosen = softness(d, request.tightness)
     if d.closures or d.couplings:
         add_softness(root, option, chosen)
-    remarks = Losses()
-    tree = _add_robot(root, d, losses, remarks)
+    tree = _add_robot(root, d, losses)
     add_visuals(root, request, tree, losses)
     add_motors(root, d)
     if tree.qpos:
         keyframe = ET.SubElement(root, "keyframe")
         ET.SubElement(keyframe, "key", name="home", qpos=numerals(tree.qpos))
-    check_names(root, d)
+    check_names(root)
     ET.indent(root)
     beside = [name for name, _ in d.effects if name not in SAID]
-    notes = [*remarks.lines()]
+    notes = []
     if d.closures or d.couplings:
         tight = (
             f"closures stay within {numeral(request.tightness)} m up to accelerations of "
@@ -70,7 +67,7 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
     return Written(text, tuple(notes), {".model.toml": model} if model else {})
 
 
-def _add_robot(root: ET.Element, d: Description, losses: Losses, remarks: Losses) -> Tree:
+def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
     """Add bodies, closures, couplings and forces."""
     inertias, poses, still = inertias_of(d), poses_at(d, d.home), _still(d)
     ends = _weightless_ends(d, still)
@@ -79,21 +76,14 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses, remarks: Losses
         for closure in d.closures
         if needs_follower(closure) or closure.link_a in ends or closure.link_b in ends
     }
-    tree = Builder(d, inertias, followers.values(), ends, losses, remarks).build()
+    tree = Builder(d, inertias, followers.values(), ends, losses).build()
     root.append(tree.worldbody)
     add_forces(d, tree, losses)
     if d.closures or d.couplings:
         equality = ET.SubElement(root, "equality")
-        add_closures(root, equality, d.closures, followers, tree, inertias.size, losses)
+        add_closures(equality, d.closures, followers, tree, inertias.size, losses)
         add_couplings(root, equality, d.couplings, tree.refs)
-    for link, closure in ends.items():
-        if link not in tree.bodies:
-            add_text(root, LINK + closure, link)
-    for name, data in tree.marks.items():
-        add_text(root, JOINT + name, data)
-    if d.base == "fixed" and any(joint.kind == "floating" for joint in d.joints):
-        add_text(root, BASE, "fixed")
-    _add_lost_names(d, {*tree.bodies, *ends}, losses)
+    _add_lost_names(d, {*tree.bodies}, losses)
     return tree
 
 
@@ -101,7 +91,7 @@ def _add_lost_names(d: Description, kept: set[str], losses: Losses) -> None:
     """List the fixed joints and the links whose names the file does not hold; `kept` are those of links."""
     for link in d.links:
         if link.name not in kept:
-            losses.add("names of massless links that only carry a joint: they have no body", link.name)
+            losses.add("names of massless links that only carry a joint or end a closure", link.name)
     for joint in d.joints:
         if joint.kind == "fixed" and joint.child in kept and joint.name != f"{joint.child}_fixed":
             losses.add("names of fixed joints, which MuJoCo does not have", joint.name)

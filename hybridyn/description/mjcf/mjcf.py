@@ -18,10 +18,9 @@ from .compiling import Compiled, compile_text
 from .document import Document
 from .equalities import add_equalities
 from .keyframes import add_home
-from .marks import apply_marks, read_marks
 from .meshes import take_meshes
 from .passive import add_passive
-from .roots import Root, find_root
+from .roots import find_root
 from .screening import screen
 
 #: Parts of dynamics that `<flag>` can disable; hybridyn takes them by `effects=` instead.
@@ -41,7 +40,6 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     """
     document = Document(root, [os.fspath(folder) for folder in package_dirs])
     pairs = any(node.tag == "pair" for node in document.nodes())
-    marks = read_marks(document)
     meshes: dict[str, bytes] = {}
     for one in document.every():
         screen(one)
@@ -49,7 +47,7 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     compiled = compile_text(document, meshes)
     if compiled.model.nbody == 1:
         raise root.error("no <body> stands in <worldbody>; a robot has at least one")
-    start = Root() if marks.fixed else find_root(compiled)
+    start = find_root(compiled)
     robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
     robot.base = "fixed" if start.joint is None else "floating"
     add_bodies(robot, compiled, start)
@@ -57,7 +55,6 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     add_equalities(robot, compiled)
     add_actuators(robot, compiled)
     add_home(robot, compiled, start)
-    apply_marks(robot, marks)
     robot.gravity = _gravity(compiled)
     robot.notes += [note for one in document.every() for note in one.notes]
     robot.notes += _notes(compiled, start.note, pairs or _can_touch(compiled))
