@@ -126,7 +126,7 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
 
     If the branch of a guess ends before, it is an error where `strict`, else the result.
     """
-    problem, found, closed = task.problem, result.q, task.closed(result).all()
+    problem, found = task.problem, result.q.copy()
     everything = np.ones(problem.tree.nv, dtype=bool)
     loops = replace(problem, free=everything, targets=(), rank=None, blocks=())
     start = close(loops, guess)
@@ -139,15 +139,13 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     targets = [t.from_here(motion, starts) for t in problem.targets]
     known = pairwise(start.q, task.known[starts])
     way = replace(task, problem=replace(problem, targets=targets), known=known)
-    path = pairwise(start.q, found)
-    if closed and _steps_as_predicted(way, path, 2 * np.arange(len(guess))).all():
-        return found
-    _only_alone(guess)
-    end, whole = _walk(way, start.q[0], 0, strict)
-    if whole:
-        return end[None]
-    if strict:
-        raise _lost(task, result, 0, "straight from the guess")
+    steady = _steps_as_predicted(way, pairwise(start.q, found), 2 * np.arange(len(guess)))
+    for k in np.flatnonzero(~(steady & task.closed(result))):
+        end, whole = _walk(way, start.q[k], 2 * int(k), strict)
+        if whole:
+            found[k] = end
+        elif strict:
+            raise _lost(task, result, 0, "straight from the guess")
     return found
 
 
