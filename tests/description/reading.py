@@ -1,14 +1,18 @@
-"""Read a file that may be broken: it is a robot, or refused with one readable line."""
+"""Read a file that may be broken: it is the robot that is expected, or refused with one readable line."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
+from tests.files import save
 from tests.waiting import must_end
+
+Texts = str | bytes | Mapping[str, str | bytes]
 
 
 def outcome(path: Path, text: bytes, *, never: str | None = None) -> Description | None:
@@ -41,6 +45,35 @@ def refused(file: Path | str, *words: str, **options: object) -> ModelError:
     assert [word for word in words if word not in str(caught.value)] == [], caught.value
     assert "\n" not in str(caught.value)
     return caught.value
+
+
+def save_all(folder: Path, texts: Texts, name: str = "four_bar.urdf") -> Path:
+    """Write the text of a robot, or the texts of its files by name, of which the first is the robot's."""
+    files = texts if isinstance(texts, Mapping) else {name: texts}
+    robot, *_ = (save(folder, text, name) for name, text in files.items())
+    return robot
+
+
+def holds(found: Any, expected: Any) -> None:
+    """Check what a record says.
+
+    Args:
+        found: A record, or a part of one.
+        expected: A dictionary has some attributes of the record, or some parts of a tuple by name; a list
+            has all parts of a tuple, where a text is the name of one; a set has words, each of which some
+            line says. Anything else is the value.
+    """
+    if isinstance(expected, dict) and not isinstance(found, dict):
+        parts = {part.name: part for part in found} if isinstance(found, tuple) else {}
+        for name, value in expected.items():
+            holds(parts[name] if parts else getattr(found, name), value)
+    elif isinstance(expected, list):
+        for part, value in zip(found, expected, strict=True):
+            holds(part.name if isinstance(value, str) else part, value)
+    elif isinstance(expected, set):
+        assert not [word for word in expected if not any(word in line for line in found)], found
+    else:
+        assert np.all(found == expected), (found, expected)
 
 
 def finite(description: Description, text: object) -> None:
