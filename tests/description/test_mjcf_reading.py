@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.description import Description, read
+from hybridyn.description import read
 from tests.comparing import close_to
-from tests.description.reading import refused
+from tests.description.reading import Texts, holds, refused, save_all
 from tests.extras import needs
 from tests.files import save
 from tests.mjcf_states import Pair
 from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, loops, mjcf
 from tests.mujoco_matrices import mass_matrix
+from tests.robot_texts import line_of
 
 mujoco = needs("mjcf")
 
@@ -32,12 +33,118 @@ def text(folder: Path, content: str) -> Path:
     return save(folder, content, "robot.xml")
 
 
-def arm(folder: Path, *sections: str, j: str = "", k: str = "", head: str = HEAD) -> Description:
-    return read(text(folder, mjcf(*sections, world=ARM.format(j=j, k=k), head=head)))
+def arm(*sections: str, j: str = "", k: str = "", head: str = HEAD) -> str:
+    """Return an arm of a hinge and a slide with some attributes."""
+    return mjcf(*sections, world=ARM.format(j=j, k=k), head=head)
 
 
-def of(description: Description, name: str) -> hybridyn.description.Joint:
-    return next(joint for joint in description.joints if joint.name == name)
+MOTORS = """<tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon>
+<actuator><position joint="k" kp="10" forcerange="-3 2"/>
+<motor tendon="t" gear="5" ctrlrange="-1 4"/></actuator>"""
+MOTOR = '<actuator><motor joint="j"/></actuator>'
+TWO_MOTORS = (
+    '<actuator><motor joint="j" ctrlrange="-1 1" gear="2"/><motor joint="j" ctrlrange="-3 3"/></actuator>'
+)
+KEYS = '<keyframe><key name="far" qpos="1 2"/><key name="{}" qpos=".1 .2"/></keyframe>'
+FOOT = '<equality><connect name="x" body1="foot" anchor="0 0 -.1"/></equality>'
+TIED = mjcf(TENDONS, '<equality><connect name="x" site1="sa" site2="sd"/></equality>', world=LOOPS)
+UNIT = BAR.format(x=0, m=1)
+#: The text of a robot, or the texts of its files, and what is read.
+READ: dict[str, tuple[Texts, dict[str, object]]] = {
+    "dry friction and limits": (
+        arm(j='frictionloss=".6" range="-1 .5"', k='range="0 2" limited="false"'),
+        {"joints": {"j": {"friction": 0.6, "lower": -1, "upper": 0.5},
+                    "k": {"lower": -np.inf, "upper": np.inf}}},
+    ),
+    "motors in the order of the actuators": (arm(MOTORS), {
+        "motors": ("k", "j"), "motors_from": "MJCF <actuator>", "notes": {"servo"},
+        "joints": {"k": {"effort": 3}, "j": {"effort": 40}},
+    }),
+    "efforts of two actuators": (arm(TWO_MOTORS), {"joints": {"j": {"effort": 5}}}),
+    "the limit of a joint counts for all its actuators": (
+        arm(TWO_MOTORS, j='actuatorfrcrange="-4 4"'), {"joints": {"j": {"effort": 4}}},
+    ),
+    "a model file ranks above": (
+        {
+            "robot.xml": arm(MOTOR, j='stiffness="2"', k='ref=".4"'),
+            "robot.model.toml": 'motors = ["k"]\n[home]\nj = 0.7\n'
+            "[effects.spring]\nstiffness = { k = 3.0 }\n",
+        },
+        {"motors": ("k",), "home": {"j": (0.7,), "k": (0.4,)},
+         "effects": (("spring", {"stiffness": {"k": 3.0}}),)},
+    ),
+    "the keyframe of home": (arm(KEYS.format("home")), {"home": {"j": (0.1,), "k": (0.2,)}}),
+    "the first keyframe": (
+        arm(KEYS.format("near")), {"home": {"j": (1.0,), "k": (2.0,)}, "notes": {"'far'", "'near'"}},
+    ),
+    "gravity": (arm(head='<option gravity="1 2 3"/>'), {"gravity": (1, 2, 3)}),
+    "no gravity": (arm(head='<option><flag gravity="disable"/></option>'), {"gravity": (0, 0, 0)}),
+    "bodies that stand still beside a floating base are left out": (
+        mjcf(world=FLOATING + '<body name="table"><geom size="1"/></body>'),
+        {"root": "trunk", "notes": {"'table'"}},
+    ),
+    "inactive equalities, contacts and flags": (
+        arm('<equality><weld name="x" body1="a" body2="b" active="false"/></equality>',
+            '<contact><pair geom1="g" geom2="h"/></contact>',
+            head='<option><flag spring="disable"/></option>'),
+        {"closures": (), "notes": {"'x' has active=\"false\"", "contacts", "disables spring"}},
+    ),
+    "a file without joints": (
+        mjcf(world='<body name="a"><geom size="1"/></body><body name="m" mocap="true"/>'),
+        {"joints": [{"kind": "fixed"}, {"kind": "fixed"}],
+         "notes": {"mocap bodies are read as fixed: 'm'"}},
+    ),
+    "what has no name gets one": (
+        mjcf(world=f"<body><joint/>{UNIT}<body name='body1'><joint/>"
+             f"<joint name='body1_joint2' axis='1 0 0'/>{UNIT}</body></body>"),
+        {"joints": ["body12_joint", "body1_joint", "body1_joint2"],
+         "links": ["world", "body12", "body1_body1_joint", "body1"]},
+    ),
+    "frames of a closure are named by its line": (TIED, {"closures": [
+        {"kind": "connect", "link_a": "a", "link_b": "d", "line": line_of(TIED, "<connect")}
+    ]}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    texts, expected = READ[name]
+    holds(read(save_all(tmp_path, texts, "robot.xml")), expected)
+
+
+@pytest.mark.parametrize(
+    ("equality", "expected"),
+    [
+        ("", {"base": "floating", "root": "trunk"}),
+        (FOOT, {"base": "fixed", "root": "world", "joints": {"free": {"kind": "floating"}}}),
+    ],
+)
+def test_a_free_joint_is_a_floating_base_where_nothing_ties_it_to_the_world(
+    equality: str, expected: dict[str, object], tmp_path: Path
+) -> None:
+    file = text(tmp_path, mjcf(equality, world=FLOATING))
+    robot, m = hybridyn.load(file), mujoco.MjModel.from_xml_path(str(file))
+    holds(robot.description, expected)
+    np.testing.assert_allclose(robot.home[[0, 1, 2, 6, 3, 4, 5]], m.qpos0[:7], atol=1e-15)
+
+
+def test_the_caller_ranks_above_the_file(tmp_path: Path) -> None:
+    file = text(tmp_path, mjcf(world=FLOATING, head='<option gravity="1 2 3"/>'))
+    robot = hybridyn.load(file, base="fixed", gravity=(0, 0, -1))
+    assert (robot.base, *robot.gravity) == ("fixed", 0, 0, -1)
+
+
+@pytest.mark.parametrize(
+    ("content", "code"), [(arm(), "reader"), (arm(MOTOR), "motors-missing"), (ROBOTS["chain"], "reader")]
+)
+def test_nothing_seems_lost(
+    content: str, code: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Joints without actuators are no signs of lost loops, frames between joints no parts without mass."""
+    file = text(tmp_path, content)
+    hybridyn.load(file)
+    assert not caplog.records
+    assert {finding.code for finding in hybridyn.check(file)} <= {"reader", "limits-missing", code}
 
 
 def test_passive_forces_are_those_of_mujoco(tmp_path: Path) -> None:
@@ -84,27 +191,7 @@ def test_armature_of_a_ball_is_about_each_axis(engine: str, tmp_path: Path) -> N
     else:
         found = hybridyn.compile(robot, effects="model").ddm(q, d.qvel, np.array([0.6]))
     close_to(found, d.qacc, AGAINST_MUJOCO)
-    assert of(robot.description, "ball").rotor_inertia == 0.03
-
-
-def test_dry_friction_and_limits(tmp_path: Path) -> None:
-    found = arm(tmp_path, j='frictionloss=".6" range="-1 .5"', k='range="0 2" limited="false"')
-    assert of(found, "j").friction == 0.6
-    assert (of(found, "j").lower, of(found, "j").upper) == (-1, 0.5)
-    assert (of(found, "k").lower, of(found, "k").upper) == (-np.inf, np.inf)
-
-
-def test_motors_are_joints_in_the_order_of_the_actuators(tmp_path: Path) -> None:
-    found = arm(
-        tmp_path,
-        '<tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon>',
-        '<actuator><position joint="k" kp="10" forcerange="-3 2"/>'
-        '<motor tendon="t" gear="5" ctrlrange="-1 4"/></actuator>',
-    )
-    assert found.motors == ("k", "j")
-    assert found.motors_from == "MJCF <actuator>"
-    assert (of(found, "k").effort, of(found, "j").effort) == (3, 40)
-    assert any("servo" in note for note in found.notes)
+    holds(robot.description, {"joints": {"ball": {"rotor_inertia": 0.03}}})
 
 
 GRIPPER = """
@@ -120,10 +207,9 @@ GRIPPER = """
 def test_a_tendon_over_coupled_joints_is_one_motor(tmp_path: Path) -> None:
     """Its power is that of the tendon: the coefficients add up, each times the rate of its joint."""
     file = text(tmp_path, mjcf(GRIPPER.format(bar=BAR.format(x=0.1, m=1))))
-    robot = hybridyn.load(file)
-    assert robot.motors == ("open_left",)
-    gear = 3 * (0.7 + 0.5 * 2)
-    assert of(robot.description, "open_left").effort == pytest.approx(5 * gear)
+    robot, gear = hybridyn.load(file), 3 * (0.7 + 0.5 * 2)
+    effort = pytest.approx(5 * gear)
+    holds(robot.description, {"motors": ("open_left",), "joints": {"open_left": {"effort": effort}}})
     m = mujoco.MjModel.from_xml_path(str(file))
     d = mujoco.MjData(m)
     q = np.array([0.3, 0.7])  # of the left and of the right finger, which is at .1 + 2 x
@@ -147,143 +233,40 @@ HAND = """<asset><model name="finger" file="parts/finger.xml"/></asset>
 <replicate count="2" euler="0 0 1">
   <body name="knuckle" pos=".2 0 0"><joint name="fold"/>{bar}</body></replicate>
 </body></worldbody>"""
+FILES = {
+    "robot.xml": mjcf(HAND.format(bar=BAR.format(x=0.1, m=1))),
+    "parts/finger.xml": ATTACHED,
+    "parts/tip.obj": TIP,
+}  # fmt: skip
 
 
 def test_attached_models_frames_and_replicas_are_those_of_mujoco(tmp_path: Path) -> None:
-    file = text(tmp_path, mjcf(HAND.format(bar=BAR.format(x=0.1, m=1))))
-    save(tmp_path / "parts", ATTACHED, "finger.xml")
-    save(tmp_path / "parts", TIP, "tip.obj")
+    file = save_all(tmp_path, FILES)
     robot, pair = hybridyn.load(file), Pair(file)
-    assert "one_bend" in robot.joints
     assert len(robot.joints) == 4
-    draw = np.random.default_rng(2)
-    q, v = pair.place(draw)
+    holds(robot.description, {"joints": {"one_bend": {"damping": 0.3, "rotor_inertia": 0.01}}})
+    q, v = pair.place(np.random.default_rng(2))
     close_to(pair.our_mass_matrix(q), pair.mass_matrix(), AGAINST_MUJOCO)
     close_to(pair.our_bias(q, v), pair.data.qfrc_bias, AGAINST_MUJOCO)
-    (bend,) = (joint for joint in robot.description.joints if joint.name == "one_bend")
-    assert (bend.damping, bend.rotor_inertia) == (0.3, 0.01)
 
 
-def test_an_error_in_an_attached_model_names_its_file(tmp_path: Path) -> None:
-    file = text(tmp_path, mjcf(HAND.format(bar=BAR.format(x=0.1, m=1))))
-    save(tmp_path / "parts", TIP, "tip.obj")
-    save(tmp_path / "parts", ATTACHED.replace('axis="0 1 0"', 'axis="0 0 0"'), "finger.xml")
-    refused(file, "MuJoCo", "axis too small")
-    part = save(
-        tmp_path / "parts", ATTACHED.replace('axis="0 1 0"', 'type="ball" stiffness="1"'), "finger.xml"
-    )
-    error = refused(file, "one_bend", "a spring of a joint with several freedoms")
-    assert (str(error.file), error.line) == (str(part), 5)
-
-
-def test_a_limit_of_the_joint_counts_for_all_its_actuators(tmp_path: Path) -> None:
-    both = (
-        '<actuator><motor joint="j" ctrlrange="-1 1" gear="2"/><motor joint="j" ctrlrange="-3 3"/></actuator>'
-    )
-    assert of(arm(tmp_path, both), "j").effort == 5
-    assert of(arm(tmp_path, both, j='actuatorfrcrange="-4 4"'), "j").effort == 4
-
-
-def test_a_model_file_ranks_above(tmp_path: Path) -> None:
-    (tmp_path / "robot.model.toml").write_text(
-        'motors = ["k"]\n[home]\nj = 0.7\n[effects.spring]\nstiffness = { k = 3.0 }\n'
-    )
-    found = arm(tmp_path, '<actuator><motor joint="j"/></actuator>', j='stiffness="2"', k='ref=".4"')
-    assert found.motors == ("k",)
-    assert found.home == {"j": (0.7,), "k": (0.4,)}
-    assert dict(found.effects) == {"spring": {"stiffness": {"k": 3.0}}}
-
-
-def test_keyframes_are_home(tmp_path: Path) -> None:
-    keys = '<keyframe><key name="far" qpos="1 2"/><key name="{}" qpos=".1 .2"/></keyframe>'
-    assert arm(tmp_path, keys.format("home")).home == {"j": (0.1,), "k": (0.2,)}
-    other = arm(tmp_path, keys.format("near"))
-    assert other.home == {"j": (1.0,), "k": (2.0,)}
-    assert any("'far'" in note and "'near'" in note for note in other.notes)
-
-
-def test_gravity_is_that_of_the_file(tmp_path: Path) -> None:
-    head = '<option gravity="1 2 3"/>'
-    file = text(tmp_path, mjcf(world=ARM.format(j="", k=""), head=head))
-    np.testing.assert_array_equal(hybridyn.load(file).gravity, [1, 2, 3])
-    np.testing.assert_array_equal(hybridyn.load(file, gravity=(0, 0, -1)).gravity, [0, 0, -1])
-    file = text(
-        tmp_path, mjcf(world=ARM.format(j="", k=""), head='<option><flag gravity="disable"/></option>')
-    )
-    np.testing.assert_array_equal(hybridyn.load(file).gravity, [0, 0, 0])
-
-
-def test_a_free_joint_is_a_floating_base(tmp_path: Path) -> None:
-    robot = hybridyn.load(text(tmp_path, mjcf(world=FLOATING)))
-    assert robot.base == "floating"
-    assert robot.description.root == "trunk"
-    np.testing.assert_allclose(robot.home[:3], [0, 0, 1])
-    m = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
-    np.testing.assert_allclose(robot.home[[6, 3, 4, 5]], m.qpos0[3:7], atol=1e-15)
-    assert hybridyn.load(tmp_path / "robot.xml", base="fixed").base == "fixed"
-
-
-def test_bodies_that_stand_still_beside_it_are_left_out(tmp_path: Path) -> None:
-    found = read(text(tmp_path, mjcf(world=FLOATING + '<body name="table"><geom size="1"/></body>')))
-    assert found.root == "trunk"
-    assert any("'table'" in note for note in found.notes)
-
-
-def test_what_ties_it_to_the_world_keeps_the_world(tmp_path: Path) -> None:
-    equality = '<equality><connect name="x" body1="foot" anchor="0 0 -.1"/></equality>'
-    robot = hybridyn.load(text(tmp_path, mjcf(equality, world=FLOATING)))
-    assert (robot.base, robot.description.root) == ("fixed", "world")
-    assert robot.kinds[0] == "floating"
-    np.testing.assert_allclose(robot.home[:3], [0, 0, 1])
-
-
-def test_what_has_no_name_gets_one(tmp_path: Path) -> None:
-    world = (
-        "<body><joint/>"
-        + BAR.format(x=0, m=1)
-        + '<body name="body1"><joint/><joint name="body1_joint2" axis="1 0 0"/>'
-    )
-    found = read(text(tmp_path, mjcf(world=world + BAR.format(x=0, m=1) + "</body></body>")))
-    names = [joint.name for joint in found.joints if joint.kind != "fixed"]
-    assert len({*names}) == len(names) == 3
-    assert len({link.name for link in found.links}) == len(found.links)
-
-
-def test_inactive_equalities_contacts_and_flags_are_remarks(tmp_path: Path) -> None:
-    equality = '<equality><weld name="x" body1="a" body2="b" active="false"/></equality>'
-    found = arm(
-        tmp_path, equality, '<contact><pair geom1="g" geom2="h"/></contact>',
-        head='<option><flag spring="disable"/></option>',
-    )  # fmt: skip
-    assert found.closures == ()
-    for words in ("'x' has active=\"false\"", "contacts", "disables spring"):
-        assert any(words in note for note in found.notes), words
-
-
-def test_joints_without_actuators_are_no_sign_of_lost_loops(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("said", "messages", "place"),
+    [
+        ('axis="0 0 0"', ("MuJoCo", "axis too small"), ""),
+        (
+            'type="ball" stiffness="1"',
+            ("one_bend", "a spring of a joint with several freedoms"),
+            "finger.xml:5",
+        ),
+    ],
+)
+def test_an_error_in_an_attached_model_names_its_file(
+    said: str, messages: tuple[str, ...], place: str, tmp_path: Path
 ) -> None:
-    one = '<actuator><motor joint="j"/></actuator>'
-    for sections in ((), (one,)):
-        hybridyn.load(text(tmp_path, mjcf(*sections, world=ARM.format(j="", k=""))))
-        assert not caplog.records
-
-
-def test_frames_between_joints_are_no_parts_without_mass(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    file = text(tmp_path, ROBOTS["chain"])  # joints of one body at different places
-    hybridyn.load(file)
-    assert not caplog.records
-    assert {finding.code for finding in hybridyn.check(file)} <= {"reader", "limits-missing"}
-
-
-def test_a_file_without_joints_is_read(tmp_path: Path) -> None:
-    found = read(
-        text(tmp_path, mjcf(world='<body name="a"><geom size="1"/></body><body name="m" mocap="true"/>'))
-    )
-    assert [joint.kind for joint in found.joints] == ["fixed", "fixed"]
-    assert any("mocap bodies are read as fixed: 'm'" in note for note in found.notes)
+    other = {"parts/finger.xml": ATTACHED.replace('axis="0 1 0"', said)}
+    error = refused(save_all(tmp_path, FILES | other), *messages)
+    assert f"{error.file}:{error.line}".endswith(place)
 
 
 def test_couplings_hold_where_mujoco_says(tmp_path: Path) -> None:
@@ -297,7 +280,7 @@ def test_couplings_hold_where_mujoco_says(tmp_path: Path) -> None:
         ),
     )
     found, m = read(file), mujoco.MjModel.from_xml_path(str(file))
-    assert [coupling.name for coupling in found.couplings] == ["a1", "e1", "a12"]
+    holds(found, {"couplings": ["a1", "e1", "a12"]})
     d, draw = mujoco.MjData(m), np.random.default_rng(3)
     for _ in range(3):
         d.qpos[:] = draw.uniform(-1, 1, m.nq)
@@ -305,10 +288,3 @@ def test_couplings_hold_where_mujoco_says(tmp_path: Path) -> None:
         for coupling, row in zip(found.couplings, d.efc_pos[: d.ne], strict=True):
             ours = sum(c * d.joint(name).qpos[0] for name, c in coupling.terms) - coupling.offset
             assert abs(ours - row) < 1e-12
-
-
-def test_frames_of_closures_are_named_by_their_line(tmp_path: Path) -> None:
-    content = mjcf(TENDONS, '<equality><connect name="x" site1="sa" site2="sd"/></equality>', world=LOOPS)
-    (closure,) = read(text(tmp_path, content)).closures
-    assert (closure.kind, closure.link_a, closure.link_b) == ("connect", "a", "d")
-    assert closure.line == content[: content.index("<connect")].count("\n") + 1
