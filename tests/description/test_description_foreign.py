@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from hybridyn.description import read
-from tests.description.reading import refused
-from tests.robot_texts import FOUR_BAR, LOOP, TREE, line_of, read_text, robot, save
+from tests.description.reading import Texts, holds, refused, save_all
+from tests.robot_texts import FOUR_BAR, LOOP, TREE, line_of, robot, save
 
 ENDS = '<predecessor link="coupler"/><successor link="rocker"/>'
 
@@ -80,9 +80,9 @@ def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:
     ],
 )
 def test_what_closes_nothing_passes(tmp_path: Path, element: str) -> None:
-    description = read_text(tmp_path, robot(element))
-    assert description.closures == ()
-    assert any("<custom" in note for note in description.notes) == ("<custom" in element)
+    found = read(save(tmp_path, robot(element)))
+    assert any("<custom" in note for note in found.notes) == ("<custom" in element)
+    assert found.closures == ()
 
 
 def frames(*names: str) -> str:
@@ -94,31 +94,34 @@ def frames(*names: str) -> str:
     )
 
 
-def test_frames_named_for_a_loop_that_nothing_closes(tmp_path: Path) -> None:
-    refused(save(tmp_path, robot(frames("fermeture_a", "fermeture_b"))), "nothing says which frames close it")
-    description = read_text(tmp_path, robot(frames("fermeture_a", "fermeture_b"), LOOP))
-    assert any("named for closing a loop" in note for note in description.notes)
+CLOSING = frames("fermeture_a", "fermeture_b")
+PLUGIN = (
+    "<gazebo><plugin filename='libmimic.so'><joint>drive</joint><mimicJoint>{}</mimicJoint></plugin></gazebo>"
+)
+SECOND = '<joint name="pin" type="revolute"><parent link="coupler"/><child link="rocker"/></joint>'
+SIDE_CARS = "loop_closures.yml", "loop_closures.yaml"
 
 
-@pytest.mark.parametrize("name", ["loop_closures.yml", "loop_closures.yaml"])
-def test_side_cars_that_are_not_read(tmp_path: Path, name: str) -> None:
-    save(tmp_path, "closures: []", name)
-    refused(save(tmp_path, robot()), name)
-    description = read(save(tmp_path, FOUR_BAR))
-    assert any(name in note for note in description.notes)
+@pytest.mark.parametrize(
+    ("texts", "messages"),
+    [
+        (robot(CLOSING), ["nothing says which frames close it"]),
+        (robot(SECOND), ["'pin'", "already the child of joint 'swing'", "<loop name"]),
+        *(({"four_bar.urdf": robot(), name: "closures: []"}, [name]) for name in SIDE_CARS),
+    ],
+)
+def test_a_loop_that_would_be_lost_is_refused(texts: Texts, messages: list[str], tmp_path: Path) -> None:
+    refused(save_all(tmp_path, texts), *messages)
 
 
-def test_a_gazebo_mimic_plugin_is_noted(tmp_path: Path) -> None:
-    plugin = (
-        "<gazebo><plugin filename='libmimic.so'><joint>drive</joint>"
-        "<mimicJoint>{}</mimicJoint></plugin></gazebo>"
-    )
-    description = read_text(tmp_path, robot(plugin.format("elbow")))
-    assert any("'elbow' mimic others by a Gazebo plugin" in note for note in description.notes)
-    assert read_text(tmp_path, robot(plugin.format("stranger"))).notes == ()
-
-
-def test_two_parents_are_refused_with_the_accepted_form(tmp_path: Path) -> None:
-    second = '<joint name="pin" type="revolute"><parent link="coupler"/><child link="rocker"/></joint>'
-    file = save(tmp_path, f'<robot name="r">{TREE}{second}</robot>')
-    assert refused(file, "already the child of joint 'swing'", "<loop name").element == "pin"
+@pytest.mark.parametrize(
+    ("texts", "notes"),
+    [
+        (robot(CLOSING, LOOP), {"named for closing a loop"}),
+        (robot(PLUGIN.format("elbow")), {"'elbow' mimic others by a Gazebo plugin"}),
+        (robot(PLUGIN.format("stranger")), ()),
+        *(({"four_bar.urdf": FOUR_BAR, name: "closures: []"}, {name}) for name in SIDE_CARS),
+    ],
+)
+def test_what_closes_no_more_loops_is_noted(texts: Texts, notes: object, tmp_path: Path) -> None:
+    holds(read(save_all(tmp_path, texts)), {"notes": notes})

@@ -1,14 +1,14 @@
 """gepetto.py: closures, retyped joints and motors of a side-car equal those of Gepetto's own loader."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from hybridyn.description import Description, read
-from tests.description.reading import refused
-from tests.robot_texts import robot, save
+from hybridyn.description import read
+from hybridyn.description.placement import placement_from
+from tests.description.reading import Texts, holds, refused, save_all
+from tests.robot_texts import robot
 
 FRAMES = """
   <link name="closedloop1_A"/>
@@ -26,82 +26,95 @@ joint_type: ['SPHERICAL']
 """
 
 
-def beside(folder: Path, yaml: str, name: str = "robot.yaml", text: str = robot(FRAMES)) -> Path:
-    """Write the open four-bar with two closing frames and a side-car; gives the robot's file."""
-    save(folder, yaml, name)
-    return save(folder, text)
+OPEN = robot(FRAMES)
 
 
-def load(*given: Any, **more: Any) -> Description:
-    return read(beside(*given, **more))
+def beside(yaml: str, text: str = OPEN) -> dict[str, str]:
+    """Return the files of the open four-bar with two closing frames and a side-car."""
+    return {"four_bar.urdf": text, "robot.yaml": yaml}
 
 
-def test_a_side_car_closes_retypes_and_drives(tmp_path: Path) -> None:
-    description = load(tmp_path, SIDE_CAR)
-    (closure,) = description.closures
-    assert (closure.link_a, closure.link_b) == ("closedloop1_A", "closedloop1_B")
-    assert (closure.translations, closure.rotation, closure.kind) == ((0, 1, 2), "fixed", "6d")
-    np.testing.assert_array_equal(closure.frame_a, np.eye(4))
-    swing = next(joint for joint in description.joints if joint.name == "swing")
-    assert swing.kind == "spherical"
-    assert swing.placement[0, 3] == 1.5
-    assert description.motors == ("drive",)
-    assert description.motors_from == "name_mot of robot.yaml"
+def of_type(stated: str) -> str:
+    """Return a side-car that states another type of closure."""
+    return SIDE_CAR.replace("['6d']", stated)
 
 
-def test_the_side_car_named_as_the_robot_comes_first(tmp_path: Path) -> None:
-    save(tmp_path, "name_mot: [swing]", "robot.yaml")
-    assert load(tmp_path, SIDE_CAR, "four_bar.yaml").motors == ("drive",)
-
-
-@pytest.mark.parametrize("word", ["3d", "3D"])
-def test_a_3d_pair_is_a_point(tmp_path: Path, word: str) -> None:
-    assert load(tmp_path, SIDE_CAR.replace("6d", word)).closures[0].rotation == "free"
-
-
-def test_a_joint_stands_for_its_child_link(tmp_path: Path) -> None:
-    closure = load(tmp_path, SIDE_CAR.replace("'closedloop1_A'", "'elbow'")).closures[0]
-    assert closure.link_a == "coupler"
-
-
-def test_one_type_for_all_and_none(tmp_path: Path) -> None:
-    assert load(tmp_path / "a", SIDE_CAR.replace("['6d']", "3d")).closures[0].rotation == "free"
-    description = load(tmp_path / "b", SIDE_CAR.replace("type: ['6d']\n", ""))
-    assert description.closures[0].rotation == "fixed"
-    assert any("no closure type" in note for note in description.notes)
-
-
-def test_fixed_stays_at_zero(tmp_path: Path) -> None:
-    description = load(tmp_path, SIDE_CAR.replace("SPHERICAL", "FIXED"))
-    assert next(joint for joint in description.joints if joint.name == "swing").kind == "fixed"
-
-
-@pytest.mark.parametrize(("kind", "axes"), [("XY", (0, 1)), ("YZ", (1, 2)), ("ZX", (2, 0)), ("ZY", (2, 1))])
-def test_a_universal_joint_becomes_two_revolutes(tmp_path: Path, kind: str, axes: tuple[int, int]) -> None:
-    description = load(tmp_path, SIDE_CAR.replace("SPHERICAL", f"UJOINT_{kind}"))
-    names = [joint.name for joint in description.joints]
-    first = description.joints[names.index(f"swing_{kind[0]}")]
-    second = description.joints[names.index(f"swing_{kind[1]}")]
-    assert names.index(second.name) == names.index(first.name) + 1
-    assert (first.parent, first.child, second.parent, second.child) == (
-        "ground",
-        first.name,
-        first.name,
-        "rocker",
+NAMED = OPEN.replace('"drive"', '"motor_drive"').replace('"swing"', '"spherical_swing"')
+#: Two revolute joints for a universal one, which stand in the place of "swing".
+UNIVERSAL = {
+    f"a universal joint {first}{second} becomes two revolutes": (
+        beside(SIDE_CAR.replace("SPHERICAL", f"UJOINT_{first}{second}")),
+        {
+            "joints": {
+                f"swing_{first}": {
+                    "kind": "revolute", "parent": "ground", "child": f"swing_{first}",
+                    "axis": np.eye(3)["XYZ".index(first)],
+                    "placement": placement_from(np.eye(3), np.array([1.5, 0, 0])),
+                },
+                f"swing_{second}": {
+                    "kind": "revolute", "parent": f"swing_{first}", "child": "rocker",
+                    "axis": np.eye(3)["XYZ".index(second)], "placement": np.eye(4),
+                },
+            },
+            "links": {f"swing_{first}": {"mass": 0}},
+        },
     )
-    assert first.placement[0, 3] == 1.5
-    np.testing.assert_array_equal(second.placement, np.eye(4))
-    np.testing.assert_array_equal(first.axis, np.eye(3)[axes[0]])
-    np.testing.assert_array_equal(second.axis, np.eye(3)[axes[1]])
-    between = next(link for link in description.links if link.name == first.child)
-    assert between.mass == 0
+    for first, second in ("XY", "YZ", "ZX", "ZY")
+}  # fmt: skip
+#: The files of a robot, and what is read.
+READ: dict[str, tuple[dict[str, str], dict[str, object]]] = {
+    "a side-car closes, retypes and drives": (beside(SIDE_CAR), {
+        "closures": [{
+            "link_a": "closedloop1_A", "link_b": "closedloop1_B", "translations": (0, 1, 2),
+            "rotation": "fixed", "kind": "6d", "frame_a": np.eye(4),
+        }],
+        "joints": {"swing": {
+            "kind": "spherical", "placement": placement_from(np.eye(3), np.array([1.5, 0, 0])),
+        }},
+        "motors": ("drive",), "motors_from": "name_mot of robot.yaml",
+    }),
+    "the side-car named as the robot comes first": (
+        {"four_bar.urdf": OPEN, "robot.yaml": "name_mot: [swing]", "four_bar.yaml": SIDE_CAR},
+        {"motors": ("drive",)},
+    ),
+    "a 3d pair is a point": (beside(of_type("['3d']")), {"closures": [{"rotation": "free"}]}),
+    "a 3D pair is a point": (beside(of_type("['3D']")), {"closures": [{"rotation": "free"}]}),
+    "one type for all": (beside(of_type("3d")), {"closures": [{"rotation": "free"}]}),
+    "no type": (
+        beside(SIDE_CAR.replace("type: ['6d']\n", "")),
+        {"closures": [{"rotation": "fixed"}], "notes": {"no closure type"}},
+    ),
+    "a joint stands for its child link": (
+        beside(SIDE_CAR.replace("'closedloop1_A'", "'elbow'")), {"closures": [{"link_a": "coupler"}]},
+    ),
+    "fixed stays at zero": (
+        beside(SIDE_CAR.replace("SPHERICAL", "FIXED")), {"joints": {"swing": {"kind": "fixed"}}},
+    ),
+    **UNIVERSAL,
+    "the first of two revolutes is followed by the second": (
+        beside(SIDE_CAR.replace("SPHERICAL", "UJOINT_ZY")),
+        {"joints": ["drive", "elbow", "swing_Z", "swing_Y", "closedloop1_A_frame", "closedloop1_B_frame"]},
+    ),
+    "motor names that stand for several joints": (
+        beside(SIDE_CAR.replace("['drive']", "w").replace("SPHERICAL", "UJOINT_XY")),
+        {"motors": ("elbow", "swing_X", "swing_Y"), "notes": {"stands for"}},
+    ),
+    "files of other tools": (
+        beside("controller:\n  gains: !include x.yaml\n", robot()),
+        {"closures": (), "notes": {"is not a side-car"}},
+    ),
+    "names close loops where no side-car is": ({"four_bar.urdf": NAMED}, {
+        "closures": [{"link_a": "closedloop1_A", "link_b": "closedloop1_B", "rotation": "fixed"}],
+        "motors": ("motor_drive",), "joints": {"spherical_swing": {"kind": "spherical"}},
+        "notes": {"welded pairwise"},
+    }),
+}  # fmt: skip
 
 
-def test_motor_names_that_stand_for_several_joints(tmp_path: Path) -> None:
-    yaml = SIDE_CAR.replace("['drive']", "w")
-    description = load(tmp_path, yaml.replace("SPHERICAL", "UJOINT_XY"))
-    assert description.motors == ("elbow", "swing_X", "swing_Y")
-    assert any("stands for" in note for note in description.notes)
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    texts, expected = READ[name]
+    holds(read(save_all(tmp_path, texts)), expected)
 
 
 @pytest.mark.parametrize(
@@ -127,29 +140,20 @@ def test_motor_names_that_stand_for_several_joints(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_name_file_and_line(tmp_path: Path, old: str, new: str, line: int, message: str) -> None:
-    error = refused(beside(tmp_path, SIDE_CAR.replace(old, new)), message)
+    error = refused(save_all(tmp_path, beside(SIDE_CAR.replace(old, new))), message)
     assert error.line == line or "1 types" in message
     assert error.file == str(tmp_path / "robot.yaml")
 
 
-def test_files_of_other_tools_are_noted(tmp_path: Path) -> None:
-    description = load(tmp_path, "controller:\n  gains: !include x.yaml\n", text=robot())
-    assert description.closures == ()
-    assert any("is not a side-car" in note for note in description.notes)
-    refused(beside(tmp_path, "closed_lop: [[a, b]]\n", text=robot()), "did you mean 'closed_loop'")
-
-
-def test_names_close_loops_where_no_side_car_is(tmp_path: Path) -> None:
-    text = robot(FRAMES).replace('"drive"', '"motor_drive"').replace('"swing"', '"spherical_swing"')
-    description = read(save(tmp_path, text))
-    (closure,) = description.closures
-    assert {closure.link_a, closure.link_b} == {"closedloop1_A", "closedloop1_B"}
-    assert closure.rotation == "fixed"
-    assert description.motors == ("motor_drive",)
-    assert [joint.kind for joint in description.joints if joint.name == "spherical_swing"] == ["spherical"]
-    assert any("welded pairwise" in note for note in description.notes)
-
-
-def test_names_that_pair_up_wrongly_are_refused(tmp_path: Path) -> None:
-    text = robot(FRAMES.replace("closedloop1_B", "closedloop2_B"))
-    refused(save(tmp_path, text), "1 frames are named closedloop1 instead of two", "robot.yaml")
+@pytest.mark.parametrize(
+    ("texts", "messages"),
+    [
+        (beside("closed_lop: [[a, b]]\n", robot()), ["did you mean 'closed_loop'"]),
+        (
+            {"four_bar.urdf": robot(FRAMES.replace("closedloop1_B", "closedloop2_B"))},
+            ["1 frames are named closedloop1 instead of two", "robot.yaml"],
+        ),
+    ],
+)
+def test_what_pairs_nothing_is_refused(texts: Texts, messages: list[str], tmp_path: Path) -> None:
+    refused(save_all(tmp_path, texts), *messages)

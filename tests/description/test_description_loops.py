@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hybridyn.description import Closure
 from hybridyn.description.placement import placement_from, rotation_from_rpy
 from tests import sketch
-from tests.description.reading import refused
+from tests.description.reading import holds, refused
 from tests.robot_texts import FOUR_BAR, LOOP, line_of, read_text, robot, save
 
 Array = NDArray[np.float64]
@@ -27,11 +27,6 @@ AXIS_TAG = "<axis xyz='1 -2 2'/>"
 
 def loop(kind: str, *inside: str, attributes: str = "") -> str:
     return f"<loop name='l' type='{kind}' {attributes}>{PREDECESSOR}{SUCCESSOR}{''.join(inside)}</loop>"
-
-
-def read_closure(folder: Path, element: str) -> Closure:
-    (closure,) = read_text(folder, robot(element)).closures
-    return closure
 
 
 def rows(closure: Closure, relative: Array) -> Array:
@@ -75,118 +70,129 @@ ALLOWED: dict[str, tuple[int, set[str]]] = {
 }
 
 
-@pytest.mark.parametrize("kind", ALLOWED)
-def test_a_loop_allows_the_motions_of_its_joint(tmp_path: Path, kind: str) -> None:
-    closure, (count, allowed) = read_closure(tmp_path, loop(kind, AXIS_TAG)), ALLOWED[kind]
-    assert (closure.kind, closure.link_a, closure.link_b) == (kind, "coupler", "rocker")
+X, Y, Z = np.eye(3)
+#: Rows that a closure states, and what they allow and lock.
+STATED = [
+    ("tx ty tz rx ry rz", [], [slide(X, 0.1), turn(Y, 0.5)]),
+    ("ty tz", [slide(X, 0.1), turn(X, 0.5), turn(Z, 0.5)], [slide(Y, 0.1), slide(Z, 0.1)]),
+    (
+        "tx rx ry",
+        [slide(Y, 0.1), slide(Z, 0.1), turn(Z, 0.5)],
+        [slide(X, 0.1), turn(X, 0.5), turn(Y, 0.5)],
+    ),
+    (
+        "tx ry rz",
+        [slide(Y, 0.1), slide(Z, 0.1), turn(X, 0.5)],
+        [slide(X, 0.1), turn(Z, 0.5), turn(Y, 0.5)],
+    ),
+    (
+        "ty rx rz",
+        [slide(X, 0.1), slide(Z, 0.1), turn(Y, 0.5)],
+        [slide(Y, 0.1), turn(X, 0.5), turn(Z, 0.5)],
+    ),
+    ("tx tz ry rz", [slide(Y, 0.1), turn(X, 0.5)], [slide(X, 0.1), slide(Z, 0.1), turn(Z, 0.5)]),
+    (
+        "rx ry rz",
+        [slide(X, 0.1), slide(Y, 0.1), slide(Z, 0.1)],
+        [turn(X, 0.5), turn(Y, 0.5), turn(Z, 0.5)],
+    ),
+    ("rz ry", [slide(X, 0.1), slide(Z, 0.1), turn(X, 0.5)], [turn(Y, 0.5), turn(Z, 0.5)]),
+]
+#: A closure, its number of rows, and motions that it allows and locks.
+LOCKS = [
+    *(
+        (
+            loop(kind, AXIS_TAG), count, [MOTIONS[name] for name in allowed],
+            [motion for name, motion in MOTIONS.items() if name not in allowed],
+        )
+        for kind, (count, allowed) in ALLOWED.items()
+    ),
+    *(
+        (loop("rows", attributes=f"rows='{stated}'"), len(stated.split()), free, locked)
+        for stated, free, locked in STATED
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("element", "count", "free", "locked"), LOCKS)
+def test_a_loop_allows_the_motions_of_its_joint(
+    element: str, count: int, free: list[Array], locked: list[Array], tmp_path: Path
+) -> None:
+    (closure,) = read_text(tmp_path, robot(element)).closures
+    holds(closure, {"kind": element.split("'")[3], "link_a": "coupler", "link_b": "rocker"})
     rotation = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}[closure.rotation]
     assert len(closure.translations) + rotation == count
-    assert np.abs(rows(closure, np.eye(4))).max() < ROUNDING
-    for name, motion in MOTIONS.items():
-        error = np.abs(rows(closure, motion)).max()
-        assert (error < ROUNDING) if name in allowed else (error > FELT), name
-
-
-def test_universal_keeps_its_two_axes_perpendicular(tmp_path: Path) -> None:
-    closure = read_closure(tmp_path, loop("universal", AXIS_TAG, "<axis2 xyz='0 3 4'/>"))
-    assert closure.translations == (0, 1, 2)
-    assert closure.rotation == "perpendicular"
-    np.testing.assert_allclose(closure.frame_a[:3, 2], ORIGIN_A[:3, :3] @ AXIS, atol=ROUNDING)
-    np.testing.assert_allclose(closure.frame_b[:3, 2], ORIGIN_B[:3, :3] @ [0, 0.6, 0.8], atol=ROUNDING)
-
-
-def test_the_default_axis_is_x(tmp_path: Path) -> None:
-    closure = read_closure(tmp_path, loop("revolute"))
-    np.testing.assert_allclose(closure.frame_a[:3, 2], ORIGIN_A[:3, 0], atol=ROUNDING)
-    np.testing.assert_allclose(closure.frame_b[:3, 2], ORIGIN_B[:3, 0], atol=ROUNDING)
-
-
-X, Y, Z = np.eye(3)
-
-
-@pytest.mark.parametrize(
-    ("stated", "free", "locked"),
-    [
-        ("tx ty tz rx ry rz", [], [slide(X, 0.1), turn(Y, 0.5)]),
-        ("ty tz", [slide(X, 0.1), turn(X, 0.5), turn(Z, 0.5)], [slide(Y, 0.1), slide(Z, 0.1)]),
-        (
-            "tx rx ry",
-            [slide(Y, 0.1), slide(Z, 0.1), turn(Z, 0.5)],
-            [slide(X, 0.1), turn(X, 0.5), turn(Y, 0.5)],
-        ),
-        (
-            "tx ry rz",
-            [slide(Y, 0.1), slide(Z, 0.1), turn(X, 0.5)],
-            [slide(X, 0.1), turn(Z, 0.5), turn(Y, 0.5)],
-        ),
-        (
-            "ty rx rz",
-            [slide(X, 0.1), slide(Z, 0.1), turn(Y, 0.5)],
-            [slide(Y, 0.1), turn(X, 0.5), turn(Z, 0.5)],
-        ),
-        ("tx tz ry rz", [slide(Y, 0.1), turn(X, 0.5)], [slide(X, 0.1), slide(Z, 0.1), turn(Z, 0.5)]),
-        (
-            "rx ry rz",
-            [slide(X, 0.1), slide(Y, 0.1), slide(Z, 0.1)],
-            [turn(X, 0.5), turn(Y, 0.5), turn(Z, 0.5)],
-        ),
-        ("rz ry", [slide(X, 0.1), slide(Z, 0.1), turn(X, 0.5)], [turn(Y, 0.5), turn(Z, 0.5)]),
-    ],
-)
-def test_rows_lock_what_they_name(
-    tmp_path: Path, stated: str, free: list[Array], locked: list[Array]
-) -> None:
-    closure = read_closure(tmp_path, loop("rows", attributes=f"rows='{stated}'"))
-    assert np.abs(rows(closure, np.eye(4))).max(initial=0) < ROUNDING
-    for motion in free:
+    for motion in (np.eye(4), *free):
         assert np.abs(rows(closure, motion)).max(initial=0) < ROUNDING
     for motion in locked:
         assert np.abs(rows(closure, motion)).max(initial=0) > FELT
 
 
-def test_constraint_has_an_axis_on_each_side(tmp_path: Path) -> None:
-    element = """<constraint name="c" type="revolute">
-      <parent link="coupler"/><parent_origin xyz="0.3 -0.2 0.1" rpy="0.4 -0.6 1.2"/><parent_axis xyz="0 0 2"/>
-      <child link="rocker"/><child_origin xyz="-0.5 0.2 0.7" rpy="-1.1 0.3 0.5"/>
-      <child_axis xyz="0 -1 0"/></constraint>"""
-    closure = read_closure(tmp_path, element)
-    assert (closure.translations, closure.rotation) == ((0, 1, 2), "parallel")
-    np.testing.assert_allclose(closure.frame_a[:3, 2], ORIGIN_A[:3, 2], atol=ROUNDING)
-    np.testing.assert_allclose(closure.frame_b[:3, 2], -ORIGIN_B[:3, 1], atol=ROUNDING)
-    np.testing.assert_allclose(closure.frame_b[:3, 3], ORIGIN_B[:3, 3])
-    fixed = read_closure(tmp_path, element.replace("revolute", "fixed"))
-    np.testing.assert_allclose(fixed.frame_a, ORIGIN_A)
-    message = "'prismatic' is not read in <constraint>"
-    refused(save(tmp_path, robot(element.replace("revolute", "prismatic"))), message)
-
-
+CONSTRAINT = """<constraint name="c" type="revolute">
+  <parent link="coupler"/><parent_origin xyz="0.3 -0.2 0.1" rpy="0.4 -0.6 1.2"/><parent_axis xyz="0 0 2"/>
+  <child link="rocker"/><child_origin xyz="-0.5 0.2 0.7" rpy="-1.1 0.3 0.5"/>
+  <child_axis xyz="0 -1 0"/></constraint>"""
 ISAAC = """<loop_joint name="l" type="spherical">
   <link1 link="coupler" rpy="0.4 -0.6 1.2" xyz="0.3 -0.2 0.1"/>
   <link2 link="rocker" rpy="-1.1 0.3 0.5" xyz="-0.5 0.2 0.7"/>
 </loop_joint>"""
+GEAR = (
+    '<coupling name="gear" type="rolling"><predecessor link="coupler"/><successor link="rocker"/>'
+    '<ratio value="6"/></coupling>'
+)
+ENDS = {"link_a": "coupler", "link_b": "rocker"}
+FRAMES = {
+    "frame_a": pytest.approx(ORIGIN_A, rel=1e-7, abs=0),
+    "frame_b": pytest.approx(ORIGIN_B, rel=1e-7, abs=0),
+}
+#: An element, what is read, and the axis of a closure in the frames that its two ends state.
+READ: dict[str, tuple[str, dict[str, object], tuple[Array, ...]]] = {
+    "a universal joint keeps its two axes perpendicular": (
+        loop("universal", AXIS_TAG, "<axis2 xyz='0 3 4'/>"),
+        {"closures": [{"translations": (0, 1, 2), "rotation": "perpendicular"}]},
+        (AXIS, np.array([0, 0.6, 0.8])),
+    ),
+    "the default axis is x": (loop("revolute"), {}, (X, X)),
+    "a constraint has an axis on each side": (
+        CONSTRAINT, {"closures": [{"translations": (0, 1, 2), "rotation": "parallel"}]}, (Z, -Y),
+    ),
+    "a constraint without an axis": (
+        CONSTRAINT.replace("revolute", "fixed"), {"closures": [FRAMES]}, (),
+    ),
+    "a loop joint": (ISAAC, {"closures": [{"kind": "spherical", "rotation": "free", **ENDS, **FRAMES}]}, ()),
+    "a loop joint with a tag twice": (ISAAC.replace("link2 ", "link1 "), {"closures": [ENDS]}, ()),
+    "a loop joint of attributes": (
+        '<loop_joint name="l" type="3D" link1="coupler" link2="rocker"/>',
+        {"closures": [{"rotation": "free", "link_b": "rocker", "frame_b": np.eye(4)}]}, (),
+    ),
+    "a loop joint with an axis": (
+        ISAAC.replace("spherical", "continuous").replace("<link1", AXIS_TAG + "<link1"), {}, (AXIS,),
+    ),
+    "a loop joint with damping": (
+        ISAAC.replace("</loop", '<dynamics damping="1"/></loop'),
+        {"notes": {"damping of the cut joint"}}, (),
+    ),
+    "a coupling counts both ways from the common ancestor": (
+        GEAR,
+        {"couplings": [{"terms": (("drive", 6.0), ("elbow", 6.0), ("swing", -1.0)), "offset": 0}]}, (),
+    ),
+    "a coupling of a link with one below": (
+        GEAR.replace('successor link="rocker"', 'successor link="crank"'),
+        {"couplings": [{"terms": (("elbow", 6.0),)}]}, (),
+    ),
+}  # fmt: skip
 
 
-def test_loop_joint_in_the_shapes_seen(tmp_path: Path) -> None:
-    closure = read_closure(tmp_path, ISAAC)
-    assert (closure.kind, closure.rotation, closure.link_a, closure.link_b) == (
-        "spherical",
-        "free",
-        "coupler",
-        "rocker",
-    )
-    np.testing.assert_allclose(closure.frame_a, ORIGIN_A)
-    np.testing.assert_allclose(closure.frame_b, ORIGIN_B)
-    twice = read_closure(tmp_path, ISAAC.replace("link2 ", "link1 "))
-    assert (twice.link_a, twice.link_b) == ("coupler", "rocker")
-    bare = read_closure(tmp_path, '<loop_joint name="l" type="3D" link1="coupler" link2="rocker"/>')
-    assert (bare.rotation, bare.link_b) == ("free", "rocker")
-    np.testing.assert_array_equal(bare.frame_b, np.eye(4))
-    hinge = ISAAC.replace("spherical", "continuous").replace("<link1", AXIS_TAG + "<link1")
-    np.testing.assert_allclose(
-        read_closure(tmp_path, hinge).frame_a[:3, 2], ORIGIN_A[:3, :3] @ AXIS, atol=ROUNDING
-    )
-    damped = read_text(tmp_path, robot(ISAAC.replace("</loop", '<dynamics damping="1"/></loop')))
-    assert any("damping of the cut joint" in note for note in damped.notes)
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    element, expected, axes = READ[name]
+    found = read_text(tmp_path, robot(element))
+    holds(found, expected)
+    for closure in found.closures:
+        frames = (closure.frame_a, ORIGIN_A), (closure.frame_b, ORIGIN_B)
+        for (frame, origin), axis in zip(frames, axes, strict=False):
+            np.testing.assert_allclose(frame[:3, 2], origin[:3, :3] @ axis, atol=ROUNDING)
+            np.testing.assert_allclose(frame[:3, 3], origin[:3, 3])
 
 
 @pytest.mark.parametrize(
@@ -214,20 +220,6 @@ def test_nothing_in_a_loop_may_be_misspelt(tmp_path: Path, old: str, new: str, m
     assert refused(save(tmp_path, text), message).line in range(start, start + 5)
 
 
-GEAR = (
-    '<coupling name="gear" type="rolling"><predecessor link="coupler"/><successor link="rocker"/>'
-    '<ratio value="6"/></coupling>'
-)
-
-
-def test_coupling_counts_both_ways_from_the_common_ancestor(tmp_path: Path) -> None:
-    (coupling,) = read_text(tmp_path, robot(GEAR)).couplings
-    assert coupling.terms == (("drive", 6.0), ("elbow", 6.0), ("swing", -1.0))
-    assert coupling.offset == 0
-    inner = GEAR.replace('successor link="rocker"', 'successor link="crank"')
-    assert read_text(tmp_path, robot(inner)).couplings[0].terms == (("elbow", 6.0),)
-
-
 @pytest.mark.parametrize(
     ("elements", "message"),
     [
@@ -243,6 +235,7 @@ def test_coupling_counts_both_ways_from_the_common_ancestor(tmp_path: Path) -> N
         ),
         ([loop("universal", AXIS_TAG)], "<axis2> is missing"),
         ([LOOP, LOOP], "closure 'pin' is stated twice"),
+        ([CONSTRAINT.replace("revolute", "prismatic")], "'prismatic' is not read in <constraint>"),
         *(
             ([GEAR.replace(old, new)], message)
             for old, new, message in (

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from hybridyn.description import Description, read
+from hybridyn.description import read
 from hybridyn.description.side_cars.toml_file import line_of
-from tests.description.reading import refused
-from tests.robot_texts import FOUR_BAR, robot, save
+from tests.description.reading import Texts, holds, refused, save_all
+from tests.robot_texts import FOUR_BAR, LOOP, robot
 
 MODEL = """motors = ["drive"]
 
@@ -24,45 +24,62 @@ gear_ratio = 100
 elbow = { damping = 0.25, friction = 0.5 }
 """
 
+FIXED = '<link name="x"/><joint name="x_joint" type="fixed"><parent link="rocker"/><child link="x"/></joint>'
 FLOATING = '<link name="x"/><joint name="f" type="floating"><parent link="rocker"/><child link="x"/></joint>'
 
 
-def beside(folder: Path, model: str | bytes, text: str = FOUR_BAR) -> Path:
-    """Write the four-bar with a model file beside it; gives the robot's file."""
-    save(folder, model, "four_bar.model.toml")
-    return save(folder, text)
+def beside(model: str | bytes, text: str = FOUR_BAR) -> Texts:
+    """Return the files of the four-bar with a model file beside it."""
+    return {"four_bar.urdf": text, "four_bar.model.toml": model}
 
 
-def load(folder: Path, model: str, text: str = FOUR_BAR) -> Description:
-    return read(beside(folder, model, text))
+UNIT = pytest.approx((math.sqrt(0.5),) * 2, rel=0, abs=1e-15)
+DRIVE = "[home]\ndrive = {}"
+FOUND = {
+    "urdf/four_bar.urdf": FOUR_BAR,
+    "models/four_bar/model.toml": DRIVE.format(1),
+    "urdf/four_bar.model.toml": DRIVE.format(2),
+}
+EFFECTS = """
+[effects.spring]
+stiffness = { elbow = 40.0 }
+[effects.coulomb_friction]
+width = 0.02
+"""
+GEAR = "[couplings.gear]\nterms = { drive = 2.0, elbow = -1.0 }\noffset = 0.5"
+#: The files of a robot, and what is read.
+READ: dict[str, tuple[Texts, dict[str, object]]] = {
+    "everything that it may say": (beside(MODEL), {
+        "home": {"drive": (0.5,), "elbow": (0.6, 0.8)}, "motors": ("drive",), "motors_from": "model.toml",
+        "joints": {"drive": {"rotor_inertia": 3e-5, "gear_ratio": 100, "damping": 0.1},
+                   "elbow": {"damping": 0.25, "friction": 0.5}},
+    }),
+    "no model file": (FOUR_BAR, {"home": {}}),
+    "where the repository keeps it": (dict([*FOUND.items()][:2]), {"home": {"drive": (1.0,)}}),
+    "beside the robot": (FOUND, {"home": {"drive": (2.0,)}}),
+    "beside a xacro file": (
+        {"urdf/four_bar.urdf.xacro": FOUR_BAR} | FOUND, {"home": {"drive": (2.0,)}},
+    ),
+    "a continuous joint is brought to length one": (
+        beside("[home]\nelbow = [0.70711, 0.70711]"), {"home": {"elbow": UNIT}},
+    ),
+    "a quaternion is brought to length one": (
+        beside("[home]\nf = [1, 2, 3, 0, 0, 0.70711, 0.70711]", robot(FLOATING)),
+        {"home": {"f": pytest.approx((1, 2, 3, 0, 0, *[math.sqrt(0.5)] * 2), rel=0, abs=1e-15)}},
+    ),
+    "effects": (beside(EFFECTS), {
+        "effects": (("coulomb_friction", {"width": 0.02}), ("spring", {"stiffness": {"elbow": 40.0}})),
+    }),
+    "a coupling": (beside(GEAR), {"couplings": [
+        {"name": "gear", "terms": (("drive", 2.0), ("elbow", -1.0)), "offset": 0.5, "line": 1},
+    ]}),
+}  # fmt: skip
 
 
-def test_everything_that_it_may_say(tmp_path: Path) -> None:
-    description = load(tmp_path, MODEL)
-    drive, elbow, _ = description.joints
-    assert description.home == {"drive": (0.5,), "elbow": (0.6, 0.8)}
-    assert (drive.rotor_inertia, drive.gear_ratio, drive.damping) == (3e-5, 100, 0.1)
-    assert (elbow.damping, elbow.friction) == (0.25, 0.5)
-    assert (description.motors, description.motors_from) == (("drive",), "model.toml")
-
-
-def test_it_is_found_where_the_repository_keeps_it(tmp_path: Path) -> None:
-    path = save(tmp_path, FOUR_BAR, "urdf/four_bar.urdf")
-    assert read(path).home == {}
-    save(tmp_path, "[home]\ndrive = 1", "models/four_bar/model.toml")
-    assert read(path).home == {"drive": (1.0,)}
-    save(tmp_path, "[home]\ndrive = 2", "urdf/four_bar.model.toml")
-    assert read(path).home == {"drive": (2.0,)}
-    xacro = save(tmp_path, FOUR_BAR, "urdf/four_bar.urdf.xacro")
-    assert read(xacro).home == {"drive": (2.0,)}
-
-
-def test_unit_parts_are_brought_to_length_one(tmp_path: Path) -> None:
-    home = load(tmp_path, "[home]\nelbow = [0.70711, 0.70711]").home["elbow"]
-    assert math.hypot(*home) == pytest.approx(1, abs=1e-15)
-    free = load(tmp_path, "[home]\nf = [1, 2, 3, 0, 0, 0.70711, 0.70711]", robot(FLOATING)).home["f"]
-    assert free[:3] == (1, 2, 3)
-    assert math.hypot(*free[3:]) == pytest.approx(1, abs=1e-15)
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    texts, expected = READ[name]
+    holds(read(save_all(tmp_path, texts)), expected)
 
 
 @pytest.mark.parametrize(
@@ -90,54 +107,23 @@ def test_unit_parts_are_brought_to_length_one(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_name_file_and_line(tmp_path: Path, old: str, new: str, line: int, message: str) -> None:
-    error = refused(beside(tmp_path, MODEL.replace(old, new)), message)
+    error = refused(save_all(tmp_path, beside(MODEL.replace(old, new))), message)
     assert (error.line, error.file) == (line, str(tmp_path / "four_bar.model.toml"))
 
 
-@pytest.mark.parametrize("model", [b"\xff", b"a = " + b"[" * 5000, b"a = " + b"9" * 5000, b"\0"])
-def test_texts_that_are_no_toml(tmp_path: Path, model: bytes) -> None:
-    refused(beside(tmp_path, model), "")
-
-
-def test_fixed_joints_have_no_position(tmp_path: Path) -> None:
-    fixed = '<link name="x"/><joint name="f" type="fixed"><parent link="rocker"/><child link="x"/></joint>'
-    refused(beside(tmp_path, "[home]\nf = 0", robot(fixed)), "the joint is fixed")
-
-
-def test_lines_of_keys() -> None:
-    assert line_of(MODEL, ("motors",)) == 1
-    assert line_of(MODEL, ("home", "elbow", "1")) == 5
-    assert line_of(MODEL, ("joints", "drive", "gear_ratio")) == 9
-    assert line_of(MODEL, ("joints", "elbow", "friction")) == 12
-    assert line_of('["a b"]\n"c d".e = 1', ("a b", "c d", "e")) == 2
-    assert line_of(MODEL, ("nothing",)) is None
-
-
-EFFECTS = """
-[effects.spring]
-stiffness = { elbow = 40.0 }
-[effects.coulomb_friction]
-width = 0.02
-"""
-
-
-def test_effects_of_the_robot(tmp_path: Path) -> None:
-    description = load(tmp_path, EFFECTS)
-    assert description.effects == (
-        ("coulomb_friction", {"width": 0.02}),
-        ("spring", {"stiffness": {"elbow": 40.0}}),
-    )
-
-
-def test_a_coupling(tmp_path: Path) -> None:
-    text = "[couplings.gear]\nterms = { drive = 2.0, elbow = -1.0 }\noffset = 0.5"
-    (coupling,) = load(tmp_path, text).couplings
-    assert (coupling.name, coupling.terms, coupling.offset) == (
-        "gear",
-        (("drive", 2.0), ("elbow", -1.0)),
-        0.5,
-    )
-    assert coupling.line == 1
+@pytest.mark.parametrize(
+    ("text", "keys", "line"),
+    [
+        (MODEL, ("motors",), 1),
+        (MODEL, ("home", "elbow", "1"), 5),
+        (MODEL, ("joints", "drive", "gear_ratio"), 9),
+        (MODEL, ("joints", "elbow", "friction"), 12),
+        ('["a b"]\n"c d".e = 1', ("a b", "c d", "e"), 2),
+        (MODEL, ("nothing",), None),
+    ],
+)
+def test_lines_of_keys(text: str, keys: tuple[str, ...], line: int | None) -> None:
+    assert line_of(text, keys) == line
 
 
 COUPLING = "[couplings.gear]\nterms = {{ {} }}"
@@ -155,10 +141,12 @@ COUPLING = "[couplings.gear]\nterms = {{ {} }}"
         (COUPLING.format("drve = 1.0"), None, ["'drve' is no movable joint ", "did you mean 'drive'"]),
         (COUPLING.format("drive = 0.0"), None, ["with a coeff"]),
         (COUPLING.format(""), None, ["terms"]),
+        *((text, None, [""]) for text in (b"\xff", b"a = " + b"[" * 5000, b"a = " + b"9" * 5000, b"\0")),
+        ("[home]\nx_joint = 0", None, ["the joint is fixed"]),
     ],
 )  # fmt: skip
-def test_wrong_effects_and_couplings_name_their_line(
-    tmp_path: Path, text: str, line: int | None, messages: list[str]
+def test_what_names_no_part_of_the_robot_is_refused(
+    tmp_path: Path, text: str | bytes, line: int | None, messages: list[str]
 ) -> None:
-    error = refused(beside(tmp_path, text), *messages)
+    error = refused(save_all(tmp_path, beside(text, robot(LOOP, FIXED))), *messages)
     assert line is None or error.line == line

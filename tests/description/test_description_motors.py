@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from hybridyn.description import Description, read
-from tests.description.reading import refused
-from tests.robot_texts import FOUR_BAR, LOOP, TREE, read_text, robot, save
+from hybridyn.description import read
+from tests.description.reading import Texts, holds, refused, save_all
+from tests.robot_texts import FOUR_BAR, LOOP, robot
 
 
 def transmission(*names: str) -> str:
@@ -16,45 +16,56 @@ def transmission(*names: str) -> str:
     )
 
 
-def test_the_order_of_the_sources(tmp_path: Path) -> None:
-    dependent = TREE.replace('name="elbow" type', 'name="elbow" independent="false" type').replace(
-        'name="swing" type', 'name="swing" independent="false" type'
-    )
-
-    def look(
-        folder: str, *, transmissions: bool, model: bool, side_car: bool, **options: object
-    ) -> Description:
-        extra = transmission("swing") if transmissions else ""
-        path = save(tmp_path / folder, f'<robot name="r">{dependent}{LOOP}{extra}</robot>', "robot.urdf")
-        if model:
-            save(tmp_path / folder, 'motors = ["elbow"]', "robot.model.toml")
-        if side_car:
-            save(tmp_path / folder, "name_mot: [swing, drive]", "robot.yaml")
-        return read(path, **options)  # type: ignore[arg-type]
-
-    everything = look("all", transmissions=True, model=True, side_car=True, motors=["elbow", "swing"])
-    assert everything.motors == ("elbow", "swing")
-    assert everything.motors_from == "the caller (motors=)"
-    assert look("a", transmissions=True, model=True, side_car=True).motors == ("swing", "drive")
-    assert look("b", transmissions=True, model=True, side_car=False).motors == ("elbow",)
-    assert look("c", transmissions=True, model=False, side_car=False).motors == ("swing",)
-    last = look("d", transmissions=False, model=False, side_car=False)
-    assert last.motors == ("drive",)
-    assert "independent" in last.motors_from
+def dependent(text: str, *joints: str) -> str:
+    """Return a robot some joints of which are said to depend on others."""
+    for name in joints:
+        text = text.replace(f'name="{name}" type', f'name="{name}" independent="false" type')
+    return text
 
 
-def test_without_any_source(tmp_path: Path) -> None:
-    assert read_text(tmp_path, robot()).motors == ("drive", "elbow", "swing")
-    assert read_text(tmp_path, FOUR_BAR).motors == ("drive",)
-    limitless = FOUR_BAR.replace(' effort="10"', "")
-    description = read_text(tmp_path, limitless)
-    assert description.motors == ()
-    assert any("which joints of this closed-loop robot are driven" in note for note in description.notes)
+DEPENDENT = dependent(robot(LOOP), "elbow", "swing")
+BOTH = dependent(robot(LOOP, transmission("swing")), "elbow", "swing")
+MODEL, SIDE_CAR = 'motors = ["elbow"]', "name_mot: [swing, drive]"
+WITH_MODEL = {"robot.urdf": BOTH, "robot.model.toml": MODEL}
+ALL = WITH_MODEL | {"robot.yaml": SIDE_CAR}
+FIXED = '<link name="x"/><joint name="x_joint" type="fixed"><parent link="rocker"/><child link="x"/></joint>'
+WRIST = '<transmission name="w"><flexJoint name="drive"/><rollJoint name="elbow"/></transmission>'
+#: The text of a robot, or the texts of its files, which motors a caller asks for, and what is read.
+READ: list[tuple[Texts, list[str] | None, dict[str, object]]] = [
+    (ALL, ["elbow", "swing"], {"motors": ("elbow", "swing"), "motors_from": "the caller (motors=)"}),
+    (ALL, None, {"motors": ("swing", "drive")}),
+    (WITH_MODEL, None, {"motors": ("elbow",)}),
+    (BOTH, None, {"motors": ("swing",)}),
+    (DEPENDENT, None, {"motors": ("drive",), "motors_from": 'URDF+ joints with independent="true"'}),
+    (robot(), None, {"motors": ("drive", "elbow", "swing")}),
+    (FOUR_BAR, None, {"motors": ("drive",)}),
+    (
+        FOUR_BAR.replace(' effort="10"', ""), None,
+        {"motors": (), "notes": {"which joints of this closed-loop robot are driven"}},
+    ),
+    (
+        robot().replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0"/><mimic joint="drive"/>'), None,
+        {"motors": ("drive", "swing")},
+    ),
+    (FOUR_BAR, [], {"motors": ()}),
+    (
+        robot(transmission("drive", "elbow", "swing", "gripper_left")), None,
+        {"motors": ("drive", "elbow", "swing"), "notes": {"'gripper_left'"}},
+    ),
+    (
+        dependent(robot(transmission("drive"), LOOP), "swing"), None,
+        {"motors": ("drive",), "notes": {"leaves these passive: 'elbow'"}},
+    ),
+    (robot(transmission("drive"), LOOP), None, {"notes": ()}),
+    (robot(WRIST), None, {"motors": ("drive", "elbow")}),
+]  # fmt: skip
 
 
-def test_joints_that_mimic_are_not_driven(tmp_path: Path) -> None:
-    text = robot().replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0"/><mimic joint="drive"/>')
-    assert read_text(tmp_path, text).motors == ("drive", "swing")
+@pytest.mark.parametrize(("texts", "motors", "expected"), READ)
+def test_what_is_driven(
+    texts: Texts, motors: list[str] | None, expected: dict[str, object], tmp_path: Path
+) -> None:
+    holds(read(save_all(tmp_path, texts), motors=motors), expected)
 
 
 @pytest.mark.parametrize(
@@ -64,36 +75,9 @@ def test_joints_that_mimic_are_not_driven(tmp_path: Path) -> None:
         (["zzz"], "joints that can be driven: 'drive', 'elbow', 'swing'"),
         (["drive", "drive"], "stated twice"),
         (["x_joint"], "is a fixed joint"),
+        (None, "did you mean 'swing'"),
     ],
 )
-def test_wrong_names_are_refused(tmp_path: Path, names: list[str], message: str) -> None:
-    fixed = (
-        '<link name="x"/><joint name="x_joint" type="fixed"><parent link="rocker"/><child link="x"/></joint>'
-    )
-    refused(save(tmp_path, robot(fixed)), message, motors=names)
-
-
-def test_no_motor_at_all_may_be_asked_for(tmp_path: Path) -> None:
-    assert read_text(tmp_path, FOUR_BAR, motors=[]).motors == ()
-
-
-def test_transmissions_of_a_cut_robot(tmp_path: Path) -> None:
-    description = read_text(tmp_path, robot(transmission("drive", "elbow", "swing", "gripper_left")))
-    assert description.motors == ("drive", "elbow", "swing")
-    assert any("'gripper_left'" in note for note in description.notes)
-    refused(save(tmp_path, robot(transmission("drive", "elbow", "swong"))), "did you mean 'swing'")
-
-
-def test_transmissions_that_leave_joints_passive_are_noted(tmp_path: Path) -> None:
-    called = robot(transmission("drive"), LOOP).replace(
-        'name="swing" type="continuous"', 'name="swing" type="continuous" independent="false"'
-    )
-    description = read_text(tmp_path, called)
-    assert description.motors == ("drive",)
-    assert any("leaves these passive: 'elbow'" in note for note in description.notes)
-    assert read_text(tmp_path, robot(transmission("drive"), LOOP)).notes == ()
-
-
-def test_the_transmission_of_a_wrist_names_its_joints_otherwise(tmp_path: Path) -> None:
-    wrist = '<transmission name="w"><flexJoint name="drive"/><rollJoint name="elbow"/></transmission>'
-    assert read_text(tmp_path, robot(wrist)).motors == ("drive", "elbow")
+def test_wrong_names_are_refused(tmp_path: Path, names: list[str] | None, message: str) -> None:
+    stated = transmission("drive", "elbow", "swong") if names is None else ""
+    refused(save_all(tmp_path, robot(FIXED, stated)), message, motors=names)

@@ -7,30 +7,101 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.description.reading import refused
-from tests.robot_texts import FOUR_BAR, INERTIAL, TREE, line_of, read_text, robot, save
+from tests.description.reading import holds, refused
+from tests.robot_texts import FOUR_BAR, INERTIAL, line_of, read_text, robot, save
 
 ROUNDING = 1e-15  # placements are products of two sines: a few units in the last place
 
 
-def test_a_joint_says_all_that_its_file_says(tmp_path: Path) -> None:
-    drive = read_text(tmp_path, FOUR_BAR).joints[0]
-    assert (drive.name, drive.kind, drive.parent, drive.child) == ("drive", "revolute", "ground", "crank")
-    assert (drive.lower, drive.upper, drive.velocity, drive.effort) == (-3, 3, 5, 10)
-    assert (drive.damping, drive.friction, drive.rotor_inertia, drive.gear_ratio) == (0.1, 0.2, 0, 1)
-    expected = [[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]]
-    np.testing.assert_allclose(drive.placement[:2, :2], expected, atol=ROUNDING)
-    assert drive.line == line_of(FOUR_BAR, '<joint name="drive"')
+INF = math.inf
 
 
-def test_absent_limits_are_infinite(tmp_path: Path) -> None:
-    elbow = read_text(tmp_path, FOUR_BAR).joints[1]
-    assert (elbow.lower, elbow.upper, elbow.velocity, elbow.effort) == (
-        -math.inf,
-        math.inf,
-        math.inf,
-        math.inf,
+def about_z(x: float) -> object:
+    """Return the placement of a frame that is turned about z."""
+    c, s = math.cos(x), math.sin(x)
+    return pytest.approx(
+        np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), rel=1e-7, abs=ROUNDING
     )
+
+
+TRANSMISSION = """<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
+  <joint name="drive"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
+  <actuator name="m"><mechanicalReduction>50</mechanicalReduction>
+  <drake:rotor_inertia value="1e-4"/></actuator></transmission>"""
+MIMIC = robot().replace(
+    '<origin xyz="1 0 0"/><parent link="crank"/>',
+    '<mimic joint="drive" multiplier="-2" offset="0.3"/><origin xyz="1 0 0"/><parent link="crank"/>',
+)
+FREE = '<link name="x"/><joint name="f" type="{}"><parent link="rocker"/><child link="x"/>{}</joint>'
+#: An axis with angles, as old exporters wrote it; a joint on the world, which Drake and Gazebo have.
+IGNORED = FOUR_BAR.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1" rpy="0 0 0.3"/>', 1).replace(
+    "</robot>",
+    '<joint name="stand" type="fixed"><parent link="world"/><child link="ground"/></joint></robot>',
+)
+#: A text, and what is read.
+READ: dict[str, tuple[str, dict[str, object]]] = {
+    "a joint says all that its file says": (FOUR_BAR, {"joints": {"drive": {
+        "kind": "revolute", "parent": "ground", "child": "crank", "lower": -3, "upper": 3, "velocity": 5,
+        "effort": 10, "damping": 0.1, "friction": 0.2, "rotor_inertia": 0, "gear_ratio": 1,
+        "placement": about_z(0.4), "line": line_of(FOUR_BAR, '<joint name="drive"'),
+    }}}),
+    "absent limits are infinite": (
+        FOUR_BAR, {"joints": {"elbow": {"lower": -INF, "upper": INF, "velocity": INF, "effort": INF}}},
+    ),
+    "quaternions of URDF 1.1": (
+        FOUR_BAR.replace('rpy="0 0 0.4"', f'quat_xyzw="0 0 {math.sqrt(0.5)} {math.sqrt(0.5)}"'),
+        {"joints": {"drive": {"placement": about_z(math.pi / 2)}}},
+    ),
+    "limits that lie": (
+        FOUR_BAR.replace('lower="-3" upper="3" velocity="5"', 'lower="3" upper="-3" velocity="-1"'),
+        {"joints": {"drive": {"lower": -INF, "upper": INF, "velocity": INF}},
+         "notes": {"both ignored", "negative velocity"}},
+    ),
+    "other attributes and tags": (
+        FOUR_BAR.replace('velocity="5"', 'velocity="5" gear_velocity="10" jerk="3"').replace(
+            '<link name="ground"/>',
+            '<link name="ground"><visual><geometry><mesh filename="package://nowhere/a.stl"/></geometry>'
+            '</visual></link><material name="red"/>'
+            '<gazebo reference="drive"><provideFeedback>true</provideFeedback></gazebo>',
+        ),
+        {"joints": ["drive", "elbow", "swing"]},
+    ),
+    **{
+        f"a {kind} joint": (robot(FREE.format(kind, "")), {"joints": {"f": {"kind": kind}}})
+        for kind in ("fixed", "revolute", "continuous", "prismatic", "floating")
+    },
+    "a planar joint": (
+        robot(FREE.format("planar", '<axis xyz="0 0 1"/>')), {"joints": {"f": {"kind": "planar"}}},
+    ),
+    "a link and a joint may share a name": (
+        FOUR_BAR.replace('"drive"', '"crank"'), {"joints": {"crank": {"child": "crank"}}},
+    ),
+    "transmissions give rotor and ratio": (
+        robot(TRANSMISSION), {"joints": {"drive": {"gear_ratio": 50, "rotor_inertia": 1e-4}}},
+    ),
+    "mimic is a coupling": (MIMIC, {"couplings": [
+        {"name": "elbow", "terms": (("elbow", 1.0), ("drive", 2.0)), "offset": 0.3},
+    ]}),
+    "mimic on a fixed joint": (
+        robot(FREE.format("fixed", '<mimic joint="drive"/>')),
+        {"couplings": (), "notes": {"<mimic> has no effect"}},
+    ),
+    "what other readers ignore": (IGNORED, {
+        "links": ["world", "ground", "crank", "coupler", "rocker"],
+        "joints": {"drive": {"axis": np.array([0, 0, 1])}},
+        "notes": {"'rpy' of the <axis> of joint", "a link 'world' that the file does not state"},
+    }),
+    "a mass without inertia is a point": (
+        FOUR_BAR.replace(INERTIAL, '<inertial><mass value="2"/></inertial>', 1),
+        {"links": {"crank": {"mass": 2, "inertia": np.zeros((3, 3))}}, "notes": {"point mass"}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    text, expected = READ[name]
+    holds(read_text(tmp_path, text), expected)
 
 
 def test_orientation_and_inertia_are_those_of_pinocchio(tmp_path: Path) -> None:
@@ -48,95 +119,8 @@ def test_orientation_and_inertia_are_those_of_pinocchio(tmp_path: Path) -> None:
     np.testing.assert_allclose(ours.joints[0].axis, np.array([1, 2, 2]) / 3, atol=ROUNDING)
 
 
-def test_quaternions_of_urdf_1_1(tmp_path: Path) -> None:
-    half = math.sqrt(0.5)
-    text = FOUR_BAR.replace('rpy="0 0 0.4"', f'quat_xyzw="0 0 {half} {half}"')
-    placement = read_text(tmp_path, text).joints[0].placement
-    np.testing.assert_allclose(placement[:2, :2], [[0, -1], [1, 0]], atol=ROUNDING)
-
-
-def test_limits_that_lie_are_noted(tmp_path: Path) -> None:
-    text = FOUR_BAR.replace('lower="-3" upper="3" velocity="5"', 'lower="3" upper="-3" velocity="-1"')
-    description = read_text(tmp_path, text)
-    drive = description.joints[0]
-    assert (drive.lower, drive.upper, drive.velocity) == (-math.inf, math.inf, math.inf)
-    assert any("both ignored" in note for note in description.notes)
-    assert any("negative velocity" in note for note in description.notes)
-
-
-def test_other_attributes_and_tags_pass(tmp_path: Path) -> None:
-    text = FOUR_BAR.replace('velocity="5"', 'velocity="5" gear_velocity="10" jerk="3"').replace(
-        '<link name="ground"/>',
-        '<link name="ground"><visual><geometry><mesh filename="package://nowhere/a.stl"/></geometry></visual></link>'
-        '<material name="red"/><gazebo reference="drive"><provideFeedback>true</provideFeedback></gazebo>',
-    )
-    assert len(read_text(tmp_path, text).joints) == 3
-
-
-def test_kinds_that_pinocchio_has(tmp_path: Path) -> None:
-    for kind in ("fixed", "revolute", "continuous", "prismatic", "floating", "planar"):
-        text = f"""<robot name="r"><link name="a"/><link name="b">{INERTIAL}</link>
-        <joint name="j" type="{kind}"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
-        </robot>"""
-        assert read_text(tmp_path, text).joints[0].kind == kind
-
-
-def test_a_link_and_a_joint_may_share_a_name(tmp_path: Path) -> None:
-    description = read_text(tmp_path, FOUR_BAR.replace('"drive"', '"crank"'))
-    assert description.joints[0].name == description.joints[0].child == "crank"
-
-
-TRANSMISSION = """<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
-  <joint name="drive"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
-  <actuator name="m"><mechanicalReduction>50</mechanicalReduction>
-  <drake:rotor_inertia value="1e-4"/></actuator></transmission>"""
-
-
-def test_transmissions_give_rotor_and_ratio(tmp_path: Path) -> None:
-    drive = read_text(tmp_path, robot(TRANSMISSION)).joints[0]
-    assert (drive.gear_ratio, drive.rotor_inertia) == (50, 1e-4)
-
-
-MIMIC = robot().replace(
-    '<origin xyz="1 0 0"/><parent link="crank"/>',
-    '<mimic joint="drive" multiplier="-2" offset="0.3"/><origin xyz="1 0 0"/><parent link="crank"/>',
-)
-
-
-def test_mimic_is_a_coupling(tmp_path: Path) -> None:
-    (coupling,) = read_text(tmp_path, MIMIC).couplings
-    assert coupling.name == "elbow"
-    assert coupling.terms == (("elbow", 1.0), ("drive", 2.0))
-    assert coupling.offset == 0.3
-
-
-def test_mimic_on_a_fixed_joint_is_noted(tmp_path: Path) -> None:
-    text = robot(
-        '<link name="x"/><joint name="f" type="fixed"><parent link="rocker"/><child link="x"/>'
-        '<mimic joint="drive"/></joint>'
-    )
-    description = read_text(tmp_path, text)
-    assert not description.couplings
-    assert any("<mimic> has no effect" in note for note in description.notes)
-
-
-def test_what_other_readers_ignore_is_noted(tmp_path: Path) -> None:
-    """An axis with angles, as old exporters wrote it; a joint on the world, which Drake and Gazebo have."""
-    text = FOUR_BAR.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1" rpy="0 0 0.3"/>', 1)
-    fixed = '<joint name="stand" type="fixed"><parent link="world"/><child link="ground"/></joint></robot>'
-    found = read_text(tmp_path, text.replace("</robot>", fixed))
-    wanted = read_text(tmp_path, FOUR_BAR)
-    assert [link.name for link in found.links] == ["world", *(link.name for link in wanted.links)]
-    np.testing.assert_array_equal(found.joints[0].axis, wanted.joints[0].axis)
-    notes = "\n".join(found.notes)
-    for words in ("'rpy' of the <axis> of joint", "a link 'world' that the file does not state"):
-        assert words in notes
-
-
 AXIS = '<axis xyz="0 0 1"/>\n    <limit'
 DRIVE = 'type="revolute">\n    <origin'
-PLANAR = f"""<robot name="r"><link name="a"/><link name="b">{INERTIAL}</link>
-<joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/></joint></robot>"""
 #: A text, what is changed in it, and what is told.
 WRONG = [
     (FOUR_BAR, "inertial>", "inertail>", "did you mean <inertial>"),
@@ -169,8 +153,12 @@ WRONG = [
     (MIMIC, 'joint="drive" m', 'joint="driv" m', "did you mean 'drive'"),
     (MIMIC, 'joint="drive" m', 'joint="elbow" m', "mimic itself"),
     (MIMIC, "multiplier", "multiplyer", "did you mean 'multiplier'"),
-    (PLANAR, "", "", "x-y plane"),
-]
+    (robot(FREE.format("planar", '<axis xyz="1 0 0"/>')), "", "", "x-y plane"),
+    (
+        robot(FREE.format("floating", "")), '<origin xyz="1 0 0"/>',
+        '<origin xyz="1 0 0"/><mimic joint="f"/>', "joint 'f' is floating",
+    ),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "old", "new", "message"), WRONG)
@@ -243,17 +231,3 @@ def test_unphysical_inertia_is_noted(tmp_path: Path, moments: str, physical: boo
     inertial = f"<inertial><mass value='1'/><inertia {moments}/></inertial>"
     description = read_text(tmp_path, f'<robot name="r"><link name="a">{inertial}</link></robot>')
     assert any("unphysical inertia" in note for note in description.notes) != physical
-
-
-def test_a_mass_without_inertia_is_a_point(tmp_path: Path) -> None:
-    text = FOUR_BAR.replace(INERTIAL, '<inertial><mass value="2"/></inertial>', 1)
-    description = read_text(tmp_path, text)
-    assert description.links[1].mass == 2
-    assert not description.links[1].inertia.any()
-    assert any("point mass" in note for note in description.notes)
-
-
-def test_couplings_need_joints_with_one_freedom(tmp_path: Path) -> None:
-    free = '<link name="x"/><joint name="f" type="floating"><parent link="rocker"/><child link="x"/></joint>'
-    mimic = TREE.replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0"/><mimic joint="f"/>')
-    refused(save(tmp_path, f'<robot name="r">{mimic}{free}</robot>'), "joint 'f' is floating")

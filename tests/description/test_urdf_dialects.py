@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-from tests.description.reading import refused
+from hybridyn.description import read
+from tests.description.reading import Texts, holds, refused, save_all
 from tests.robot_texts import INERTIAL, robot, save
+from tests.samples import slow
 
 #: Largest relative difference of two robots that say the same in other words.
 EQUAL = 1e-11
@@ -58,123 +60,14 @@ def compare(theirs: Path, ours: Path) -> None:
     assert min(hybridyn.closure_residual(a, off), hybridyn.closure_residual(b, off)) > 0.01
 
 
-def test_closing_frames_of_a_hinge(tmp_path: Path) -> None:
-    """The witness points stand 0.1 m from the frames along the axis."""
-    theirs = robot(MOTOR, mates("1", "2", "1_z@0.1", "2_z@0.1"))
-    ours = robot(MOTOR, mates("1", "2", "1_z@0.1", "2_z@0.1").replace("closing", "frame"), loop("revolute"))
-    compare(save(tmp_path / "a", theirs), save(tmp_path / "b", ours))
-
-
-def test_closing_frames_whose_axis_is_not_z(tmp_path: Path) -> None:
-    turned = mates("1", "2", "1_z@0.1", "2_z@0.1", rpy="0.5 0.2 0")
-    theirs = hybridyn.load(save(tmp_path, robot(MOTOR, turned)))
-    (closure,) = theirs.description.closures
-    bodies = [theirs.bodies.place[link][1] for link in (closure.link_a, closure.link_b)]
-    for R, frame_ in zip(bodies, (closure.frame_a, closure.frame_b), strict=True):
-        assert np.allclose(R @ frame_[:3, 2], [0, 0, 1])
-    assert theirs.mobility == 1
-
-
-def test_closing_frames_of_a_ball(tmp_path: Path) -> None:
-    theirs = robot(MOTOR, mates("1", "2"))
-    ours = robot(
-        MOTOR, frame("x1", "coupler", "1 0 0"), frame("x2", "rocker", "1 0 0"), loop("spherical", "")
-    )
-    first, second = save(tmp_path / "a", theirs), save(tmp_path / "b", ours)
-    compare(first, second)
-    assert any("are read as balls" in note for note in hybridyn.load(first).notes)
-
-
-def test_closing_frames_that_are_fastened(tmp_path: Path) -> None:
-    """Only model.toml can say so; the weld locks the four-bar."""
-    path = save(tmp_path, robot(MOTOR, mates("1", "2")))
-    save(tmp_path, '[closures]\nclosing_tip = "fixed"\n', "four_bar.model.toml")
-    read = hybridyn.description.read(path)
-    (closure,) = read.closures
-    assert (closure.rotation, closure.translations) == ("fixed", (0, 1, 2))
-    save(tmp_path, '[closures]\nclosing_tpi = "fixed"\n', "four_bar.model.toml")
-    refused(path, "no such closure (did you mean 'closing_tip'")
-    save(tmp_path, '[closures]\nclosing_tip = "welded"\n', "four_bar.model.toml")
-    refused(path, "closing_tip")
-
-
-def test_closing_frames_beside_another_closure(tmp_path: Path) -> None:
-    """Each mate counts, whatever else closes loops; frames that a loop uses do not count twice."""
-    used = loop("revolute").replace('"coupler"', '"closing_tip_1"').replace('"rocker"', '"closing_tip_2"')
-    text = robot(mates("1", "2"), used)
-    assert len(hybridyn.description.read(save(tmp_path, text)).closures) == 1
-    text = robot(mates("1", "2"), loop("revolute"))
-    assert len(hybridyn.description.read(save(tmp_path, text)).closures) == 2
-
-
-def test_ball_constraint_of_drake(tmp_path: Path) -> None:
-    ball = """<drake:ball_constraint>
-      <drake:ball_constraint_body_A name="coupler"/><drake:ball_constraint_body_B name="rocker"/>
-      <drake:ball_constraint_p_AP value="1.5 0 0"/><drake:ball_constraint_p_BQ value="1 0 0"/>
-    </drake:ball_constraint>"""
-    compare(
-        save(tmp_path / "a", robot(MOTOR, ball)), save(tmp_path / "b", robot(MOTOR, loop("spherical", "")))
-    )
-
-
-def test_mimic_and_rotor_of_drake(tmp_path: Path) -> None:
-    follower = (
-        '<link name="wheel">'
-        + INERTIAL
-        + '</link><joint name="roll" type="continuous"><parent link="ground"/>'
-        '<child link="wheel"/><axis xyz="0 1 0"/><{0} joint="drive" multiplier="-3" offset="0.5"/></joint>'
-    )
-    rotor = (
-        '<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="drive"/>'
-        '<actuator name="m"><drake:rotor_inertia value="2e-4"/><drake:gear_ratio value="30"/></actuator>'
-        "</transmission>"
-    )
-    both = [
-        hybridyn.description.read(save(tmp_path, robot(rotor, follower.format(word), loop("revolute"))))
-        for word in ("drake:mimic", "mimic")
-    ]
-    assert both[0].couplings[0].terms == both[1].couplings[0].terms == (("roll", 1.0), ("drive", 3.0))
-    assert both[0].couplings[0].offset == 0.5
-    drive = both[0].joints[0]
-    assert (drive.rotor_inertia, drive.gear_ratio) == (2e-4, 30.0)
-
-
+BALL = """<drake:ball_constraint>
+  <drake:ball_constraint_body_A name="coupler"/><drake:ball_constraint_body_B name="rocker"/>
+  <drake:ball_constraint_p_AP value="1.5 0 0"/><drake:ball_constraint_p_BQ value="1 0 0"/>
+</drake:ball_constraint>"""
 GAZEBO = """<gazebo><joint name="pin" type="{0}"><parent>coupler</parent><child>rocker</child>
   <pose>1 0 0 {1}</pose>{2}</joint></gazebo>"""
 AXIS = "<axis><xyz>0 0 1</xyz></axis>"
-
-
-@pytest.mark.parametrize(
-    ("theirs", "ours"),
-    [
-        (GAZEBO.format("revolute", "0 0 0", AXIS), loop("revolute")),
-        pytest.param(GAZEBO.format("ball", "0 0 0", ""), loop("spherical", ""), marks=pytest.mark.slow),
-        pytest.param(
-            GAZEBO.format(
-                "continuous", "0.4 0.1 0", '<axis><xyz expressed_in="__model__">0 0 1</xyz></axis>'
-            ),
-            loop("revolute"),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            GAZEBO.format("revolute", "0.4 0 0", '<axis><xyz expressed_in="rocker">0 0 1</xyz></axis>'),
-            loop("revolute"),
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_sdf_joint_in_gazebo(tmp_path: Path, theirs: str, ours: str) -> None:
-    """SDF closes its loop where all joints are at zero, so the four-bar is bent to be closed there."""
-    compare(save(tmp_path / "a", closed(MOTOR, theirs)), save(tmp_path / "b", closed(MOTOR, ours)))
-
-
-def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
-    """Like Gazebo, the joint takes the zero posture as closed, wherever the tips are."""
-    read = hybridyn.description.read(save(tmp_path, robot(MOTOR, GAZEBO.format("fixed", "0 0 0", ""))))
-    (closure,) = read.closures
-    assert closure.rotation == "fixed"
-    loaded = hybridyn.load(save(tmp_path, robot(MOTOR, GAZEBO.format("revolute", "0 0 0", AXIS))))
-    assert float(hybridyn.closure_residual(loaded, loaded.home)) < 1e-14
+IN_MODEL = '<axis><xyz expressed_in="{}">0 0 1</xyz></axis>'
 
 
 def closed(*parts: str) -> str:
@@ -217,36 +110,147 @@ ROWS = {
 TIP = frame("tip", "coupler", "1.5 0 0")
 
 
-@pytest.mark.parametrize("rows", ["tx ty", pytest.param("tx ty tz rx ry", marks=pytest.mark.slow)])
-def test_submechanisms_of_hyrodyn(tmp_path: Path, rows: str) -> None:
-    """The constraint's frame is the predecessor's body, and stands at zero where the successor meets it."""
-    axes = "".join(f"    - {{name: {row}, axis: {ROWS[row]}}}\n" for row in rows.split())
-    theirs = save(tmp_path / "a", closed(TIP))
-    save(tmp_path / "a", SUBMECHANISM + axes, "submechanisms.yml")
+def submechanisms(cut: str, predecessor: str, successor: str, rows: str) -> str:
+    """Return a file of hyrodyn, which locks some rows."""
+    text = SUBMECHANISM.replace("cut_joint: elbow", f"cut_joint: {cut}")
+    text = text.replace("body: tip", f"body: {predecessor}").replace("body: rocker", f"body: {successor}")
+    return text + "".join(f"    - {{name: {row}, axis: {ROWS[row]}}}\n" for row in rows.split())
+
+
+def rows_loop(rows: str) -> str:
+    """Return a loop of rows from the tip to the pin of the four-bar that is closed."""
     elbow, swing = angles()
-    kind = f'<loop name="pin" type="rows" rows="{rows}"><predecessor link="tip"/>'
-    turn = (
+    return (
+        f'<loop name="pin" type="rows" rows="{rows}"><predecessor link="tip"/>'
         f'<successor link="rocker"><origin xyz="1 0 0" rpy="0 0 {0.4 + elbow - swing!r}"/></successor></loop>'
     )
-    compare(theirs, save(tmp_path / "b", closed(MOTOR, TIP, kind + turn)))
 
 
-@pytest.mark.parametrize("cut", ["pin_frame", "tip_frame"])
-def test_the_cut_joint_says_which_body_has_the_closing_frame(tmp_path: Path, cut: str) -> None:
-    """A body whose frame is not at the pin is the other one, predecessor or successor."""
-    pin = frame("pin", "rocker", "1 0 0")
-    bodies = ("coupler", "pin") if cut == "pin_frame" else ("tip", "rocker")
-    text = SUBMECHANISM.replace("cut_joint: elbow", f"cut_joint: {cut}")
-    for body, name in zip(("tip", "rocker"), bodies, strict=True):
-        text = text.replace(f"body: {body}", f"body: {name}")
-    theirs = save(tmp_path / "a", closed(TIP, pin))
-    save(
-        tmp_path / "a",
-        text + "".join(f"    - axis: {ROWS[row]}\n" for row in ("tx", "ty")),
-        "submechanisms.yml",
-    )
-    ours = '<loop name="pin" type="rows" rows="tx ty"><predecessor link="tip"/><successor link="pin"/></loop>'
-    compare(theirs, save(tmp_path / "b", closed(MOTOR, TIP, pin, ours)))
+HINGED = mates("1", "2", "1_z@0.1", "2_z@0.1")
+PIN = frame("pin", "rocker", "1 0 0")
+TWO_FRAMES = closed(
+    MOTOR, TIP, PIN,
+    '<loop name="pin" type="rows" rows="tx ty"><predecessor link="tip"/><successor link="pin"/></loop>',
+)  # fmt: skip
+#: A robot in the words of another tool, and in ours.
+SAME: dict[str, tuple[Texts, str]] = {
+    # The witness points stand 0.1 m from the frames along the axis.
+    "closing frames of a hinge": (
+        robot(MOTOR, HINGED), robot(MOTOR, HINGED.replace("closing", "frame"), loop("revolute")),
+    ),
+    "closing frames of a ball": (
+        robot(MOTOR, mates("1", "2")),
+        robot(MOTOR, frame("x1", "coupler", "1 0 0"), frame("x2", "rocker", "1 0 0"), loop("spherical", "")),
+    ),
+    "a ball constraint of Drake": (robot(MOTOR, BALL), robot(MOTOR, loop("spherical", ""))),
+    # SDF closes its loop where all joints are at zero, so the four-bar is bent to be closed there.
+    **{
+        f"a {kind} of Gazebo{turn}": (
+            closed(MOTOR, GAZEBO.format(kind, turn, axis)), closed(MOTOR, ours),
+        )
+        for kind, turn, axis, ours in (
+            ("revolute", "0 0 0", AXIS, loop("revolute")), ("ball", "0 0 0", "", loop("spherical", "")),
+            ("continuous", "0.4 0.1 0", IN_MODEL.format("__model__"), loop("revolute")),
+            ("revolute", "0.4 0 0", IN_MODEL.format("rocker"), loop("revolute")),
+        )
+    },
+    # The constraint's frame is the predecessor's body, and stands at zero where the successor meets it.
+    **{
+        f"rows {rows} of hyrodyn": (
+            {"r.urdf": closed(TIP), "submechanisms.yml": submechanisms("elbow", "tip", "rocker", rows)},
+            closed(MOTOR, TIP, rows_loop(rows)),
+        )
+        for rows in ("tx ty", "tx ty tz rx ry")
+    },
+    # A body whose frame is not at the pin is the other one, predecessor or successor.
+    **{
+        f"a cut joint {cut}": (
+            {"r.urdf": closed(TIP, PIN), "submechanisms.yml": submechanisms(cut, *bodies, "tx ty")},
+            TWO_FRAMES,
+        )
+        for cut, bodies in (("pin_frame", ("coupler", "pin")), ("tip_frame", ("tip", "rocker")))
+    },
+}  # fmt: skip
+SLOW = "a ball of Gazebo", "a continuous of Gazebo", "a revolute of Gazebo0.4", "rows tx ty tz"
+
+
+@pytest.mark.parametrize("name", [slow(name) if name.startswith(SLOW) else name for name in SAME])
+def test_the_same_loop_in_other_words(name: str, tmp_path: Path) -> None:
+    theirs, ours = SAME[name]
+    compare(save_all(tmp_path / "a", theirs), save(tmp_path / "b", ours))
+
+
+def fastened(said: str) -> dict[str, str]:
+    """Return the files of a robot with closing frames, of which model.toml says more."""
+    return {"four_bar.urdf": robot(MOTOR, mates("1", "2")), "four_bar.model.toml": f"[closures]\n{said}\n"}
+
+
+USED = loop("revolute").replace('"coupler"', '"closing_tip_1"').replace('"rocker"', '"closing_tip_2"')
+ROTOR = (
+    '<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="drive"/>'
+    '<actuator name="m"><drake:rotor_inertia value="2e-4"/><drake:gear_ratio value="30"/></actuator>'
+    "</transmission>"
+)
+FOLLOWER = (
+    '<link name="wheel">' + INERTIAL + '</link><joint name="roll" type="continuous"><parent link="ground"/>'
+    '<child link="wheel"/><axis xyz="0 1 0"/><{} joint="drive" multiplier="-3" offset="0.5"/></joint>'
+)
+SERIAL = (
+    "submechanisms:\n- type: 3R\n  jointnames_active: [drive, elbow, swing]\n"
+    "- type: 6DOF\n  jointnames_active: []\n  jointnames_spanningtree: [free_flyer]\n"
+)
+#: The text of a robot, or the texts of its files, and what is read.
+READ: dict[str, tuple[Texts, dict[str, object]]] = {
+    "closing frames without an axis": (robot(MOTOR, mates("1", "2")), {"notes": {"are read as balls"}}),
+    # Only model.toml can say that frames are fastened.
+    "closing frames that are fastened": (
+        fastened('closing_tip = "fixed"'), {"closures": [{"rotation": "fixed", "translations": (0, 1, 2)}]},
+    ),
+    # Each mate counts, whatever else closes loops; frames that a loop uses do not count twice.
+    "closing frames that a loop uses": (robot(mates("1", "2"), USED), {"closures": ["pin"]}),
+    "closing frames beside another closure": (
+        robot(mates("1", "2"), loop("revolute")), {"closures": ["pin", "closing_tip"]},
+    ),
+    **{
+        f"{word} and rotor": (robot(ROTOR, FOLLOWER.format(word), loop("revolute")), {
+            "couplings": [{"terms": (("roll", 1.0), ("drive", 3.0)), "offset": 0.5}],
+            "joints": {"drive": {"rotor_inertia": 2e-4, "gear_ratio": 30.0}},
+        })
+        for word in ("drake:mimic", "mimic")
+    },
+    "serial submechanisms name the motors": (
+        {"r.urdf": robot(TIP), "submechanisms.yml": SERIAL},
+        {"motors": ("drive", "elbow", "swing"), "motors_from": "jointnames_active of submechanisms.yml"},
+    ),
+    "submechanisms beside a loop": (
+        {"r.urdf": robot(MOTOR, loop("revolute")), "submechanisms.yml": SERIAL}, {"notes": {"was not read"}},
+    ),
+    "a weld of Gazebo": (
+        robot(MOTOR, GAZEBO.format("fixed", "0 0 0", "")), {"closures": [{"rotation": "fixed"}]},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    texts, expected = READ[name]
+    holds(read(save_all(tmp_path, texts)), expected)
+
+
+def test_closing_frames_whose_axis_is_not_z(tmp_path: Path) -> None:
+    turned = mates("1", "2", "1_z@0.1", "2_z@0.1", rpy="0.5 0.2 0")
+    theirs = hybridyn.load(save(tmp_path, robot(MOTOR, turned)))
+    (closure,) = theirs.description.closures
+    bodies = [theirs.bodies.place[link][1] for link in (closure.link_a, closure.link_b)]
+    for R, frame_ in zip(bodies, (closure.frame_a, closure.frame_b), strict=True):
+        assert np.allclose(R @ frame_[:3, 2], [0, 0, 1])
+    assert theirs.mobility == 1
+
+
+def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
+    """Like Gazebo, the joint takes the zero posture as closed, wherever the tips are."""
+    loaded = hybridyn.load(save(tmp_path, robot(MOTOR, GAZEBO.format("revolute", "0 0 0", AXIS))))
+    assert float(hybridyn.closure_residual(loaded, loaded.home)) < 1e-14
 
 
 @pytest.mark.parametrize(
@@ -282,21 +286,19 @@ def test_the_cut_joint_says_which_body_has_the_closing_frame(tmp_path: Path, cut
     ],
 )
 def test_wrong_submechanisms(tmp_path: Path, change: Callable[[str], str], message: str) -> None:
-    path = save(tmp_path, closed(TIP))
-    save(tmp_path, change(SUBMECHANISM), "submechanisms.yml")
-    assert "submechanisms.yml" in str(refused(path, message))
+    files = {"four_bar.urdf": closed(TIP), "submechanisms.yml": change(SUBMECHANISM)}
+    refused(save_all(tmp_path, files), "submechanisms.yml", message)
 
 
-def test_serial_submechanisms_name_the_motors(tmp_path: Path) -> None:
-    path = save(tmp_path, robot(TIP))
-    serial = "submechanisms:\n- type: 3R\n  jointnames_active: [drive, elbow, swing]\n"
-    free = "- type: 6DOF\n  jointnames_active: []\n  jointnames_spanningtree: [free_flyer]\n"
-    save(tmp_path, serial + free, "submechanisms.yml")
-    read = hybridyn.description.read(path)
-    assert read.motors == ("drive", "elbow", "swing")
-    assert "submechanisms.yml" in read.motors_from
-    loop_too = save(tmp_path, robot(MOTOR, loop("revolute")))
-    assert any("was not read" in note for note in hybridyn.description.read(loop_too).notes)
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ('closing_tpi = "fixed"', "no such closure (did you mean 'closing_tip'"),
+        ('closing_tip = "welded"', "closing_tip"),
+    ],
+)
+def test_wrong_words_about_closing_frames(tmp_path: Path, said: str, message: str) -> None:
+    refused(save_all(tmp_path, fastened(said)), message)
 
 
 @pytest.mark.parametrize(
