@@ -2,28 +2,20 @@
 
     OMP_NUM_THREADS=1 python -m tests.digests record FILE.npz      on the code before, ten minutes on one core
     OMP_NUM_THREADS=1 python -m tests.digests compare FILE.npz     on the code after, five
-    ... --only shipped|random|times                                one part
-    ... --first 200                                                fewer of the random mechanisms
 
 The record holds the states and the numbers of every result, and what each call raises or warns. It depends on
 the machine's linear algebra, so it is not kept with the code. A difference is stated as part of the result's
 largest entry, and in terms of its conditioning: how far roundings of the inputs move the result.
 """
 
-import argparse
-import contextlib
 import json
 import re
 import sys
-import time
-import timeit
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
-from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -33,7 +25,7 @@ from hybridyn.compiled.equations.states import moving_states
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
 from tests.any_mechanism import any_mechanism
-from tests.digest_calls import FEW, MODELS, Model, positions_of_motors
+from tests.digest_calls import FEW, MODELS, Model
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 MECHANISMS, SAMPLES, SEED = 2000, 2, 26
@@ -111,24 +103,30 @@ def states(case: str, robot: hybridyn.HybridRobot) -> list[np.ndarray]:
     return [q, v, a, tau]
 
 
-def cases(only: str, first: int) -> Iterator[tuple[str, dict[str, Model]]]:
+def cases() -> Iterator[tuple[str, dict[str, Model]]]:
     """Yield the name and the models of each case."""
-    for name in ROBOTS if only in ("", "shipped") else ():
+    for name in ROBOTS:
         yield f"{name}/fixed", MODELS
-        for base in ("moving", "floating"):
-            yield f"{name}/{base}", FEW
-    for seed in range(first if only in ("", "random") else 0):
-        yield f"random/{seed}", FEW
+        yield from ((f"{name}/{base}", FEW) for base in ("moving", "floating"))
+    yield from ((f"random/{seed}", FEW) for seed in range(MECHANISMS))
 
 
-def record(only: str, first: int) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Compute all results; return numbers, inputs and spreads by name, and what calls raised or warned."""
+def record(before: Mapping[str, np.ndarray] | None = None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Compute all results; return numbers by name, and what calls raised or warned.
+
+    Args:
+        before: An earlier record, whose states are taken; else they are drawn, and kept with the numbers, and
+            so is how far roundings of them move each result.
+    """
     kept: dict[str, np.ndarray] = {}
     verdicts: dict[str, str] = {}
-    for case, models in cases(only, first):
+    for case, models in cases():
         try:
             robot = robot_of(case)
-            given = states(case, robot)
+            if f"{case}/input 0" in (before or {}):
+                given = [before[f"{case}/input {i}"] for i in range(4)]
+            else:
+                given = states(case, robot)
         except HybridynError as error:
             verdicts[case] = said(error)
             continue
@@ -136,119 +134,48 @@ def record(only: str, first: int) -> tuple[dict[str, np.ndarray], dict[str, str]
         for name, model in models.items():
             this = f"{case}/{name}"
             kept[this], verdicts[this] = called(partial(model, robot, *given))
-            draws = 0 if not kept[this].size or name == "simulate" else 1 if case[:6] == "random" else 2
-            kept[f"{this}/moved"] = np.array(moved(partial(model, robot), given, kept[this], draws))
+            if before is None:
+                draws = 0 if not kept[this].size or name == "simulate" else 2
+                kept[f"{this}/moved"] = np.array(moved(partial(model, robot), given, kept[this], draws))
     return kept, verdicts
 
 
-def compare(before: Mapping[str, np.ndarray], verdicts: dict[str, str], only: str, first: int) -> bool:
-    """Compute all results at the recorded states, print what differs, tell whether it is only rounding."""
-    counts, worst = Counter[str](), dict[str, tuple[float, float, str]]()
-    for case, models in cases(only, first):
-        try:
-            robot = robot_of(case)
-        except HybridynError as error:
-            counts["same refusals"] += report(case, verdicts.get(case, ""), said(error), counts)
-            continue
-        if f"{case}/input 0" not in before:
-            counts["without states"] += 1
-            continue
-        given = [before[f"{case}/input {i}"] for i in range(4)]
-        for name, model in models.items():
-            this = f"{case}/{name}"
-            found, verdict = called(partial(model, robot, *given))
-            report(this, verdicts[this], verdict, counts)
-            old = before[this]
-            if found.tobytes() == old.tobytes():
-                counts["same bits"] += 1
-            elif found.shape != old.shape:
-                counts["other shapes"] += 1
-                print(f"SHAPE    {this}: {old.shape} before, {found.shape} now")
-            else:
-                off, size = np.nanmax(np.abs(found - old)), np.nanmax(np.abs(old))
-                roundings = off / max(float(before[f"{this}/moved"]), EPS * size)
-                known = name != "simulate" and not np.isnan(found - old).any()
-                within = known and roundings <= ROUNDINGS
-                counts["same to rounding" if within else "MORE THAN ROUNDING"] += 1
-                worst[name] = max(worst.get(name, (0.0, 0.0, "")), (roundings, off / size, this))
-                if not within:
-                    print(
-                        f"DIFFERS  {this}: {off / size:.1e} of the largest entry, {roundings:.1f} roundings"
-                    )
-    for name, (roundings, off, this) in worst.items():
-        print(f"worst of {name}: {roundings:.1f} roundings, {off:.1e} of the largest entry, {this}")
-    print(", ".join(f"{count} {what}" for what, count in counts.items()))
-    return not counts["MORE THAN ROUNDING"] + counts["other shapes"] + counts["OTHER VERDICTS"]
+def judged(this: str, old: np.ndarray, now: np.ndarray, spread: float) -> str:
+    """Say how a result differs from the recorded one, and print it where that is more than rounding."""
+    if now.tobytes() == old.tobytes():
+        return "same bits"
+    roundings = np.inf
+    if now.shape == old.shape and not np.isnan(now - old).any() and not this.endswith("simulate"):
+        roundings = np.abs(now - old).max() / max(spread, EPS * np.abs(old).max())
+    if roundings <= ROUNDINGS:
+        return "same to rounding"
+    print(f"DIFFERS  {this}: {roundings:.1f} roundings, shape {old.shape} before, {now.shape} now")
+    return "MORE THAN ROUNDING"
 
 
-def report(case: str, before: str, now: str, counts: Counter[str]) -> bool:
-    """Print and count what a call raised or warned, if it is something else than before."""
-    if before == now:
-        return True
-    kinds = [re.findall(r"\w+(?=: )", text)[:1] for text in (before, now)]
-    what = "other words" if kinds[0] == kinds[1] else "OTHER VERDICTS"
-    counts[what] += 1
-    print(f"{what} {case}: {before or 'no error'} -> {now or 'no error'}")
-    return False
-
-
-def timed(name: str) -> dict[str, Callable[[], Any]]:
-    """Return calls on a shipped robot, by name."""
-    robot = hybridyn.load(name)
-    q, v, a, tau = states(f"{name}/fixed", robot)
-    Q, V, A, Tau = (np.tile(x, (100, 1)) for x in (q, v, a, tau))
-    idm = partial(hybridyn.idm, robot, passive="solved")
-    return {
-        "load": lambda: hybridyn.load(name),
-        "assemble": lambda: hybridyn.assemble(robot, motors=positions_of_motors(robot, Q, V, A), guess=q[0]),
-        "idm": lambda: idm(q[0], v[0], a[0]),
-        "ddm": lambda: hybridyn.ddm(robot, q[0], v[0], tau[0]),
-        "idm of 200": lambda: idm(Q, V, A),
-        "ddm of 200": lambda: hybridyn.ddm(robot, Q, V, Tau),
-    }
-
-
-def times() -> dict[str, float]:
-    """Return the processor time of calls on the shipped robots, the median of repeats [s]."""
-    out = {}
-    for name in ROBOTS:
-        for what, call in timed(name).items():
-            with warnings.catch_warnings(), contextlib.suppress(HybridynError):
-                warnings.simplefilter("ignore")
-                call()
-                out[f"{name} {what}"] = median(
-                    timeit.repeat(call, number=1, repeat=7, timer=time.process_time)
-                )
-    return out
-
-
-def main() -> int:
-    """Record or compare."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("what", choices=["record", "compare"])
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--only", choices=["shipped", "random", "times"], default="")
-    parser.add_argument("--first", type=int, default=MECHANISMS)
-    asked = parser.parse_args()
-    spent = times() if asked.only in ("", "times") else {}
-    if asked.what == "record":
-        kept, verdicts = record(asked.only, asked.first)
-        said_too = np.array(json.dumps({"verdicts": verdicts, "times": spent}))
-        np.savez_compressed(asked.file, words=said_too, **kept)
+def main(what: str, file: str) -> int:
+    """Record or compare; give 1 where a result or a verdict is another one."""
+    if what == "record":
+        kept, verdicts = record()
+        np.savez_compressed(file, words=np.array(json.dumps(verdicts)), **kept)
         print(f"{len(verdicts)} results, {sum(map(bool, verdicts.values()))} of them refusals or warnings")
         return 0
-    before = dict(np.load(asked.file))
+    before = dict(np.load(file))
     words = json.loads(str(before.pop("words")))
-    same = asked.only == "times" or compare(before, words["verdicts"], asked.only, asked.first)
-    ratios = {name: spent[name] / words["times"][name] for name in spent if name in words["times"]}
-    for name, ratio in sorted(ratios.items(), key=lambda pair: -pair[1]):
-        print(f"time {name}: {1e3 * spent[name]:.2f} ms, {ratio:.2f} times before")
-    if ratios:
-        print(f"times: {median(ratios.values()):.2f} times before at the median")
-    return 0 if same else 1
+    kept, verdicts = record(before)
+    counts = Counter(
+        judged(this, before[this], now, float(before[f"{this}/moved"]))
+        for this, now in kept.items()
+        if f"{this}/moved" in before
+    )
+    for case in words.keys() | verdicts.keys():
+        if (was := words.get(case, "")) != (now := verdicts.get(case, "")):
+            kinds = [re.findall(r"\w+(?=: )", text)[:1] for text in (was, now)]
+            counts["other words" if kinds[0] == kinds[1] else "OTHER VERDICTS"] += 1
+            print(f"SAYS     {case}: {was or 'no error'} -> {now or 'no error'}")
+    print(", ".join(f"{count} {how}" for how, count in counts.items()))
+    return int(bool(counts["MORE THAN ROUNDING"] + counts["OTHER VERDICTS"]))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

@@ -13,12 +13,13 @@ singular, 1 isotropic. Motions and twists come from `tests.oracle`, postures fro
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import hybridyn
+from hybridyn.structure.module import Module
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
@@ -32,36 +33,18 @@ EVERY = 10  # rows from one posture to the next: the motions are smooth
 NOTHING = 1e-7  # relative size under which a twist is no motion of the platform
 
 
-class Part(NamedTuple):
-    """A parallel module: its motors, its platform and base, the length that makes metres of radians [m]."""
-
-    motors: tuple[str, ...]
-    platform: str
-    base: str
-    length: float
-
-
-def legs(module: int, count: int, base: str, length: float) -> Part:
-    """Name the parts of a module with sliding legs."""
-    motors = tuple(f"m{module}_leg{i}_slide" for i in range(1, count + 1))
-    return Part(motors, f"m{module}_platform", base, length)
-
-
-def arms(base: str) -> Part:
-    """Name the parts of a Delta; its platform does not turn, so it needs no length."""
-    return Part(tuple(f"m1_arm{i}_drive" for i in (1, 2, 3)), "m1_platform", base, 1.0)
-
-
-PARTS: dict[str, list[Part]] = {
-    "gough_stewart": [legs(1, 6, "m1_base", 0.32)],
-    "lx4": [legs(k, 6, "m1_base" if k == 1 else f"m{k - 1}_platform", 0.18) for k in range(1, 5)],
-    "rps3": [legs(1, 3, "m1_base", 0.2)],
-    "five_bar": [Part(("m1_left_drive", "m1_right_drive"), "m1_tool", "m1_base", 0.0)],
-    "delta": [arms("m1_base")],
-    "tanev": [legs(1, 3, "m1_base", 0.2), legs(2, 3, "m1_platform", 0.14)],
-    "stewart_ur5": [legs(1, 6, "m1_base", 0.32)],
-    "scara_delta": [arms("scara_flange")],
-    "snake": [legs(k, 3, "tail" if k == 1 else f"m{k - 1}_platform", 0.05) for k in range(1, 13)],
+#: The platform of each parallel module, and the length that makes metres of radians [m], 1 for a Delta, whose
+#: platform does not turn.
+PARTS: dict[str, dict[str, float]] = {
+    "gough_stewart": {"m1_platform": 0.32},
+    "lx4": {f"m{k}_platform": 0.18 for k in range(1, 5)},
+    "rps3": {"m1_platform": 0.2},
+    "five_bar": {"m1_tool": 0.0},
+    "delta": {"m1_platform": 1.0},
+    "tanev": {"m1_platform": 0.2, "m2_platform": 0.14},
+    "stewart_ur5": {"m1_platform": 0.32},
+    "scara_delta": {"m1_platform": 1.0},
+    "snake": {f"m{k}_platform": 0.05 for k in range(1, 13)},
 }
 
 
@@ -105,17 +88,17 @@ def velocity(posture: Posture, link: str) -> Array:
     return np.vstack([twist[:3] + np.cross(twist[3:].T, frame.r).T, twist[3:]])
 
 
-def margin(oracle: Oracle, q: Array, part: Part) -> float:
+def margin(oracle: Oracle, q: Array, module: Module, platform: str, length: float) -> float:
     """Return the margin of one module at one posture, shape (nq,)."""
     posture = oracle.posture(q)
     motions = oracle.unit[:, None] * posture.Z
-    relative = velocity(posture, part.platform) - velocity(posture, part.base)
-    between = posture.links[part.platform].x - posture.links[part.base].x
-    relative[:3] -= np.cross(velocity(posture, part.base)[3:].T, between).T
-    relative[3:] *= part.length
+    relative = velocity(posture, platform) - velocity(posture, module.base)
+    between = posture.links[platform].x - posture.links[module.base].x
+    relative[:3] -= np.cross(velocity(posture, module.base)[3:].T, between).T
+    relative[3:] *= length
     _, sizes, basis = np.linalg.svd(relative @ motions, full_matrices=False)
     count = int(np.sum(sizes > NOTHING * sizes[0]))
-    rates = motions[[oracle.coordinates[motor][2].start for motor in part.motors]]
+    rates = motions[[oracle.coordinates[motor][2].start for motor in module.motors]]
     values = np.linalg.svd(rates @ basis[:count].T / sizes[:count], compute_uv=False)
     return float(values[-1] / values[0])
 
@@ -125,7 +108,9 @@ def smallest_margin(name: str, every: int = EVERY) -> float:
     robot = load(name)
     oracle = Oracle(robot.description, robot.base)
     postures = states(robot, name, every)[0]
-    return min(margin(oracle, q, part) for q in postures for part in PARTS[name])
+    parallel = [module for module in robot.modules if module.closures]
+    parts = list(zip(parallel, PARTS[name].items(), strict=True))
+    return min(margin(oracle, q, module, *part) for q in postures for module, part in parts)
 
 
 if __name__ == "__main__":
