@@ -71,7 +71,7 @@ class Exact(NamedTuple):
 
     def of_motors(self, robot: HybridRobot, model: Model) -> Exact:
         """Return the same of the motors alone."""
-        at = robot.motor_columns
+        at = robot.motor_v
         dq, dv, dx = self.along
         if model == "idm":
             return Exact((dq[at], dv[at], dx[at]), self.value, self.error)

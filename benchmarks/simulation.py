@@ -153,7 +153,7 @@ class Judge:
             return Flight(
                 case, method, setting, seconds, error, math.nan, math.nan, "lost: it left the motion"
             )
-        motors = at.robot.motor_columns
+        motors = at.robot.motor_v
         found = hybridyn.energy(at.robot, q, v)
         kept = found.total - (q - q[0])[:, motors] @ at.tau
         drift = float(np.abs(kept - kept[0]).max() / found.kinetic.max())

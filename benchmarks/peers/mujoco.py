@@ -45,7 +45,7 @@ class Translated:
         joints = [self.model.joint(name) for name in robot.joints]
         self.to_q = np.array([j.qposadr[0] for j in joints], dtype=int)
         self.to_v = np.array([j.dofadr[0] for j in joints], dtype=int)
-        self.motors = self.to_v[robot.motor_columns]
+        self.motors = self.to_v[robot.motor_v]
         self.cosine = np.array([at.start for at in robot.q_slices], dtype=int)
         self.turning = np.array([kind == "continuous" for kind in robot.kinds])
         self.sine = self.cosine + self.turning

@@ -62,7 +62,7 @@ def loops(robot: HybridRobot) -> Loops:
     data = pin.StdVec_RigidConstraintData()
     for constraint in constraints:
         data.append(constraint.createData())
-    motors = robot.motor_columns
+    motors = robot.motor_v
     return Loops(model, model.createData(), constraints, data, motors, others(motors, robot.nv))
 
 

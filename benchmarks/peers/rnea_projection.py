@@ -117,7 +117,7 @@ def rnea_alone(robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare `pin.rnea` of the spanning tree; the motors' entries are the efforts of the tree cut open."""
     if not robot.description.closures:
         raise NotMeasuredError("no loops: listed as pin.rnea")
-    model, motors = tree(robot), robot.motor_columns
+    model, motors = tree(robot), robot.motor_v
     data = model.createData()
 
     def solve(q: Array, v: Array, a: Array) -> Array:

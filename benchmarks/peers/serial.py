@@ -26,7 +26,7 @@ def _tree(robot: HybridRobot) -> pin.Model:
 
 def aba(robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare the direct model."""
-    model, motors = _tree(robot), robot.motor_columns
+    model, motors = _tree(robot), robot.motor_v
     data = model.createData()
 
     def solve(q: Array, v: Array, tau: Array) -> Array:
@@ -40,7 +40,7 @@ def aba(robot: HybridRobot) -> Callable[[Setting], Solver]:
 
 def rnea(robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare the inverse model."""
-    model, motors = _tree(robot), robot.motor_columns
+    model, motors = _tree(robot), robot.motor_v
     data = model.createData()
 
     def solve(q: Array, v: Array, a: Array) -> Array:

@@ -6,9 +6,9 @@ Newton problem on its tree after the cuts. The positions of cut wrists follow fr
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import HybridynError, TrajectoryError
 from ..linkage.closures import Closures
@@ -21,7 +21,6 @@ from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
-from ..tables.named_columns import is_table
 from ..threads import one_thread
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
@@ -38,7 +37,7 @@ MOST_TOGETHER = 2000
 def assemble(
     robot: HybridRobot,
     *,
-    motors: Mapping[str, object] | None = None,
+    motors: Mapping[str, object] | ArrayLike | None = None,
     platforms: Mapping[str, object] | None = None,
     guess: Array | None = None,
 ) -> tuple[Array, Array, Array]:
@@ -48,14 +47,16 @@ def assemble(
         robot: The robot.
         motors: Joint name to (position, rate, acceleration), each a number or shape (T,), [m or rad, and
             per second]; rates and accelerations are zero by default. Joints that gears
-            (`<mimic>`, `<coupling>`) determine from them follow.
+            (`<mimic>`, `<coupling>`) determine from them follow. Or positions in the order of
+            `robot.motors`, shape (motors,) or (T, motors), or a tuple of positions, rates and accelerations.
         platforms: "link" (relative to the root link) or "link@other" (relative to another link) to (pose,
-            twist, acceleration). The pose x, y, z, qx, qy, qz, qw has shape (7,) or (T, 7). The twist, shape
-            (T, 6), holds the velocity of the link's origin and its angular velocity relative to the other
-            link, in the other link's axes. The acceleration holds their time derivatives (classical). For a
-            partial pose (the paper's v_r), each is a mapping from some of x, y, z, roll, pitch, yaw to
-            numbers or shapes (T,). For a moving or floating base, the root link's name stands for the pose
-            of the base in the world (at rest by default).
+            twist, acceleration). The pose is x, y, z, qx, qy, qz, qw, shape (7,) or (T, 7), a matrix, shape
+            (4, 4) or (T, 4, 4), or a `pin.SE3`. The twist, shape (T, 6), holds the velocity of the link's
+            origin and its angular velocity relative to the other link, in the other link's axes. The
+            acceleration holds their time derivatives (classical). For a partial pose (the paper's v_r), each
+            is a mapping from some of x, y, z, roll, pitch, yaw to numbers or shapes (T,). For a moving or
+            floating base, the root link's name stands for the pose of the base in the world (at rest by
+            default).
         guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given
             moves straight from there to the first sample, on the guess's assembly branch. From another one,
             and from the home posture, which is the default, the first sample is on that branch if the branch
@@ -71,7 +72,7 @@ def assemble(
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
-    requests = gather_requests(robot, by_name(motors), by_name(platforms))
+    requests = gather_requests(robot, motors, platforms)
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
     requests = replace(requests, strict=guess is not None)
@@ -123,13 +124,6 @@ def _one_by_one(robot: HybridRobot, requests: Requests, numbers: range, q: Array
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
         place_bodies(robot, module, motion, bodies)
-
-
-def by_name(wanted: Any) -> Mapping[str, object]:
-    """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
-    if not is_table(wanted):
-        return wanted or {}
-    return {str(name): wanted[name] for name in wanted.columns}
 
 
 def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:

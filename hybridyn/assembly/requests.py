@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..description.names import did_you_mean
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
-from ..spatial import LARGEST, Array, rotation_from_quaternion
+from ..spatial import LARGEST, Array, quaternion_from_rotation, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT, as_numbers
+from ..tables.named_columns import is_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +76,47 @@ class Requests:
         )
 
 
+def by_name(wanted: Any) -> Mapping[str, object]:
+    """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
+    if not is_table(wanted):
+        return wanted or {}
+    return {str(name): wanted[name] for name in wanted.columns}
+
+
+def motors_by_name(robot: HybridRobot, motors: Any) -> Mapping[str, object]:
+    """Return the positions of motors by name, also of arrays in the order of the motors, see `assemble`.
+
+    Raises:
+        TrajectoryError: An array has another number of columns than the robot has motors.
+    """
+    if motors is None or is_table(motors) or isinstance(motors, Mapping):
+        return by_name(motors)
+    levels = isinstance(motors, tuple) and any(np.ndim(part) for part in motors)
+    parts = [
+        as_numbers(part, "motors") for part in _triple(motors if levels else (motors,)) if part is not None
+    ]
+    n = len(robot.motors)
+    for part in parts:
+        if part.ndim not in (1, 2) or part.shape[-1] != n:
+            raise TrajectoryError(
+                f"motors has shape {part.shape}; wanted ({n},) or (T, {n}), as robot.motors, or a mapping "
+                f"such as {{{robot.motors[0] if n else 'name'!r}: 0.1}}"
+            )
+    return {name: tuple(part[..., i] for part in parts) for i, name in enumerate(robot.motors)}
+
+
 def gather_requests(
-    robot: HybridRobot, motors: Mapping[str, object], platforms: Mapping[str, object]
+    robot: HybridRobot,
+    motors: Mapping[str, object] | ArrayLike | None,
+    platforms: Mapping[str, object] | None,
 ) -> Requests:
-    """Check the caller's input and build the requests.
+    """Check the caller's input, see `assemble`, and build the requests.
 
     Raises:
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or a quaternion is not
             of unit length.
     """
+    motors, platforms = motors_by_name(robot, motors), by_name(platforms)
     kind = dict(zip(robot.joints, robot.kinds, strict=True))
     for name in motors:
         _known(name, kind, "joint")
@@ -158,8 +193,10 @@ def _for_all(triples: Mapping[str, list[Array]], T: int) -> dict[str, Array]:
 
 def _pose(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
     """Return pose, twist and acceleration, shape (width,) or (T, width), or the triples of a partial pose."""
-    parts = _triple(value)
+    numbers = isinstance(value, list | tuple) and all(isinstance(x, int | float) for x in value)
+    parts = _triple((value,) if numbers else value)
     if not isinstance(parts[0], Mapping):
+        parts = (_pose_numbers(key, parts[0]), *parts[1:])
         return [_array(key, part, width) for part, width in zip(parts, (7, 6, 6), strict=True)]
     out = {}
     for name in parts[0]:
@@ -173,13 +210,26 @@ def _pose(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
     return out
 
 
+def _pose_numbers(key: str, pose: object) -> Array:
+    """Return a pose as x, y, z, qx, qy, qz, qw; it may be a matrix, shape (..., 4, 4), or a `pin.SE3`."""
+    out = as_numbers(getattr(pose, "homogeneous", pose), f"the pose of '{key}'")
+    if out.shape[-2:] != (4, 4):
+        return out
+    R = out[..., :3, :3]
+    off = R @ R.swapaxes(-1, -2) - np.eye(3)
+    if not (np.abs(off) <= UNIT).all() or not (np.linalg.det(R) > 0).all():
+        raise TrajectoryError("the axes of its matrix are not those of a right-handed frame", column=key)
+    return np.concatenate([out[..., :3, 3], quaternion_from_rotation(R)], axis=-1)
+
+
 def _array(key: str, value: object, width: int) -> Array:
     """Return one part of a pose, shape (width,) or (T, width), zero where omitted."""
     out = as_numbers(np.zeros(width) if value is None else value, f"the pose of '{key}'")
     if out.shape[-1:] != (width,) or out.ndim > 2 or not np.isfinite(out).all():
-        raise TrajectoryError(
-            f"needs finite numbers of shape ({width},) or (T, {width}), not {out.shape}", column=key
-        )
+        wanted = f"shape ({width},) or (T, {width})"
+        if width == 7:
+            wanted += f" or a matrix or pin.SE3, such as {{{key!r}: [0, 0, 0.5, 0, 0, 0, 1]}}"
+        raise TrajectoryError(f"needs finite numbers of {wanted}, not {out.shape}", column=key)
     return out
 
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: Distance of a posture that is home itself [m or rad]: rounding of Newton's method.
 AT_HOME = 1e-9
+#: Decimals of a position [m or rad]; those beyond are rounding.
+DECIMALS = 14
 
 
 def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
@@ -89,7 +91,8 @@ def command(
         _save(robot, found, output)
     for line in _lines(found, everything, choose):
         click.echo(line, err=not everything)
-    home = positions(robot, found.postures[choose - 1].q)
+    posture = positions(robot, found.postures[choose - 1].q)
+    home = {name: tuple(round(x, DECIMALS) + 0.0 for x in values) for name, values in posture.items()}
     if write:
         click.echo(f"written to {write_home(str(robot.description.source), home)}", err=True)
     elif not everything:

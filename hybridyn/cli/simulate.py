@@ -52,6 +52,7 @@ AT_ONCE = 4096
     callback=existing_file,
     help="Continue a run that was stopped: its result file, or the '.state' file beside it.",
 )
+@click.option("--overwrite", is_flag=True, help="Begin anew where FILE holds a run that was stopped.")
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
 @takes_engine("evaluations (four a fixed step, else one an output sample)", WORTH_IN_TIME)
 @takes_plot("efforts by module, power, energy and residuals", page=True)
@@ -61,6 +62,7 @@ def command(
     output: str | None,
     until: float | None,
     resume: str | None,
+    overwrite: bool,
     allow_python: bool,
     engine: str | None,
     plot: str | None,
@@ -74,7 +76,8 @@ def command(
 
     Ctrl-C stops after the current step. The rows so far are written to FILE, and the state to FILE.state.
     '--resume FILE' continues the run; the result is the same, bit for bit, as that of a run without a stop.
-    FILE.state is also written every 1,000 steps, and removed at the end.
+    FILE.state is also written every 1,000 steps, and removed at the end. While it exists, a new run into FILE
+    needs --overwrite.
     """
     from ..scenes.stage import files_of, identity, play, stage
 
@@ -84,6 +87,11 @@ def command(
     state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
     if state is not None and os.path.islink(state):  # a scene's folder may have come with it
         raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
+    if state is not None and os.path.exists(state) and not (resume or overwrite):
+        raise click.UsageError(
+            f"'{target}' holds a run that was stopped: '--resume {target}' continues it, --overwrite begins "
+            "anew"
+        )
     check_targets(files_of(ready.source), (target, state, plot))
     earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
     chosen = _engine(ready, engine)

@@ -135,7 +135,7 @@ def _references(
             values = closed | {"tau": out[0]["tau"]} if out[0] else {}
         elif program.name == "close_platforms":
             read = np.zeros(robot.nv)
-            read[robot.motor_columns] = 1.0
+            read[robot.motor_v] = 1.0
             read[: 0 if robot.base == "fixed" else 6] = 1.0
             values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
             values |= platform_motions(robot, q, v, a)

@@ -151,7 +151,7 @@ def power(
     on, clock = choose(robot, effects), times(time, len(q))
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
-    columns = robot.motor_columns
+    columns = robot.motor_v
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
     all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm

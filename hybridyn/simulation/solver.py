@@ -7,9 +7,19 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
+from ..description.names import did_you_mean
 from ..errors import TrajectoryError
 from ..spatial import LARGEST
 
+#: What other programs call the arguments of `simulate`.
+OTHER_WORDS = {
+    "dt": "step",
+    "h": "step",
+    "timestep": "step",
+    "tau": "effort",
+    "t_eval": "output_times",
+    "tol": "rtol",
+}
 METHODS = ("rk4", "dopri5", "implicit", "conserving")
 PROJECTIONS = ("stages", "steps", "never")
 
@@ -96,7 +106,15 @@ def choose_solver(solver: Solver | None, **options: Unpack[SolverOptions]) -> So
 
     Raises:
         TrajectoryError: Both are given, or the options are wrong.
+        TypeError: `simulate` has no such argument.
     """
+    for name in options:
+        if name not in SolverOptions.__annotations__:
+            meant = OTHER_WORDS.get(name)
+            hint = (
+                f" (did you mean '{meant}'?)" if meant else did_you_mean(name, SolverOptions.__annotations__)
+            )
+            raise TypeError(f"simulate has no argument '{name}'{hint}")
     if solver is None:
         return Solver(**options)
     if options:

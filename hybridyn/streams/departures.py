@@ -14,6 +14,7 @@ import numpy as np
 from ..description.records import Joint
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from .other_units import other_unit
 
 #: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9
@@ -36,6 +37,7 @@ class Departure:
         by: Difference between `worst` and `limit`, positive.
         first: Number of the first sample outside the limits, from 0.
         count: Number of samples outside the limits.
+        question: Whether a position has another unit: "degrees?", "millimetres?" or "".
     """
 
     joint: str
@@ -46,6 +48,7 @@ class Departure:
     by: float
     first: int
     count: int
+    question: str = ""
 
     def then(self, later: Departure) -> Departure:
         """Merge this departure with `later`, which has the later samples."""
@@ -108,6 +111,7 @@ def _outside(quantity: str, values: Array, limited: list[tuple[Joint, int]]) -> 
             float(beyond[worst]),
             int(outside[0]),
             len(outside),
+            other_unit(joints[i], value, np.inf) if quantity == "position" else "",
         )
 
 
@@ -161,7 +165,7 @@ class Departures:
         return (
             f"joint '{one.joint}' leaves its limits: {one.quantity} of {one.worst:.6g} {unit}, limit "
             f"{one.limit:g} {unit}, by {one.by:.3g} {unit}; first at {self._at[one.joint, one.quantity]}, "
-            f"{one.count:,} sample{many}"
+            f"{one.count:,} sample{many}" + (f": {one.question}" if one.question else "")
         )
 
     def lines(self) -> list[str]:

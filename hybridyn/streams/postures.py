@@ -7,7 +7,8 @@ import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..errors import AT_SAMPLE, AssemblyError, HybridynError
+from ..errors import AT_SAMPLE, AssemblyError, HybridynError, SingularityError
+from .other_units import question
 
 if TYPE_CHECKING:
     from ..description.records import Array
@@ -71,7 +72,11 @@ def postures(
     """
     if not layout.full_state:
         with rows_named(layout, motion):
-            return Postures(motion, *_assembled(robot, motion, guess, assemble))
+            try:
+                return Postures(motion, *_assembled(robot, motion, guess, assemble))
+            except (AssemblyError, SingularityError) as error:
+                error.advice += question(robot, motion)
+                raise
     from ..tables.trajectory import full_state
 
     root = robot.description.root if robot.base != "fixed" else None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..description.records import Description
-from ..errors import ModelError
+from ..errors import HybridynError, ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..spatial import LARGEST, Array, indices, slices
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Acceleration of gravity if neither the caller nor the file defines one [m/s^2].
 EARTH = (0.0, 0.0, -9.81)
+#: A closure's frame this many times farther from its link than joints from each other has another unit.
+FAR = 30.0
 
 
 class ModuleBuilder:
@@ -232,7 +234,11 @@ def build_robot(
     if base == "floating":
         build.add_base()
     for graph in graphs:
-        build.add(graph)
+        try:
+            build.add(graph)
+        except HybridynError as error:
+            error.advice += _far_frame(description)
+            raise
     return HybridRobot(
         description=description,
         base=base,
@@ -250,6 +256,19 @@ def build_robot(
         held=kept,
         rebuild=_with_parameters,
     )
+
+
+def _far_frame(description: Description) -> str:
+    """Return the question about the unit of a closure's frame that is far beyond all joints, or ""."""
+    size = max((float(np.linalg.norm(joint.placement[:3, 3])) for joint in description.joints), default=0.0)
+    for closure in description.closures:
+        for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
+            if (far := float(np.linalg.norm(frame[:3, 3]))) > FAR * size > 0:
+                return (
+                    f". The frame of '{closure.name}' on '{link}' is {far:g} m from its link, and no "
+                    f"joint is more than {size:.3g} m from the one before it: millimetres?"
+                )
+    return ""
 
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:

@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 Base = Literal["fixed", "moving", "floating"]
 #: Motors that the printed robot names.
 SHOWN_MOTORS = 4
+#: Attributes that `dir` lists.
+SHOWN = (
+    "base", "description", "effort_units", "gravity", "home", "joint_index", "joints", "kinds", "mobility",
+    "model", "modules", "motor_q", "motor_v", "motors", "name", "notes", "nq", "nv", "payloads", "q_slices",
+    "v_slices", "with_parameters",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +87,10 @@ class HybridRobot:
             f"q has {self.nq} coordinates, v has {self.nv}, tau has {len(self.motors)}"
             + (f": {shown}" if shown else "")
         )
+
+    def __dir__(self) -> list[str]:
+        """List what a user may touch; hybridyn's own functions use more."""
+        return [*SHOWN]
 
     @property
     def name(self) -> str:
@@ -142,10 +152,14 @@ class HybridRobot:
         return ["N" if self.records[name].kind == "prismatic" else "N m" for name in self.motors]
 
     @cached_property
-    def motor_columns(self) -> Index:
-        """Index in v of each motor's first freedom, shape (motors,)."""
-        starts = [self.v_slices[self.joint_index[name]].start for name in self.motors]
-        return np.array(starts, dtype=int)
+    def motor_q(self) -> Index:
+        """Index in q of each motor, shape (motors,); that of a joint that turns without end is its cosine."""
+        return np.array([self.q_slices[self.joint_index[name]].start for name in self.motors], dtype=int)
+
+    @cached_property
+    def motor_v(self) -> Index:
+        """Index in v of each motor, shape (motors,)."""
+        return np.array([self.v_slices[self.joint_index[name]].start for name in self.motors], dtype=int)
 
     @cached_property
     def cut_joints(self) -> frozenset[str]:

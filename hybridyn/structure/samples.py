@@ -14,6 +14,8 @@ from .robot import HybridRobot
 #: Largest deviation of the length of a quaternion, or of a cosine and sine, from one. It accepts files with
 #: seven digits.
 UNIT = 1e-6
+#: Where arrays of all joints come from.
+OF_JOINTS = ", all joints: take q, v, a = hybridyn.assemble(robot, motors=...)"
 
 
 def as_numbers(given: object, name: str) -> Array:
@@ -28,8 +30,11 @@ def as_numbers(given: object, name: str) -> Array:
         raise TrajectoryError(f"{name} is not an array of numbers: {error}") from None
 
 
-def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
+def as_batch(array: ArrayLike, width: int, name: str, advice: str = "") -> tuple[Array, bool]:
     """Return samples as an array of shape (T, width), and whether the input was a single sample.
+
+    Args:
+        advice: What to do about a wrong shape, for the message.
 
     Raises:
         TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite or
@@ -45,7 +50,9 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     if single:
         out = out[None]
     if out.ndim != 2 or out.shape[1] != width:
-        raise TrajectoryError(f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width})")
+        raise TrajectoryError(
+            f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width}){advice}"
+        )
     bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(bad):
         raise TrajectoryError(f"{name} is not finite{AT_SAMPLE}", sample=int(bad[0]))
@@ -95,7 +102,7 @@ def as_positions(
         TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine
             whose length is not one.
     """
-    out, single = as_batch(from_table(robot, array, "position"), robot.nq, name)
+    out, single = as_batch(from_table(robot, array, "position"), robot.nq, name, OF_JOINTS)
     for columns in robot.unit_coordinates:
         if not base_given:
             columns = columns[columns[:, 0] >= NQ["floating"]]
@@ -126,7 +133,7 @@ def as_rates(
     Raises:
         TrajectoryError: As for `as_batch`, or columns of a table are missing or unknown.
     """
-    return as_batch(from_table(robot, array, quantity), robot.nv, name)
+    return as_batch(from_table(robot, array, quantity), robot.nv, name, OF_JOINTS)
 
 
 def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
@@ -135,7 +142,7 @@ def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
     Raises:
         TrajectoryError: As for `as_rates`.
     """
-    return as_batch(from_table(robot, array, "effort"), len(robot.motors), "tau")
+    return as_batch(from_table(robot, array, "effort"), len(robot.motors), "tau", ", as robot.motors")
 
 
 def same_samples(**arrays: Array) -> None:

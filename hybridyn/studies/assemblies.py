@@ -92,7 +92,7 @@ def assemblies(
         AssemblyError: There is no posture, it is underdetermined, or stacked modules have more than 10,000.
         TrajectoryError: A name is unknown, a shape is wrong, or there are several samples.
     """
-    requests = gather_requests(robot, motors or {}, platforms or {})
+    requests = gather_requests(robot, motors, platforms)
     if not requests.single:
         raise TrajectoryError("assemblies takes one sample: numbers, and poses of shape (7,)")
     if starts < 1:

@@ -436,6 +436,31 @@ def test_a_whole_pose_beyond_tolerance_is_an_error_at_its_row(off: float, row: i
     assert error.residual > 1e-4
 
 
+def test_motors_may_be_arrays_in_their_order() -> None:
+    robot, x = build_robot(symmetric_five_bar()), np.array([[2.0, 1.1], [2.1, 1.2], [2.2, 1.3]])
+    by_name = {name: (x[:, i], 2 * x[:, i]) for i, name in enumerate(robot.motors)}
+    wanted = hybridyn.assemble(robot, motors=by_name)
+    for found, one in zip(hybridyn.assemble(robot, motors=(x, 2 * x)), wanted, strict=True):
+        np.testing.assert_array_equal(found, one)
+    np.testing.assert_array_equal(wanted[0][:, robot.motor_q], x)
+    np.testing.assert_array_equal(wanted[1][:, robot.motor_v], 2 * x)
+    for single in ([2.0, 1.1], (2.0, 1.1), x[0], (x[0], None, x[0])):
+        np.testing.assert_array_equal(hybridyn.assemble(robot, motors=single)[0], wanted[0][0])
+
+
+def test_poses_may_be_matrices_or_placements_of_pinocchio() -> None:
+    robot = build_robot(shipped("rps3"))
+    platform, (poses, twist, _), _ = full_pose(robot, 3)
+    q, v, _ = hybridyn.assemble(robot, platforms={platform: (poses, twist)})
+    placements = [pin.XYZQUATToSE3(pose) for pose in poses]
+    matrices = np.array([placement.homogeneous for placement in placements])
+    again = hybridyn.assemble(robot, platforms={platform: (matrices, twist)})
+    close_to(again[0], q, 1e-14)
+    close_to(again[1], v, 1e-14 * np.abs(v).max())
+    for pose in (placements[0], matrices[0], poses[0].tolist()):
+        close_to(hybridyn.assemble(robot, platforms={platform: pose})[0], q[0], 1e-14)
+
+
 BAD: dict[str, tuple[dict, dict, str]] = {
     "joint": ({"nobody": 0.1}, {}, "unknown joint 'nobody'"),
     "near": ({"left_elbo": 0.1}, {}, r"unknown joint 'left_elbo' \(did you mean 'left_elbow'\?\)"),
@@ -446,6 +471,8 @@ BAD: dict[str, tuple[dict, dict, str]] = {
     "parts": ({"left": (0.0, 0.0, 0.0, 0.0), "right": 0.0}, {}, "give \\(position, rate, acceleration\\)"),
     "pose": ({}, {"left_rod": np.zeros(6)}, r"needs finite numbers of shape \(7,\)"),
     "quaternion": ({}, {"left_rod": np.array([0, 0, 0, 0, 0, 0, 1.01])}, "quaternion of length 1.01"),
+    "matrix": ({}, {"left_rod": 2 * np.eye(4)}, "not those of a right-handed frame"),
+    "array": (np.zeros(3), {}, r"motors has shape \(3,\); wanted \(2,\) or \(T, 2\), as robot.motors"),
     "coordinate": ({}, {"left_rod": {"X": 0.0}}, "unknown coordinate 'X'"),
     "self": ({}, {"left_rod@left_rod": np.array([0, 0, 0, 0, 0, 0, 1.0])}, "are one rigid body"),
     "rates": ({}, {"left_rod": ({"x": 0.0}, {"y": 0.0})}, "must name the same coordinates"),

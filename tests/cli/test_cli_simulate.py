@@ -146,6 +146,18 @@ def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
         "other.toml",
     )
     run("simulate", other, "--resume", target, "-o", target, status=1, says="was not begun with this scene")
+    begun = target.read_bytes()
+    run(
+        "simulate",
+        other,
+        "-o",
+        target,
+        status=2,
+        says=f"'--resume {target}' continues it, --overwrite begins",
+    )
+    assert target.read_bytes() == begun
+    run("simulate", scene, "-o", target, "--until", 0.04, "-q", "--overwrite")
+    assert target.read_bytes() == begun
     (tmp_path / "run.csv.state").unlink()
     run("simulate", scene, "--resume", target, "-o", target, status=1, says="no '.state' file")
     run("simulate", scene, "--resume", tmp_path / "none.csv", status=2)

@@ -50,7 +50,7 @@ def closed(kind: str, base: Base) -> float:
     robot = build_robot(random_mechanism(1, kind=kind, base=base), base=base)
     program = programs(robot, models=("close",))["close"]
     function, manifold, read = function_of(program), Manifold(robot), rates_read(program)
-    driven = robot.motor_columns.tolist()
+    driven = robot.motor_v.tolist()
     q, v, a, _ = (x[0] for x in random_states(robot, 1, seed=2))
     xi = AWAY * manifold.unit * np.random.default_rng(3).choice([-1.0, 1.0], size=robot.nv)
     near = manifold.retraction.move(q, np.where(read > 0, 0.0, xi))
@@ -95,7 +95,7 @@ def test_poses_tell_what_all_joints_do(kind: str, base: Base) -> None:
     q, v, a, _ = random_states(robot, 1, seed=2)
     told = platform_motions(robot, q, v, a)
     posed = {i for k in posed_modules(robot) for i in robot.modules[k].v_index.tolist()}
-    driven = {*robot.motor_columns.tolist(), *range(0 if base == "fixed" else 6)} - posed
+    driven = {*robot.motor_v.tolist(), *range(0 if base == "fixed" else 6)} - posed
     read = np.array([i in driven for i in range(robot.nv)])
     xi = AWAY * manifold.unit * np.random.default_rng(3).choice([-1.0, 1.0], size=robot.nv)
     near = manifold.retraction.move(q[0], np.where(read, 0.0, xi))

@@ -54,7 +54,7 @@ def test_they_are_those_over_joints_along_the_loops(
     tau = hybridyn.idm(robot, q, v, a, effects=on)
     E, E_dot = hybridyn.motion_map(robot, q, v)
     joints = hybridyn.ddm_jacobian(robot, q, v, tau, effects=on)
-    J = {x: block[robot.motor_columns] for x, block in joints.items()}
+    J = {x: block[robot.motor_v] for x, block in joints.items()}
     found = hybridyn.ddm_jacobian(robot, q, v, tau, effects=on, coordinates="motors")
     if name != "delta":  # whose spherical joints turn: their rates are no derivatives
         close_to(found["q"], J["q"] @ E + J["v"] @ E_dot, ROUNDING)
@@ -85,7 +85,7 @@ def test_columns_against_differences_along_each_motor(name: str, interpreted: No
         else build_robot(random_mechanism(1, kind=name) if drawn else shipped(name))
     )
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
-    columns, n = robot.motor_columns, len(robot.motors)
+    columns, n = robot.motor_v, len(robot.motors)
     start = np.concatenate([positions_of(robot, q[None], robot.motors)[0], v[columns], a[columns]])
     found = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
     J = np.concatenate([found["q"], found["v"], found["a"]], axis=1)

@@ -60,7 +60,7 @@ def compare(robot: hybridyn.HybridRobot, size: float, samples: int = 25) -> None
     assert (guard <= GUARD_LIMIT).all()
     general = hybridyn.ddm(robot, q, v, wanted)
     assert np.abs(found - general).max() <= SPUN * np.abs(general).max()
-    motors = robot.motor_columns
+    motors = robot.motor_v
     assert np.abs(found - general)[:, motors].max() <= 1e3 * ROUNDING * np.abs(general).max()
 
 

@@ -301,3 +301,10 @@ def test_files_that_are_no_result(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", t=np.zeros(1))
     for name in ("text.npz", "other.npz"):
         refused(partial(Result.load, tmp_path / name), TrajectoryError, "not a result")
+
+
+@pytest.mark.parametrize(("word", "meant"), [("dt", "step"), ("metod", "method"), ("tau", "effort")])
+def test_arguments_of_other_programs_are_told_apart(word: str, meant: str) -> None:
+    robot = hybridyn.load("five_bar")
+    asked = partial(simulate, robot, robot.home, np.zeros(robot.nv), (0, 1), **{word: 1.0})
+    refused(asked, TypeError, f"no argument '{word}' \\(did you mean '{meant}'")

@@ -18,6 +18,7 @@ from tests.oracle.test_oracle import SHUFFLED
 from tests.samples import in_turn, some
 from tests.shipped import ROBOTS, shipped
 
+SHOWN = {"home", "joints", "motor_q", "motor_v", "motors", "nq", "nv", "with_parameters"}
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SAMPLES = 4
 SERIAL = (
@@ -203,3 +204,9 @@ def test_a_robot_of_one_link_is_a_robot() -> None:
     falling = np.array([0.0, 0, -9.81, 0, 0, 0])
     tau = hybridyn.idm(floating, floating.home, np.zeros(6), falling)
     assert tau.shape == (0,)
+
+
+def test_dir_lists_what_a_user_may_touch() -> None:
+    robot = build_robot(shipped("five_bar"))
+    assert {*dir(robot)} >= SHOWN
+    assert all(hasattr(robot, name) and not name.startswith("_") for name in dir(robot))

@@ -75,6 +75,11 @@ def test_postures_have_names_that_differ(capsys: pytest.CaptureFixture[str]) -> 
     assert len({name.split(",")[0].removesuffix(" from home") for name in names}) < len(names)
 
 
+def test_a_posture_is_printed_without_rounding_noise(capsys: pytest.CaptureFixture[str]) -> None:
+    (_, *lines) = call(capsys, "home", "gough_stewart").out.splitlines()
+    assert {float(line.split(" = ")[1]) for line in lines} == {0.0}
+
+
 def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "home", file, "--all")
     assert re.match(r"1  . \d.* from home  (within|beyond) limits +closed to .*\n2  ", listed.out)

@@ -9,9 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...assembly.assemble import by_name
 from ...assembly.posture import holding, posture_at
-from ...assembly.requests import Requests, check_guess, first_guess, gather_requests
+from ...assembly.requests import (
+    Requests,
+    by_name,
+    check_guess,
+    first_guess,
+    gather_requests,
+    motors_by_name,
+)
 from ...effects.choice import Effects
 from ...errors import TrajectoryError
 from ...spatial import Array
@@ -49,7 +55,7 @@ class Postures:
     def assemble(
         self,
         *,
-        motors: Mapping[str, object] | None = None,
+        motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
         parameters: ArrayLike | None = None,
@@ -75,7 +81,7 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
+        requests = gather_requests(self.robot, motors, platforms)
         if parameters is None:
             return self._assemble(requests, guess)
         q, v, a, others = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
@@ -86,7 +92,7 @@ class Postures:
         self,
         parameters: ArrayLike,
         *,
-        motors: Mapping[str, object] | None = None,
+        motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
     ) -> DesignTable:
         """Compute the motion and the efforts of many designs along one table, each from its home posture.
@@ -105,7 +111,7 @@ class Postures:
         Raises:
             TrajectoryError: The table or the parameters are wrong.
         """
-        found = self._evaluator.table(parameters, by_name(motors), by_name(platforms))
+        found = self._evaluator.table(parameters, motors_by_name(self.robot, motors), by_name(platforms))
         self.hand_over("designs", found.recomputed * found.q.shape[1])
         return found
 

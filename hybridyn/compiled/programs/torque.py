@@ -74,7 +74,7 @@ def _motors_determine(robot: HybridRobot) -> bool:
     from ..equations.spanning import dependent_pivots, shape_of
     from .close import motor_freedoms
 
-    driven = set(robot.motor_columns.tolist())
+    driven = set(robot.motor_v.tolist())
     each = ((module, motor_freedoms(module, driven)) for module in robot.modules)
     for module, motors in {shape_of(*one): one for one in each}.values():
         if len(motors) != module.mobility:

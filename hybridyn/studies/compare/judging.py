@@ -165,7 +165,7 @@ def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float | N
     rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if len(s) else 0
     basis = vt[rank:] * robot.unit
     ours = np.zeros(robot.nv)
-    ours[robot.motor_columns] = state.tau
+    ours[robot.motor_v] = state.tau
     return _difference(basis @ forces, basis @ ours) if len(basis) else 0.0
 
 

@@ -116,7 +116,7 @@ def _draw(
         size = max(1.0, float(np.abs(wanted / unit).max()))
         wanted = wanted + _kept(K, rng.normal(size=robot.nv)) * unit * size
         tau = idm(robot, q, v, wanted, passive="solved", on_singular="least-norm")
-        force[robot.motor_columns] = tau
+        force[robot.motor_v] = tau
     return State(q, v, force, tau, ddm(robot, q, v, tau), K)
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ....assembly.assemble import assemble_requests, by_name
+from numpy.typing import ArrayLike
+
+from ....assembly.assemble import assemble_requests
 from ....assembly.requests import first_guess, gather_requests
 from ....spatial import Array
 from ....structure.robot import HybridRobot
@@ -31,12 +33,12 @@ class TableAssembler:
     def __call__(
         self,
         *,
-        motors: Mapping[str, object] | None = None,
+        motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
     ) -> tuple[Array, Array, Array]:
         """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
-        requests = gather_requests(self._robot, by_name(motors), by_name(platforms))
+        requests = gather_requests(self._robot, motors, platforms)
         requests = replace(requests, strict=guess is not None)
         start = first_guess(self._robot, guess)
         self.rows += requests.samples

@@ -109,7 +109,7 @@ class MotorMotions:
         """Return the motion of modules each of whose joints has a motor."""
         robot = modules[0].request.robot
         freedoms = [int(k) for calls in modules for k in calls.module.v_index[calls.written.joints]]
-        motor_at = {int(robot.motor_columns[m]): int(m) for x in modules for m in x.module.motor_index}
+        motor_at = {int(robot.motor_v[m]): int(m) for x in modules for m in x.module.motor_index}
         motors = np.array([motor_at[k] for k in freedoms])
         at = coordinates_of_freedoms(robot, set(freedoms))
         units = Constants(np.array([[float(k == x) for k in at.v] for x in freedoms]))
@@ -122,7 +122,7 @@ class MotorMotions:
         w, robot, n = self._w, calls.request.robot, calls.module.mobility
         at = coordinates_of_freedoms(robot, set(calls.module.v_index.tolist()))
         motors = calls.module.motor_index
-        rows = [at.v.tolist().index(k) for k in robot.motor_columns[motors]]
+        rows = [at.v.tolist().index(k) for k in robot.motor_v[motors]]
         rest = [k for k in range(len(at.v)) if k not in rows]
         assert calls.u_dot is not None
         nodes = self._motions.nodes([calls])

@@ -183,7 +183,7 @@ class Quantities:
         if moves is None or not all(motors >= freedoms for motors, freedoms in self._driven):
             return None
         if self.robot.base != "floating":
-            driven = self.robot.motor_columns
+            driven = self.robot.motor_v
             return QuantityRows(self.robot, partial(self._trusted, "idm"), driven, moves)
         held = self._held_base
         return None if held is None else QuantityRows(self.robot, held.forces, held.columns, moves)

@@ -63,7 +63,7 @@ class HeldBase:
         find = library_of(held, on, Scalar(dtype, best_lanes(dtype)), models=MODELS)
         self._library = loaded(lambda: find(accept=partial(_accept, held, on, dtype)))
         self._robot, self._on, self._run, self._threads = robot, on, run, threads
-        self.columns: Index = np.concatenate([np.arange(6), robot.motor_columns])
+        self.columns: Index = np.concatenate([np.arange(6), robot.motor_v])
 
     def forces(self, q: Array, v: Array, a: Array) -> Computed:
         """Compute the base's wrench and the motor efforts of a motion, shape (T, 6 + motors)."""
