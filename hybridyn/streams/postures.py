@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import AT_SAMPLE, AssemblyError, HybridynError, SingularityError
-from .other_units import question
 
 if TYPE_CHECKING:
     from ..description.records import Array
@@ -75,6 +74,8 @@ def postures(
             try:
                 return Postures(motion, *_assembled(robot, motion, guess, assemble))
             except (AssemblyError, SingularityError) as error:
+                from .other_units import question
+
                 error.advice += question(robot, motion)
                 raise
     from ..tables.trajectory import full_state
