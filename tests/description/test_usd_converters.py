@@ -8,10 +8,10 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from tests.comparing import close_to
-from tests.description.reading import refused
+from tests.description.reading import holds, refused
 from tests.extras import needs
 from tests.files import save
-from tests.usd_texts import BODY, at, body, joint, prim, usda
+from tests.usd_texts import at, body, joint, prim, usda
 
 needs("usd")
 
@@ -76,115 +76,129 @@ def test_a_gripper_of_mujoco_has_its_efforts(tmp_path: Path) -> None:
         close_to(tau, follow.T @ data.qfrc_inverse, AGAINST_MUJOCO)
 
 
-def test_numbers_and_notes_of_a_gripper(tmp_path: Path) -> None:
-    found = read(save(tmp_path, usda(*GRIPPER), "gripper.usda"))
-    numbers = {j.name: (j.rotor_inertia, j.damping, j.friction) for j in found.joints}
-    assert numbers == {
-        "wrist": (0.02, 0.3, 0.0), "left_finger": (0.1, 4.0, 0.5), "right_finger": (0.2, 0.0, 0.0),
-    }  # fmt: skip
-    (coupling,) = found.couplings
-    assert (coupling.terms, coupling.offset) == ((("right_finger", 1.0), ("left_finger", 0.5)), 0.01)
-    notes = "\n".join(found.notes)
-    for words in (
-        "of actuators only the joints that they drive are read: '/robot/turn', '/robot/grip'",
-        "keyframes are not read: '/robot/home'",
-        "deformable bodies and particles are not read: '/robot/cloth', '/robot/sponge'",
-        "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read: '/robot/palm'",
-        "the fluid around the robot is not read: '/robot/scene'",
-        "'mjc:solreflimit'",
-    ):
-        assert words in notes, words
+def pair(*content: str, schemas: tuple[str, ...]) -> str:
+    """Return two hinges, of which the second has some content."""
+    hinges = joint("Revolute", "j_a", "", "a"), joint("Revolute", "j_b", "", "b", *content, schemas=schemas)
+    return usda(body("a"), body("b"), *hinges)
+
+
+def mimic(gearing: float) -> str:
+    """Return a mimic of two engines: position + gearing x leader = 0 is position = -gearing x leader."""
+    return pair(
+        "rel physxMimicJoint:rotX:referenceJoint = </robot/j_a>", "float newton:mimicCoef1 = 2",
+        f"float physxMimicJoint:rotX:gearing = {gearing}", "rel newton:mimicJoint = </robot/j_a>",
+        schemas=("PhysxMimicJointAPI:rotX", "NewtonMimicAPI"),
+    )  # fmt: skip
+
+
+def hinge(*content: str, kind: str = "Revolute", schemas: tuple[str, ...] = (), meters: float = 1) -> str:
+    """Return a pendulum whose joint has some content."""
+    return usda(body("a"), joint(kind, "j", "", "a", *content, schemas=schemas), meters=meters)
+
+
+def about(x: float) -> object:
+    return pytest.approx(x, rel=1e-15)
+
+
+EQUALITY = ("MjcEqualityJointAPI",)
+ARMATURES = ("float physxJoint:armature = .1", "float newton:armature = .2", "double mjc:armature = .3")
+ABOUT_Y = 'uniform token physics:axis = "Y"'
+#: A connect is a spherical joint outside the articulation; other programs read only the joint.
+TIED = usda(
+    body("a"), body("b", at="1, 0, 0"),
+    joint("Revolute", "j", "", "a", ABOUT_Y), joint("Revolute", "k", "", "b", ABOUT_Y, at(0, "1, 0, 0")),
+    joint("Spherical", "tie", "a", "b", at(0, "0.5, 0, 1"), at(1, "-0.5, 0, 1"),
+          "bool physics:excludeFromArticulation = true", "uniform double[] mjc:solref = [0.005, 1]",
+          schemas=("MjcEqualityConnectAPI",)),
+)  # fmt: skip
+#: A text, and what is read.
+READ: dict[str, tuple[str, dict[str, object]]] = {
+    "a gripper": (usda(*GRIPPER), {
+        "joints": {
+            "wrist": {"rotor_inertia": 0.02, "damping": 0.3, "friction": 0.0},
+            "left_finger": {"rotor_inertia": 0.1, "damping": 4.0, "friction": 0.5},
+            "right_finger": {"rotor_inertia": 0.2, "damping": 0.0, "friction": 0.0},
+        },
+        "couplings": [{"terms": (("right_finger", 1.0), ("left_finger", 0.5)), "offset": 0.01}],
+        "notes": {
+            "of actuators only the joints that they drive are read: '/robot/turn', '/robot/grip'",
+            "keyframes are not read: '/robot/home'",
+            "deformable bodies and particles are not read: '/robot/cloth', '/robot/sponge'",
+            "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read: "
+            "'/robot/palm'",
+            "the fluid around the robot is not read: '/robot/scene'",
+            "'mjc:solreflimit'",
+        },
+    }),
+    # An equality of joints is a mimic of Newton, too, as in MuJoCo 3.12, where MjcEqualityJointAPI has
+    # NewtonMimicAPI built in. Newton's coefficients are in degrees, MuJoCo's in radians; each of MuJoCo's
+    # ranks above Newton's.
+    **{
+        f"an equality that is a mimic, {content}": (
+            pair("rel newton:mimicJoint = </robot/j_a>", *content, schemas=EQUALITY),
+            {"couplings": [{"terms": (("j_b", 1.0), ("j_a", -factor)), "offset": about(offset)}]},
+        )
+        for content, factor, offset in (
+            ((), 1.0, 0.0),
+            (("float newton:mimicCoef0 = 18", "float newton:mimicCoef1 = 2"), 2.0, np.pi / 10),
+            (
+                ("float newton:mimicCoef0 = 18", "double mjc:coef0 = 0.5", "float newton:mimicCoef1 = 2"),
+                2.0, 0.5,
+            ),
+            (("float newton:mimicCoef0 = 18", "double mjc:coef1 = 3"), 3.0, np.pi / 10),
+        )
+    },
+    "a mimic of two engines counts once": (
+        mimic(-2), {"couplings": [{"terms": (("j_b", 1.0), ("j_a", -2.0))}]},
+    ),
+    "an equality without a leader holds a joint": (
+        hinge("double mjc:coef0 = .3", schemas=EQUALITY),
+        {"couplings": [{"terms": (("j", 1.0),), "offset": 0.3}]},
+    ),
+    "an equality of bodies is a closure": (
+        TIED, {"closures": [{"name": "tie", "translations": (0, 1, 2), "rotation": "free"}]},
+    ),
+    # Armature of several engines counts once: PhysX's ranks above Newton's, and that above MuJoCo's.
+    **{
+        f"armature {expected}": (
+            hinge(*ARMATURES[first:], "float newton:friction = .4"),
+            {"joints": [{"rotor_inertia": expected, "friction": 0.4}]},
+        )
+        for first, expected in enumerate((0.1, 0.2, 0.3))
+    },
+    "damping of MuJoCo knows no degrees": (
+        hinge("double mjc:damping = 3", meters=0.1), {"joints": [{"damping": about(0.03)}]},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    text, expected = READ[name]
+    holds(read(save(tmp_path, text, "robot.usda")), expected)
 
 
 @pytest.mark.parametrize(
-    ("content", "factor", "offset"),
+    ("text", "message"),
     [
-        # Newton's coefficients are in degrees, MuJoCo's in radians; each of MuJoCo's ranks above Newton's.
-        ((), 1.0, 0.0),
-        (("float newton:mimicCoef0 = 18", "float newton:mimicCoef1 = 2"), 2.0, np.pi / 10),
-        (("float newton:mimicCoef0 = 18", "double mjc:coef0 = 0.5", "float newton:mimicCoef1 = 2"), 2.0, 0.5),
-        (("float newton:mimicCoef0 = 18", "double mjc:coef1 = 3"), 3.0, np.pi / 10),
+        (mimic(2), "</robot/j_b>: couples this joint otherwise for PhysX than for Newton; keep one"),
+        (
+            hinge("double mjc:frictionloss = 1", kind="Spherical", schemas=JOINT),
+            "dry friction of a joint with several",
+        ),
     ],
 )
-def test_an_equality_of_joints_is_a_mimic_of_newton_too(
-    content: tuple[str, ...], factor: float, offset: float, tmp_path: Path
-) -> None:
-    """As in MuJoCo 3.12, where MjcEqualityJointAPI has NewtonMimicAPI built in."""
-    hinges = [
-        body(name) + "\n" + joint("Revolute", f"j_{name}", "", name, *more, schemas=schemas)
-        for name, more, schemas in (
-            ("a", (), ()),
-            ("b", ("rel newton:mimicJoint = </robot/j_a>", *content), ("MjcEqualityJointAPI",)),
-        )
-    ]
-    (coupling,) = read(save(tmp_path, usda(*hinges), "robot.usda")).couplings
-    assert coupling.terms == (("j_b", 1.0), ("j_a", -factor))
-    assert coupling.offset == pytest.approx(offset, rel=1e-15)
-
-
-@pytest.mark.parametrize("gearing", [-2, 2])
-def test_a_mimic_of_two_engines_counts_once(gearing: float, tmp_path: Path) -> None:
-    """Converters write both: position + gearing x leader = 0 is position = -gearing x leader."""
-    follower = joint(
-        "Revolute", "k", "", "b", "rel physxMimicJoint:rotX:referenceJoint = </robot/j>",
-        f"float physxMimicJoint:rotX:gearing = {gearing}", "rel newton:mimicJoint = </robot/j>",
-        "float newton:mimicCoef1 = 2", schemas=("PhysxMimicJointAPI:rotX", "NewtonMimicAPI"),
-    )  # fmt: skip
-    text = usda(body("a"), body("b"), joint("Revolute", "j", "", "a"), follower)
-    file = save(tmp_path, text, "robot.usda")
-    if gearing > 0:
-        refused(file, "</robot/k>: couples this joint otherwise for PhysX than for Newton; keep one")
-        return
-    (coupling,) = read(file).couplings
-    assert coupling.terms == (("k", 1.0), ("j", -2.0))
-
-
-def test_an_equality_without_a_leader_holds_a_joint(tmp_path: Path) -> None:
-    held = joint("Revolute", "j", "", "a", "double mjc:coef0 = .3", schemas=("MjcEqualityJointAPI",))
-    (coupling,) = read(save(tmp_path, usda(body("a"), held), "robot.usda")).couplings
-    assert (coupling.terms, coupling.offset) == ((("j", 1.0),), 0.3)
-
-
-def test_equalities_of_bodies_are_closures(tmp_path: Path) -> None:
-    """A connect is a spherical joint outside the articulation; other programs read only the joint."""
-    hinge = 'uniform token physics:axis = "Y"'
-    bars = (
-        body("a"), body("b", at="1, 0, 0"),
-        joint("Revolute", "j", "", "a", hinge), joint("Revolute", "k", "", "b", hinge, at(0, "1, 0, 0")),
-        joint("Spherical", "tie", "a", "b", at(0, "0.5, 0, 1"), at(1, "-0.5, 0, 1"),
-              "bool physics:excludeFromArticulation = true", "uniform double[] mjc:solref = [0.005, 1]",
-              schemas=("MjcEqualityConnectAPI",)),
-    )  # fmt: skip
-    found = read(save(tmp_path, usda(*bars), "robot.usda"))
-    (closure,) = found.closures
-    assert (closure.name, closure.translations, closure.rotation) == ("tie", (0, 1, 2), "free")
-
-
-def test_armature_of_several_engines_counts_once(tmp_path: Path) -> None:
-    """PhysX's ranks above Newton's, and that above MuJoCo's; damping of MuJoCo knows no degrees."""
-    stated = ("float physxJoint:armature = .1", "float newton:armature = .2", "double mjc:armature = .3")
-    for first, expected in enumerate((0.1, 0.2, 0.3)):
-        hinge = joint(
-            "Revolute", "j", "", "a", *stated[first:], "float newton:friction = .4", schemas=BODY[:0]
-        )
-        (found,) = read(save(tmp_path, usda(body("a"), hinge), "robot.usda")).joints
-        assert (found.rotor_inertia, found.friction) == (expected, 0.4)
-    grams = joint("Revolute", "j", "", "a", "double mjc:damping = 3")
-    (found,) = read(save(tmp_path, usda(body("a"), grams, meters=0.1), "robot.usda")).joints
-    assert found.damping == pytest.approx(0.03, rel=1e-15)
+def test_it_is_refused_by_name(text: str, message: str, tmp_path: Path) -> None:
+    refused(save(tmp_path, text, "robot.usda"), message)
 
 
 def test_armature_and_damping_of_a_ball_are_those_of_its_mjcf(tmp_path: Path) -> None:
     needs("mjcf")
+    numbers = {"kind": "spherical", "rotor_inertia": 0.02, "damping": 0.3, "friction": 0.0}
     stated = "double mjc:armature = 0.02", "double mjc:damping = 0.3"
-    ball = joint("Spherical", "hip", "", "thigh", *stated, schemas=JOINT)
-    (ours,) = read(save(tmp_path, usda(body("thigh"), ball), "leg.usda")).joints
-    mjcf = (
-        '<mujoco><worldbody><body name="thigh"><joint name="hip" type="ball" armature="0.02" damping="0.3"/>'
-    )
-    text = f"{mjcf}{SIDE.format(m=1)}</body></worldbody></mujoco>"
-    (theirs,) = read(save(tmp_path, text, "leg.xml")).joints
-    words = "kind", "rotor_inertia", "damping", "friction"
-    assert [getattr(ours, word) for word in words] == [getattr(theirs, word) for word in words]
-    dry = joint("Spherical", "hip", "", "thigh", "double mjc:frictionloss = 1", schemas=JOINT)
-    refused(save(tmp_path, usda(body("thigh"), dry), "leg.usda"), "dry friction of a joint with several")
+    ball = '<mujoco><worldbody><body name="a"><joint type="ball" armature="0.02" damping="0.3"/>'
+    for name, text in {
+        "leg.usda": hinge(*stated, kind="Spherical", schemas=JOINT),
+        "leg.xml": f"{ball}{SIDE.format(m=1)}</body></worldbody></mujoco>",
+    }.items():
+        holds(read(save(tmp_path, text, name)), {"joints": [numbers]})
