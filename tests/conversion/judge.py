@@ -23,6 +23,7 @@ from hybridyn.description import Closure, Description, read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
+from tests.extras import needs
 
 #: The claim of a round trip: each rotation passes through angles or a quaternion once.
 SAME = 1e-12
@@ -34,6 +35,9 @@ LOCKED = 1e-2
 WORLD = "world"
 #: Motors of a robot of which one state is enough.
 LARGE = 20
+
+#: The extra that reads a format.
+EXTRAS = {".xml": "mjcf", ".usda": "usd", ".usd": "usd"}
 
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -66,6 +70,12 @@ def bodily(description: Description) -> Description:
     return replace(description, links=links)
 
 
+def needs_reader(file: Path) -> None:
+    """Skip a test where the package that reads a file is not installed."""
+    if file.suffix in EXTRAS:
+        needs(EXTRAS[file.suffix])
+
+
 def written(description: Description, target: Path) -> Written:
     """Write a robot, and the files beside it."""
     out = write(Request(description, target))
@@ -77,7 +87,8 @@ def written(description: Description, target: Path) -> Written:
 
 
 def read_back(description: Description, target: Path) -> tuple[Description, Written]:
-    """Write a robot and read the file."""
+    """Write a robot and read the file; skip the test where what reads it is not installed."""
+    needs_reader(target)
     out = written(description, target)
     return read(target), out
 

@@ -15,46 +15,43 @@ from tests.command_line import call
 from tests.comparing import refused
 from tests.conversion.facts import SINGLE
 from tests.conversion.features import coupled
-from tests.extras import needs
+from tests.conversion.judge import needs_reader
+from tests.description.reading import save_all
 from tests.robot_texts import CLOSED_FOUR_BAR, FOUR_BAR, save
 from tests.snippets import blocks
 
+#: Words of the command, its exit status, what it says, and how the file begins or what stands in it.
+COMMANDS = [
+    ("out.urdf", ("--strict",), 0, [], "<robot"),
+    *(
+        ("out.xml", words, status, [
+            "lost: speed limits, which MuJoCo does not have: 'drive'", "closures stay within 0.0001 m",
+        ], "<mujoco")
+        for words, status in (((), 0), (("--strict",), 1))
+    ),
+    ("out.xml", ("--base", "floating"), 0, [], '<freejoint name="ground:free" />'),
+]  # fmt: skip
 
-def test_the_command_writes_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out" / "robot.urdf"
-    out.parent.mkdir()
-    said = call(capsys, "convert", save(tmp_path, CLOSED_FOUR_BAR), "-o", out, "--strict")
-    assert said.out == ""
-    assert str(out) in said.err
-    assert [path.name for path in out.parent.iterdir()] == ["robot.urdf"]
+
+@pytest.mark.parametrize(("target", "words", "status", "told", "content"), COMMANDS)
+def test_the_command_writes_a_robot(
+    target: str, words: tuple[str, ...], status: int, told: list[str], content: str, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    file, out = save(tmp_path / "in", CLOSED_FOUR_BAR), tmp_path / target
+    said = call(capsys, "convert", file, "-o", out, *words, status=status)
+    assert [part for part in (str(out), *told) if part not in said.err] == []
+    assert (said.out, sorted(path.name for path in tmp_path.iterdir())) == ("", ["in", target])
+    assert content in out.read_text()
+    needs_reader(out)
     assert hybridyn.load(out).motors == ("drive",)
 
 
 def test_losses_are_listed(tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR), base="floating", gravity=(0, 0, -1.62))
     done = convert(robot, tmp_path / "moon.urdf")
-    assert [line.partition(",")[0] for line in done.losses] == [
-        "the base floats",
-        "gravity of 0 0 -1.62 m/s^2",
-    ]
-
-
-def test_strict_has_an_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / "out.xml"
-    for words, status in (((), 0), (("--strict",), 1)):
-        said = call(capsys, "convert", file, "-o", out, *words, status=status)
-        for told in (
-            "lost: speed limits, which MuJoCo does not have: 'drive'",
-            "closures stay within 0.0001 m",
-        ):
-            assert told in said.err
-    assert out.read_text().startswith("<mujoco")
-
-
-def test_the_base_may_float(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out.xml"
-    call(capsys, "convert", save(tmp_path, CLOSED_FOUR_BAR), "-o", out, "--base", "floating")
-    assert '<freejoint name="ground:free" />' in out.read_text()
+    words = ["the base floats", "gravity of 0 0 -1.62 m/s^2"]
+    assert [line.partition(",")[0] for line in done.losses] == words
 
 
 def test_the_page_shows_what_the_command_says(
@@ -66,41 +63,76 @@ def test_the_page_shows_what_the_command_says(
     assert call(capsys, *command.removeprefix("$ hybridyn ").split()).err.splitlines() == shown
 
 
-def test_its_own_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = save(tmp_path, CLOSED_FOUR_BAR)
-    call(capsys, "convert", file, "-o", tmp_path / "." / file.name, status=1, says="is the robot's own file")
-    assert file.read_text() == CLOSED_FOUR_BAR
-    refused(lambda: convert(hybridyn.load(file), file), ModelError, "own file")
+#: The target, options, and what is told.
+REFUSED = [
+    ("robot.udrf", {}, "unknown ending '.udrf' .did you mean '.urdf'"),
+    ("robot", {}, "unknown ending ''"),
+    ("none/robot.urdf", {}, "the folder .* does not exist"),
+    ("folder.urdf", {}, "is a folder"),
+    ("./four_bar.urdf", {}, "is the robot's own file"),
+    *(("out.urdf", {"tightness": x}, "tightness") for x in (0.0, -1.0, float("nan"), float("inf"))),
+    *(
+        (name, {}, f"{name}: exists and is not from convert; move it away")
+        for name in ("mine.urdf", "mine.xml", "mine.sdf", "mine.usda", "mine.usd")
+    ),
+    # Files for other robots are not read, nor replaced.
+    ("car.urdf", {}, "car.yaml: .* is not from convert"),
+    ("home.urdf", {}, "home.urdf.model.toml: .* is not from convert"),
+]
 
 
-@pytest.mark.parametrize(
-    ("target", "message"),
-    [
-        ("robot.udrf", "unknown ending '.udrf' .did you mean '.urdf'"),
-        ("robot", "unknown ending ''"),
-        ("none/robot.urdf", "the folder .* does not exist"),
-        ("folder.urdf", "is a folder"),
-    ],
-)
-def test_a_wrong_target_is_refused(target: str, message: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("target", "options", "message"), REFUSED)
+def test_what_is_refused_stays(target: str, options: dict[str, float], message: str, tmp_path: Path) -> None:
+    texts = {
+        "four_bar.urdf": CLOSED_FOUR_BAR, "four_bar.model.toml": "[home]\ndrive = 0.5\n",
+        "car.yaml": "joint_name: [drive]\njoint_type: [SPHERICAL]\n",
+        "home.urdf.model.toml": "[home]\ndrive = 1\n",
+        **{
+            f"mine.{ending}": "<robot>the work of a day</robot>\n"
+            for ending in ("urdf", "xml", "sdf", "usda", "usd")
+        },
+    }  # fmt: skip
+    file = save_all(tmp_path, texts)
     (tmp_path / "folder.urdf").mkdir()
-    refused(lambda: convert(save(tmp_path, CLOSED_FOUR_BAR), tmp_path / target), ModelError, message)
+    for robot in (file, hybridyn.load(file)):
+        refused(lambda robot=robot: convert(robot, tmp_path / target, **options), ModelError, message)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()} == texts
 
 
-def test_model_files_of_others_stay(tmp_path: Path) -> None:
-    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / "other.urdf"
-    save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
-    (beside,) = convert(file, out).files[1:]
-    assert beside.name == "other.urdf.model.toml"
-    assert convert(file, out).files[1:] == (beside,)  # its own are replaced
-    (tmp_path / "four_bar.model.toml").unlink()
-    assert convert(file, out).files == (out,)
-    assert not beside.exists()  # and removed, since they would be read with the new robot
-    beside.write_text("[home]\ndrive = 1\n")
-    assert convert(file, out).files == (out,)
-    save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
-    refused(lambda: convert(file, out), ModelError, "is not from convert")
-    assert beside.read_text() == "[home]\ndrive = 1\n"
+def test_names_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
+    robot = build_robot(replace(coupled("two", ("two", 1.0)), name="four\0bar"))
+    message = r"the name 'four.x00bar' is empty, or has characters"
+    refused(lambda: convert(robot, tmp_path / "out.urdf"), ModelError, message)
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda", ".usd"])
+def test_its_own_files_are_replaced(ending: str, tmp_path: Path) -> None:
+    """A model file is removed again, since it would be read with the new robot."""
+    needs_reader(Path(f"robot{ending}"))
+    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / f"out{ending}"
+    model = save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
+    names = [out.name, *([f"{out.name}.model.toml"] if ending in (".urdf", ".sdf") else [])]
+    for _ in range(2):
+        assert [path.name for path in convert(file, out).files] == names
+    model.unlink()
+    left = names if ending == ".sdf" else [out.name]  # SDF has no place for the motors
+    assert [path.name for path in convert(file, out).files] == left
+    assert {path.name for path in tmp_path.iterdir()} == {"four_bar.urdf", *left}
+    assert read(out).name == read(file).name
+
+
+def test_the_model_file_of_another_robot_is_not_read(tmp_path: Path) -> None:
+    file = save(tmp_path / "here", CLOSED_FOUR_BAR)
+    save(tmp_path, "[home]\ndrive = 0.5\n", "robot.model.toml")
+    save(tmp_path, "joint_name: [drive]\njoint_type: [SPHERICAL]\n", "robot.yaml")
+    done = convert(file, tmp_path / "robot2.urdf")
+    assert [path.name for path in done.files] == ["robot2.urdf", "robot2.yaml"]
+    kinds = {joint.kind for joint in hybridyn.load(done.files[0]).description.joints}
+    assert kinds == {"continuous", "revolute"}
+    (tmp_path / "robot.yaml").unlink()
+    done = convert(file, tmp_path / "robot.urdf")
+    assert [path.name for path in done.files] == ["robot.urdf", "robot.urdf.model.toml"]
+    assert hybridyn.load(done.files[0]).description.home == {}
 
 
 def test_files_of_other_outputs_stay(tmp_path: Path) -> None:
@@ -124,58 +156,6 @@ def test_files_of_other_outputs_stay(tmp_path: Path) -> None:
     assert car.read_bytes() == before[car]
 
 
-@pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda", ".usd"])
-def test_outputs_that_convert_did_not_write_stay(ending: str, tmp_path: Path) -> None:
-    extra = {".xml": "mjcf", ".usda": "usd", ".usd": "usd"}.get(ending)
-    if extra is not None:
-        needs(extra)
-    file, out = save(tmp_path, CLOSED_FOUR_BAR), tmp_path / f"out{ending}"
-    out.write_text("<robot>the work of a day</robot>\n")
-    refused(
-        lambda: convert(file, out), ModelError, rf"out{ending}: exists and is not from convert; move it away"
-    )
-    assert out.read_text() == "<robot>the work of a day</robot>\n"
-    out.unlink()
-    convert(file, out)
-    convert(file, out)  # its own is replaced
-    assert read(out).name == read(file).name
-
-
-def test_files_for_other_robots_are_not_read(tmp_path: Path) -> None:
-    file, out = save(tmp_path / "here", CLOSED_FOUR_BAR), tmp_path / "robot.urdf"
-    save(tmp_path, "[home]\ndrive = 0.5\n", "robot.model.toml")
-    save(tmp_path, "joint_name: [drive]\njoint_type: [SPHERICAL]\n", "robot.yaml")
-    refused(lambda: convert(file, out), ModelError, r"robot.yaml: .* is not from convert")
-    done = convert(file, tmp_path / "robot2.urdf")
-    assert [path.name for path in done.files] == ["robot2.urdf", "robot2.yaml"]
-    assert {joint.kind for joint in hybridyn.load(done.files[0]).description.joints} == {
-        "continuous",
-        "revolute",
-    }
-    (tmp_path / "robot.yaml").unlink()
-    assert [path.name for path in convert(file, out).files] == ["robot.urdf", "robot.urdf.model.toml"]
-    assert hybridyn.load(out).description.home == {}
-
-
-@pytest.mark.parametrize("tightness", [0.0, -1.0, float("nan"), float("inf")])
-def test_tightness_is_a_length(tightness: float, tmp_path: Path) -> None:
-    refused(
-        lambda: convert(save(tmp_path, CLOSED_FOUR_BAR), tmp_path / "out.urdf", tightness=tightness),
-        ModelError,
-        "tightness",
-    )
-
-
-def test_names_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
-    robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR))
-    robot = replace(robot, description=replace(robot.description, name="four\0bar"))
-    refused(
-        lambda: convert(robot, tmp_path / "out.urdf"),
-        ModelError,
-        r"the name 'four.x00bar' is empty, or has characters",
-    )
-
-
 # -------------------- loops that are open at home
 
 
@@ -186,33 +166,28 @@ SHORT = FOUR_BAR.replace(
     '<predecessor link="coupler"><origin xyz="1.5', '<predecessor link="coupler"><origin xyz="0.6'
 )
 OPEN = "'pin' is open at home by "
+MEND = "; written closed, with the motors where they are"
 
 
 def four_bar(folder: Path, text: str, drive: float) -> Path:
     """Write a four-bar whose home states the position of its motor alone."""
-    save(folder, f"[home]\ndrive = {drive}\n", "four_bar.model.toml")
-    return save(folder, text)
+    return save_all(folder, {"four_bar.urdf": text, "four_bar.model.toml": f"[home]\ndrive = {drive}\n"})
 
 
 @pytest.mark.parametrize("ending", [".urdf", ".sdf", ".xml", ".usda"])
 def test_open_loops_are_closed_with_the_motors_where_they_are(ending: str, tmp_path: Path) -> None:
-    if ending in (".xml", ".usda"):
-        needs({".xml": "mjcf", ".usda": "usd"}[ending])
     file = four_bar(tmp_path, FOUR_BAR, 0.3)
     before = hybridyn.load(file)
     assert closure_residual(before, before.home) > 0.1
+    needs_reader(Path(f"robot{ending}"))
     done = convert(file, tmp_path / f"out{ending}")
-    (note,) = (line for line in done.notes if "open at home" in line)
-    assert note.startswith(OPEN)
-    assert note.endswith("; written closed, with the motors where they are")
-    after = hybridyn.load(done.files[0])
-    closed = SINGLE if ending == ".usda" else CLOSED
+    assert [line for line in done.notes if line.startswith(OPEN) and line.endswith(MEND)]
+    after, closed = hybridyn.load(done.files[0]), SINGLE if ending == ".usda" else CLOSED
     assert closure_residual(after, after.home) < closed
-    if ending == ".sdf":  # which counts positions from the posture in which links stand
-        assert any(line.startswith("positions of joints count from home") for line in done.losses)
-        assert after.description.home == {}
-    else:
-        assert after.description.home["drive"] == pytest.approx((0.3,), abs=closed)
+    # SDF counts positions from the posture in which links stand.
+    counted = [line for line in done.losses if line.startswith("positions of joints count from home")]
+    home = () if counted else pytest.approx((0.3,), abs=closed)
+    assert (bool(counted), after.description.home.get("drive", ())) == (ending == ".sdf", home)
 
 
 def test_a_home_that_is_closed_stays(tmp_path: Path) -> None:

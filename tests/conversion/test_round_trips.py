@@ -24,15 +24,12 @@ from tests.conversion.judge import (
     same_structure,
     states,
 )
-from tests.extras import needs
 from tests.generated import generated
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.samples import slow, some
 from tests.shipped import ROBOTS, shipped
 
 ENDINGS = (".urdf", ".xml", ".usda", ".sdf")
-#: The extra that reads a format.
-EXTRAS = {".xml": "mjcf", ".usda": "usd"}
 QUICK = ("five_bar",)
 
 
@@ -58,8 +55,6 @@ FROM_HOME = "positions of joints count from home"
 
 def judge(description: Description, target: Path, drawn: Callable[[Description], States | None]) -> None:
     """Compare a robot with what is read back, as far as nothing was lost."""
-    if target.suffix in EXTRAS:
-        needs(EXTRAS[target.suffix])
     other, out = read_back(description, target)
     losses = [line for line in out.losses if not line.startswith(FROM_HOME)]
     if len(losses) < len(out.losses):
