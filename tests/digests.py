@@ -1,22 +1,21 @@
 """Write down what the core computes, and compare: the record of what a change must not change.
 
-    OMP_NUM_THREADS=1 python -m tests.digests record FILE.npz      on the code before, ten minutes on one core
-    OMP_NUM_THREADS=1 python -m tests.digests compare FILE.npz     on the code after, five
+    OMP_NUM_THREADS=1 python -m tests.digests record FILE.npz      on the code before
+    OMP_NUM_THREADS=1 python -m tests.digests compare FILE.npz     on the code after
 
-The record holds the states and the numbers of every result, and what each call raises or warns. It depends on
-the machine's linear algebra, so it is not kept with the code. A difference is stated as part of the result's
-largest entry, and in terms of its conditioning: how far roundings of the inputs move the result.
+The record holds every result at drawn states, and what each call raises. It depends on the machine's linear
+algebra, so it is not kept with the code. A difference is stated as part of the result's largest entry, and in
+terms of its conditioning: how far a rounding of the inputs moves the result.
 """
 
-import json
+import contextlib
 import re
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
-from functools import partial
-from typing import Any
+from collections.abc import Callable, Iterator
+from itertools import product
+from typing import Any, get_args
 
 import numpy as np
 
@@ -25,157 +24,118 @@ from hybridyn.compiled.equations.states import moving_states
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
 from tests.any_mechanism import any_mechanism
-from tests.digest_calls import FEW, MODELS, Model
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.comparing import arrays
+from tests.oracle import Base
+from tests.posing import of_joints
+from tests.shipped import ROBOTS, shipped
 
-MECHANISMS, SAMPLES, SEED = 2000, 2, 26
+MECHANISMS, SAMPLES = 2000, 2
 #: A result is the same up to rounding below so many times what roundings of its inputs do.
 ROUNDINGS = 100.0
 EPS = float(np.finfo(float).eps)
 
 
-def numbers(found: Any) -> Iterator[np.ndarray]:
-    """Yield the arrays of a result, whatever record holds them."""
-    if isinstance(found, np.ndarray | float | int) or np.isscalar(found):
-        if not isinstance(found, str):
-            yield np.ravel(np.asarray(found, dtype=float))
-    elif isinstance(found, Mapping):
-        for name in sorted(found):
-            yield from numbers(found[name])
-    elif isinstance(found, tuple | list):
-        for part in found:
-            yield from numbers(part)
-    elif type(found).__name__ == "Result":  # of a simulation
-        yield from numbers((found.t, found.q, found.v))
-    elif is_dataclass(found):
-        yield from numbers([getattr(found, field.name) for field in fields(found)])
+#: What is asked of a robot at its q, v, and at efforts and accelerations that belong together.
+CALLS: dict[str, Callable[..., Any]] = {
+    "closures": lambda r, q, v, a, tau: hybridyn.closure_residual(r, q),
+    "idm": lambda r, q, v, a, tau: hybridyn.idm(r, q, v, a),
+    "idm solved": lambda r, q, v, a, tau: hybridyn.idm(r, q, v, a, passive="solved", effects="model"),
+    "idm least": lambda r, q, v, a, tau: hybridyn.idm(r, q, v, a, on_singular="least-norm", reactions=True),
+    "ddm": lambda r, q, v, a, tau: hybridyn.ddm(r, q, v, tau, reactions=True),
+    "ddm effects": lambda r, q, v, a, tau: hybridyn.ddm(r, q, v, tau, effects="model"),
+    "delassus": lambda r, q, v, a, tau: hybridyn.delassus(r, q, r.modules[-1].label),
+    "kinematics": lambda r, q, v, a, tau: hybridyn.kinematics(r, q, v, a),
+    "mass matrix": lambda r, q, v, a, tau: hybridyn.mass_matrix(r, q),
+    "bias": lambda r, q, v, a, tau: hybridyn.bias(r, q, v),
+    "motion map": lambda r, q, v, a, tau: hybridyn.motion_map(r, q, v),
+    "coriolis matrix": lambda r, q, v, a, tau: hybridyn.coriolis_matrix(r, q, v),
+    "energy": lambda r, q, v, a, tau: hybridyn.energy(r, q, v, effects="model"),
+    "power": lambda r, q, v, a, tau: hybridyn.power(r, q, v, tau, effects="model"),
+    "assemble": lambda r, q, v, a, tau: hybridyn.assemble(r, motors=of_joints(r, q, v, a), guess=q[0]),
+    "momentum": lambda r, q, v, a, tau: hybridyn.momentum(r, q, v),
+}
 
 
-def said(error: Exception | warnings.WarningMessage) -> str:
-    """Return the kind of an error or a warning, and its first words without numbers."""
-    kind = type(error.message if isinstance(error, warnings.WarningMessage) else error).__name__
-    text = str(error.message if isinstance(error, warnings.WarningMessage) else error)
-    return f"{kind}: " + re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "#", text)[:100]
+def called(call: Callable[[], Any]) -> tuple[np.ndarray, str]:
+    """Return the numbers of a call, or the kind of its error and its first words without numbers."""
+    try:
+        return np.concatenate([np.zeros(0), *(np.ravel(x).astype(float) for x in arrays(call()))]), ""
+    except (HybridynError, np.linalg.LinAlgError) as error:
+        words = re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "#", str(error))
+        return np.zeros(0), f"{type(error).__name__}: {words[:100]}"
 
 
-def called(model: Callable[[], Any]) -> tuple[np.ndarray, str]:
-    """Call a model; return its numbers, and what it raised or warned."""
-    with warnings.catch_warnings(record=True) as heard, np.errstate(all="ignore"):
-        warnings.simplefilter("always")
-        try:
-            out, verdict = list(numbers(model())), ""
-        except (HybridynError, np.linalg.LinAlgError, KeyError) as error:
-            out, verdict = [], said(error)
-    verdict += "".join(sorted({f" | {said(one)}" for one in heard if "1,000 calls" not in str(one.message)}))
-    return np.concatenate([np.zeros(0), *out]), verdict
+def cases() -> Iterator[tuple[str, hybridyn.HybridRobot]]:
+    """Yield the shipped robots on every base, and the random mechanisms that can be built."""
+    for name, base in product(ROBOTS, get_args(Base)):
+        yield f"{name}/{base}", build_robot(shipped(name), base=base)
+    for seed in range(MECHANISMS):
+        description, base = any_mechanism(seed)
+        with contextlib.suppress(HybridynError):
+            yield f"random/{seed}", build_robot(description, base=base)
 
 
-def moved(model: Callable[..., Any], given: list[np.ndarray], found: np.ndarray, draws: int) -> float:
-    """Return how far relative roundings of the inputs move a result, the largest of some draws."""
-    rng, out = np.random.default_rng(SEED), 0.0
-    for _ in range(draws):
-        near = [x * (1 + EPS * rng.choice([-1.0, 1.0], size=x.shape)) for x in given]
-        again, _ = called(partial(model, *near))
-        if again.shape == found.shape:
-            out = max(out, float(np.abs(again - found).max(initial=0.0)))
-    return out
+def results(robot: hybridyn.HybridRobot, given: list[np.ndarray]) -> Iterator[tuple[str, np.ndarray, str]]:
+    """Yield the name of each call, and what `called` gives."""
+    yield from ((name, *called(lambda: call(robot, *given))) for name, call in CALLS.items())  # noqa: B023
 
 
-def robot_of(case: str) -> hybridyn.HybridRobot:
-    """Build the robot of a case, "lx4/floating" or "random/7"."""
-    name, which = case.split("/")
-    description, base = any_mechanism(int(which)) if name == "random" else (shipped(name), which)
-    return build_robot(description, base=base)
+def drawn(robot: hybridyn.HybridRobot) -> list[np.ndarray]:
+    """Draw q, v, and efforts with the accelerations that they cause, or none where they are refused."""
+    q, v, tau = moving_states(robot, SAMPLES)
+    a, _ = called(lambda: hybridyn.ddm(robot, q, v, tau))
+    return [q, v, a.reshape(v.shape) if a.size else 0 * v, tau]
 
 
-def states(case: str, robot: hybridyn.HybridRobot) -> list[np.ndarray]:
-    """Draw q, v, a, tau: of the oracle for a shipped robot, of the library's own states for any mechanism."""
-    name, which = case.split("/")
-    if name != "random":
-        q, v, a = states_near_home(shipped(name), which, SEED, SAMPLES)
-        return [q, v, a, 20 * np.random.default_rng(SEED).normal(size=(SAMPLES, len(robot.motors)))]
-    with np.errstate(all="ignore"):
-        q, v, tau = moving_states(robot, SAMPLES, int(which))
-        try:
-            a = hybridyn.ddm(robot, q, v, tau)
-        except HybridynError:
-            a = np.zeros_like(v)
-    return [q, v, a, tau]
+def record() -> dict[str, np.ndarray]:
+    """Return states and results by name, errors as text, and how far roundings of the inputs move results."""
+    kept, rng = dict[str, np.ndarray](), np.random.default_rng(0)
+    for case, robot in cases():
+        with contextlib.suppress(HybridynError):
+            given = drawn(robot)
+            near = [x * (1 + EPS * rng.choice([-1.0, 1.0], size=x.shape)) for x in given]
+            kept |= {f"{case}/input {i}": x for i, x in enumerate(given)}
+            for (name, found, said), (_, moved, _) in zip(
+                results(robot, given), results(robot, near), strict=True
+            ):
+                kept |= {f"{case}/{name}": found, f"{case}/{name}/said": np.array(said)}
+                kept[f"{case}/{name}/moved"] = moved if moved.shape == found.shape else found
+    return kept
 
 
-def cases() -> Iterator[tuple[str, dict[str, Model]]]:
-    """Yield the name and the models of each case."""
-    for name in ROBOTS:
-        yield f"{name}/fixed", MODELS
-        yield from ((f"{name}/{base}", FEW) for base in ("moving", "floating"))
-    yield from ((f"random/{seed}", FEW) for seed in range(MECHANISMS))
-
-
-def record(before: Mapping[str, np.ndarray] | None = None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Compute all results; return numbers by name, and what calls raised or warned.
-
-    Args:
-        before: An earlier record, whose states are taken; else they are drawn, and kept with the numbers, and
-            so is how far roundings of them move each result.
-    """
-    kept: dict[str, np.ndarray] = {}
-    verdicts: dict[str, str] = {}
-    for case, models in cases():
-        try:
-            robot = robot_of(case)
-            if f"{case}/input 0" in (before or {}):
-                given = [before[f"{case}/input {i}"] for i in range(4)]
-            else:
-                given = states(case, robot)
-        except HybridynError as error:
-            verdicts[case] = said(error)
+def compare(before: dict[str, np.ndarray]) -> bool:
+    """Compute all results at the recorded states, print what differs, tell whether it is only rounding."""
+    counts = Counter[str]()
+    for case, robot in cases():
+        if f"{case}/input 0" not in before:
             continue
-        kept |= {f"{case}/input {i}": x for i, x in enumerate(given)}
-        for name, model in models.items():
+        for name, now, said in results(robot, [before[f"{case}/input {i}"] for i in range(4)]):
             this = f"{case}/{name}"
-            kept[this], verdicts[this] = called(partial(model, robot, *given))
-            if before is None:
-                draws = 0 if not kept[this].size or name == "simulate" else 2
-                kept[f"{this}/moved"] = np.array(moved(partial(model, robot), given, kept[this], draws))
-    return kept, verdicts
-
-
-def judged(this: str, old: np.ndarray, now: np.ndarray, spread: float) -> str:
-    """Say how a result differs from the recorded one, and print it where that is more than rounding."""
-    if now.tobytes() == old.tobytes():
-        return "same bits"
-    roundings = np.inf
-    if now.shape == old.shape and not np.isnan(now - old).any() and not this.endswith("simulate"):
-        roundings = np.abs(now - old).max() / max(spread, EPS * np.abs(old).max())
-    if roundings <= ROUNDINGS:
-        return "same to rounding"
-    print(f"DIFFERS  {this}: {roundings:.1f} roundings, shape {old.shape} before, {now.shape} now")
-    return "MORE THAN ROUNDING"
-
-
-def main(what: str, file: str) -> int:
-    """Record or compare; give 1 where a result or a verdict is another one."""
-    if what == "record":
-        kept, verdicts = record()
-        np.savez_compressed(file, words=np.array(json.dumps(verdicts)), **kept)
-        print(f"{len(verdicts)} results, {sum(map(bool, verdicts.values()))} of them refusals or warnings")
-        return 0
-    before = dict(np.load(file))
-    words = json.loads(str(before.pop("words")))
-    kept, verdicts = record(before)
-    counts = Counter(
-        judged(this, before[this], now, float(before[f"{this}/moved"]))
-        for this, now in kept.items()
-        if f"{this}/moved" in before
-    )
-    for case in words.keys() | verdicts.keys():
-        if (was := words.get(case, "")) != (now := verdicts.get(case, "")):
-            kinds = [re.findall(r"\w+(?=: )", text)[:1] for text in (was, now)]
-            counts["other words" if kinds[0] == kinds[1] else "OTHER VERDICTS"] += 1
-            print(f"SAYS     {case}: {was or 'no error'} -> {now or 'no error'}")
-    print(", ".join(f"{count} {how}" for how, count in counts.items()))
-    return int(bool(counts["MORE THAN ROUNDING"] + counts["OTHER VERDICTS"]))
+            old, words, moved = (before[this + more] for more in ("", "/said", "/moved"))
+            off, size = (
+                float(np.abs(x).max(initial=0.0))
+                for x in (now - old if now.shape == old.shape else np.inf, old)
+            )
+            roundings = off / max(float(np.abs(moved - old).max(initial=0.0)), EPS * size, 1e-300)
+            what = (
+                "same"
+                if off == 0 and said == words
+                else "rounding"
+                if said == words and roundings <= ROUNDINGS
+                else "OTHER"
+            )
+            counts[what] += 1
+            if what == "OTHER":
+                said = f"{words or 'no error'} -> {said or 'no error'}"
+                print(f"{this}: {off:.1e} of {size:.1e}, {roundings:.1f} roundings; {said}")
+    print(counts)
+    return not counts["OTHER"]
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    warnings.simplefilter("ignore")
+    what, file = sys.argv[1:]
+    with np.errstate(all="ignore"):
+        if what == "record":
+            np.savez_compressed(file, **record())
+        sys.exit(what != "record" and not compare(dict(np.load(file))))
