@@ -1,17 +1,19 @@
 """`hybridyn cost`: Pareto fronts, advice, and the two studies on a small robot."""
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.effects import choose
-from hybridyn.scenes.stage import stage
+from hybridyn.scenes.stage import Stage, stage
 from hybridyn.studies.cost import models, points, runs, settings
 from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
 from hybridyn.studies.cost.points import (
@@ -58,37 +60,51 @@ STUDY = Study(
 
 def test_no_point_is_better_than_the_front() -> None:
     assert [p.setting for p in front(POINTS)] == ["fast", "slow"]
-    assert cheapest(STUDY, 1e-2) == POINTS[1]
-    assert cheapest(STUDY, 1e-6) == POINTS[0]
-    assert cheapest(STUDY, 1e-12) is None
-
-
-def test_nothing_is_known_better_than_the_reference() -> None:
-    blurred = replace(STUDY, own_error=1e-2)
     assert [p.setting for p in front(POINTS, 1e-2)] == ["fast"]
-    assert cheapest(blurred, 1e-3) is None
-    assert "the least error is 1.0e-02" in advice(blurred, 1e-3)
-    assert error_words(POINTS[1], blurred) == "< 1e-02"
+    assert error_words(POINTS[1], replace(STUDY, own_error=1e-2)) == "< 1e-02"
 
 
-def test_equal_times_go_to_the_more_accurate() -> None:
-    study = replace(STUDY, points=[point("rough", 1e-4, 1.0), point("fine", 1e-8, 1.04)])
-    assert cheapest(study, 1e-3) == study.points[1]
+EQUAL = [point("rough", 1e-4, 1.0), point("fine", 1e-8, 1.04)]
+OWN = [*POINTS, point("own", 1e-4, 0.5, use="program")]
+NARROW = [*POINTS, replace(point("narrow", 1e-4, 0.5), elsewhere=3e-2)]
 
 
-def test_advice_after_a_clock_that_stood_still() -> None:
-    study = replace(STUDY, points=[POINTS[0], point("fast", 1e-3, 0.0)])
-    assert advice(study, 1e-2).startswith("For 1 % on efforts, take fast: no faster than the slow way")
-
-
-def test_advice_names_the_way_and_what_it_saves() -> None:
-    assert advice(STUDY, 1e-2).startswith("For 1 % on efforts, take fast: 8 times as fast as the slow way")
-    assert "take slow (error 1.0e-09): nothing cheaper suffices" in advice(STUDY, 1e-6)
-    assert "the least error is 1.0e-09" in advice(STUDY, 1e-12)
-    own = point("own", 1e-4, 0.5, use="program")
-    said = advice(replace(STUDY, points=[*POINTS, own]), 1e-2)
-    assert said.endswith("; in a program of your own, take own: 16 times (error 1.0e-04).")
-    assert cheapest(replace(STUDY, points=[*POINTS, own]), 1e-2) == POINTS[1]
+@pytest.mark.parametrize(
+    ("changed", "target", "setting", "said"),
+    [
+        ({}, 1e-2, "fast", "^For 1 % on efforts, take fast: 8 times as fast as the slow way"),
+        ({}, 1e-6, "slow", r"take slow \(error 1.0e-09\): nothing cheaper suffices"),
+        ({}, 1e-12, None, "the least error is 1.0e-09"),
+        ({"own_error": 1e-2}, 1e-3, None, "the least error is 1.0e-02"),
+        ({"points": EQUAL}, 1e-3, "fine", ""),
+        # after a clock that stood still
+        (
+            {"points": [POINTS[0], point("fast", 1e-3, 0.0)]},
+            1e-2,
+            "fast",
+            "^For 1 % on efforts, take fast: no faster than the slow way",
+        ),
+        (
+            {"points": OWN},
+            1e-2,
+            "fast",
+            r"; in a program of your own, take own: 16 times \(error 1.0e-04\).$",
+        ),
+        (
+            {"points": NARROW},
+            1e-3,
+            "narrow",
+            "it does not carry over to another motion, where its error is 3.0e-02",
+        ),
+    ],
+)
+def test_advice_names_the_cheapest_way_and_what_it_saves(
+    changed: dict[str, Any], target: float, setting: str | None, said: str
+) -> None:
+    study = replace(STUDY, **changed)
+    found = cheapest(study, target)
+    assert (found and found.setting) == setting
+    assert re.search(said, advice(study, target))
 
 
 @pytest.mark.parametrize(
@@ -150,12 +166,6 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
     assert spline < 1e-6 < differences
 
 
-def test_an_advice_that_does_not_carry_over_says_so() -> None:
-    narrow = replace(point("narrow", 1e-4, 0.5), elsewhere=3e-2)
-    said = advice(replace(STUDY, points=[*POINTS, narrow]), 1e-3)
-    assert "it does not carry over to another motion, where its error is 3.0e-02" in said
-
-
 def test_friction_matters_more_when_the_same_path_is_slower() -> None:
     robot = hybridyn.load("five_bar")
     study = study_models(robot, motion(robot, 40), choose(robot, "model"))
@@ -211,6 +221,12 @@ SWING = ROOT / "models/five_bar/swing.toml"
 SHORT = 0.05  # s of the swing
 
 
+def end_of(ready: Stage, **options: Any) -> np.ndarray:
+    """Return the last posture of the beginning of a scene."""
+    options = {"method": "dopri5", "rtol": 1e-12, "atol": 1e-14, "effects": ready.effects} | options
+    return hybridyn.simulate(ready.robot, ready.q0, ready.v0, (0.0, SHORT), **options).q[-1]
+
+
 @pytest.fixture(scope="module")
 def swing() -> Study:
     """Measure the beginning of the swing once for all tests that use it."""
@@ -248,15 +264,11 @@ def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
 
 def test_what_an_effect_of_a_scene_changes_is_the_way_between_two_runs(swing: Study) -> None:
     ready = stage(SWING)
-    tight = {"method": "dopri5", "rtol": 1e-10, "atol": 1e-12}
     for names, effect in (
         (["default", "viscous_friction"], "viscous_friction"),
         (["gravity", "inertia", "leg_inertia"], "velocity"),
     ):
-        ends = [
-            hybridyn.simulate(ready.robot, ready.q0, ready.v0, (0.0, SHORT), effects=on, **tight).q[-1]
-            for on in (None, names)
-        ]
+        ends = [end_of(ready, effects=on) for on in (None, names)]
         found = next(one.error for one in swing.worth if one.effect == effect)
         assert found == pytest.approx(distance(ready.robot, *ends), rel=1e-3)
 
@@ -299,12 +311,7 @@ def test_the_lines_of_a_target_run_and_reach_it(
     assert (out.status, out.err) == (0, "")
     pasted = tomllib.loads(out.out)["solver"]
     ready = stage(SWING)
-    tight = {"method": "dopri5", "rtol": 1e-12, "atol": 1e-14}
-    ends = [
-        hybridyn.simulate(ready.robot, ready.q0, ready.v0, (0.0, SHORT), effects=ready.effects, **how).q[-1]
-        for how in (pasted, tight)
-    ]
-    assert distance(ready.robot, *ends) <= target
+    assert distance(ready.robot, end_of(ready, **pasted), end_of(ready)) <= target
     text = SWING.read_text().replace("../../", f"{ROOT}/").replace("duration = 2.0", f"duration = {SHORT}")
     before, rest = text.split("[solver]")
     mine = save(tmp_path, before + out.out + "\n[output]" + rest.split("[output]")[1], "mine.toml")

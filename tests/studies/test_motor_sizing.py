@@ -104,10 +104,14 @@ def test_a_pendulum_that_is_lifted(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All that is asked for is written, too."""
     A, w = 0.3, 7.0
+    report, figure = tmp_path / "report.json", tmp_path / "cloud.svg"
     robot, motion = write(tmp_path, "prismatic", swing(A, w, 1, 101))
-    said = call(capsys, "size", robot, motion, status=1)
+    said = call(capsys, "size", robot, motion, "-o", report, "--plot", figure, status=1)
     force = MASS * A * w**2
+    assert abs(json.loads(report.read_text())[0]["peak_effort"]) == pytest.approx(force, rel=EXACT)
+    assert len(figure.read_text()) > 10_000
     count = int((np.abs(swing(A, w, 1, 101)[:, 2]) > SPEED_LIMIT).sum())
     for told in (
         f"motor 'drive': effort of {force:.6g} N is {force / EFFORT_LIMIT:.3g} times its limit of 20 N",
@@ -118,15 +122,6 @@ def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFix
     assert call(capsys, "size", robot, motion, "--fail-on", "never")[1:] == said[1:]
     gentle = call(capsys, "size", *write(tmp_path, "prismatic", swing(0.1, 2.0, 1, 101)))
     assert "no effort, speed or position is over a limit" in gentle.out
-
-
-def test_all_is_written_where_limits_are_exceeded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    report, figure = tmp_path / "report.json", tmp_path / "cloud.svg"
-    robot, motion = write(tmp_path, "prismatic", swing(0.3, 7.0, 1, 101))
-    call(capsys, "size", robot, motion, "-o", report, "--plot", figure, status=1)
-    (facts,) = json.loads(report.read_text())
-    assert abs(facts["peak_effort"]) == pytest.approx(MASS * 0.3 * 7.0**2, rel=EXACT)
-    assert figure.exists()
 
 
 def test_a_motion_that_touches_a_limit_does_not_exceed_it(tmp_path: Path) -> None:
@@ -178,7 +173,9 @@ def test_power_is_what_the_energy_gains(tmp_path: Path, capsys: pytest.CaptureFi
 def test_numbers_are_those_of_the_inverse_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = hybridyn.load("five_bar")
     report = tmp_path / "report.json"
-    call(capsys, "size", "five_bar", "-o", report, "--jobs", "2")
+    figure = tmp_path / "cloud.svg"
+    call(capsys, "size", "five_bar", "-o", report, "--jobs", "2", "--plot", figure)
+    assert "m1_left_drive" in figure.read_text()
     efforts = tmp_path / "efforts.csv"
     call(capsys, "idm", "five_bar", "--effects", "model", "-o", efforts)
     tau = np.loadtxt(efforts, delimiter=",", skiprows=1)[:, 1:]
@@ -200,14 +197,6 @@ def test_a_table_without_time_has_no_energy(tmp_path: Path, capsys: pytest.Captu
     assert facts["peak_effort_row"] == 26  # a quarter of 100 steps, counted from 1
     assert facts["rms_effort"] == pytest.approx(np.sqrt(np.mean((MASS * table[:, 3]) ** 2)), rel=EXACT)
     assert "over" not in said.out.splitlines()[0]
-
-
-def test_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    figure = tmp_path / "cloud.svg"
-    call(capsys, "size", "five_bar", "--plot", figure)
-    text = figure.read_text()
-    assert "m1_left_drive" in text.replace("<!-- ", "").replace(" -->", "")
-    assert len(text) > 10_000
 
 
 def test_a_page_shows_what_the_report_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

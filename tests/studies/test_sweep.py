@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -140,22 +140,20 @@ class Here:
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> Callable[[Here], None]:
+    """Sweep in this process, design by design; the function takes another pool."""
+
     def use(pool: Here) -> None:
-        @contextmanager
-        def opened(*arguments: object) -> Iterator[Here]:
-            yield pool
+        monkeypatch.setattr(sweeping, "open_pool", lambda *_: nullcontext(pool))
 
-        monkeypatch.setattr(sweeping, "open_pool", opened)
-        monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 1e9)  # the clock decides nothing
-        monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 1)
-
+    monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 1e9)  # the clock decides nothing
+    monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 1)
+    use(Here())
     return use
 
 
 def test_a_grid_has_the_numbers_of_the_pendulums_equation(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here(Here())
     monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 6)  # one chunk: each expands the file again
     measure = (
         "{ top = 'peak_effort', rms = 'rms_effort', speed = 'peak_speed', left = 'stroke_margin', "
@@ -228,7 +226,6 @@ def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) ->
 
 
 def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
-    here(Here())
     study = written("method = 'grid'")
     hybridyn.sweep(study, "out", format="csv")
     whole = rows_of("out")
@@ -252,21 +249,15 @@ def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None
     study = written("method = 'grid'")
     told: list[str] = []
 
-    class Meanwhile(Here):
-        def run(self, *arguments: Any, **options: Any) -> Iterator[Any]:
-            if not told:
-                told.append("not")
-                told.append(
-                    str(
-                        refused(lambda: hybridyn.sweep(study, "out", resume=True), hybridyn.HybridynError, "")
-                    )
-                )
-            yield from super().run(*arguments, **options)
+    def meanwhile(design: int) -> bool:
+        again = partial(hybridyn.sweep, study, "out", resume=True)
+        told.append(str(refused(again, hybridyn.HybridynError, "another process writes its results here")))
+        return False
 
-    here(Meanwhile())
+    here(Here(meanwhile))
     state = hybridyn.sweep(study, "out", format="csv")
     assert (state.done, rows_of("out")["design"]) == (6, list(range(6)))
-    assert told[1].startswith("out: another process writes its results here")
+    assert told[0].startswith("out: ")
 
 
 def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
@@ -287,7 +278,6 @@ def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize("what", ["replaced", "added", "changed"])
 def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str) -> None:
     """A file with the name of a shard, a shard of another study, a shard that was edited."""
-    here(Here())
     hybridyn.sweep(written("method = 'grid'", SCALES), "other", format="csv")
     study = written("method = 'grid'", SCALES.replace("1.5", "1.25"))
     hybridyn.sweep(study, "out", format="csv")
@@ -323,11 +313,19 @@ def digest(study: Path) -> str:
     return identity(source, Designs(source))
 
 
-def test_a_changed_side_car_or_function_is_another_study(folder: Path) -> None:
+def test_a_changed_include_side_car_or_function_is_another_study(folder: Path) -> None:
+    """An expansion that is kept is recorded, too."""
     Path("cost.py").write_text("def cost(robot, motion):\n    return 1.0\n")
-    study = written("method = 'grid'", measure='{ c = "cost.py:cost" }')
+    part = "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='more'/></robot>"
+    Path("part.xacro").write_text(part)
+    joint = '<joint name="fix" type="fixed"><parent link="tip"/><child link="more"/></joint></robot>'
+    text = PENDULUM.replace("</robot>", f'<xacro:include filename="part.xacro"/>{joint}')
+    Path("pendulum.urdf.xacro").write_text(text)
+    study = written("method = 'grid'", "length = { values = [0.5, 1.5] }", '{ c = "cost.py:cost" }')
     seen = [digest(study)]
+    assert digest(study) == seen[0]
     for file, text in (
+        ("part.xacro", part.replace("/></robot>", " /></robot>")),
         ("cost.py", "def cost(robot, motion):\n    return 2.0\n"),
         ("pendulum.model.toml", "[joints.turn]\ndamping = 0.1\n"),
         ("pendulum.model.toml", "[joints.turn]\ndamping = 0.2\n"),
@@ -337,26 +335,6 @@ def test_a_changed_side_car_or_function_is_another_study(folder: Path) -> None:
     assert len(set(seen)) == len(seen)
     study.write_text(study.read_text().replace("method = 'grid'", "method = 'grid'\ncheck = 3"))
     assert digest(study) == seen[-1]  # no row depends on how many designs are compared
-
-
-@pytest.mark.slow
-def test_a_changed_include_is_another_study_and_its_shards_are_not_taken_over(
-    folder: Path, here: Any
-) -> None:
-    here(Here())
-    Path("part.xacro").write_text(
-        "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='more'/></robot>"
-    )
-    joint = '<joint name="fix" type="fixed"><parent link="tip"/><child link="more"/></joint></robot>'
-    text = PENDULUM.replace("</robot>", f'<xacro:include filename="part.xacro"/>{joint}')
-    Path("pendulum.urdf.xacro").write_text(text)
-    study = written("method = 'grid'", "length = { values = [0.5, 1.5] }")
-    hybridyn.sweep(study, "out", format="csv")
-    assert hybridyn.sweep(study, "out", resume=True).now == 0
-    for _ in range(2):  # an expansion that is kept is recorded, too
-        digest(study)
-    Path("part.xacro").write_text(Path("part.xacro").read_text().replace("/></robot>", " /></robot>"))
-    refused(lambda: hybridyn.sweep(study, "out", resume=True), hybridyn.HybridynError, "of another study")
 
 
 NUMBERS = "length = { values = [0.5, 1.5] }\nheavier = { values = [1.0, 3.0] }\n[numbers]\n"
@@ -370,27 +348,42 @@ def test_numbers_of_the_description_are_set_by_expressions(folder: Path) -> None
         assert abs(row.measures[0] - wanted) <= ROUNDING * wanted
 
 
+STATED_TO_BE = "length = { scale_inertia = 'base', values = [0.5, 0.6] }\n[numbers]\n"
+
+
 @pytest.mark.parametrize(
-    ("line", "message"),
+    ("parameters", "measure", "said"),
     [
-        ('"mass:bar" = "length"', r"study.toml:\d+: .*no link 'bar'"),
-        ('"centre:rod" = "length"', r"'centre:rod' has 3 numbers: name one, such as 'centre:rod.x'"),
-        ('"mass:rod" = "-length"', r"mass of 'rod' cannot be -0.5"),
-        ('"viscous_friction:turn" = "-length"', r"damping of 'turn' cannot be -0.5"),
-        ('"mass:rod" = "lenght"', "no column 'lenght'.*did you mean 'length'"),
-        ('"mass:rod" = "length;"', "is no expression"),
-        ('"mass:rod" = "length, 2"', r"study.toml:\d+: .*is not understood"),
-        ('"mass:rod" = "(length, 2) * 2"', "is not understood"),
+        (
+            SCALES.replace("'base'", "'bas'"),
+            "",
+            "tried 6 of 6.; design 0 .length = 0.5, rod = 1.: .*mean 'base'",
+        ),
+        (
+            SCALES.replace("'rod'", "'rodd'"),
+            "",
+            r"no design loads .*there is no link 'rodd' \(did you mean 'rod'\?\)",
+        ),
+        (SCALES, "{ a = 'max trn/effort' }", "no design can be evaluated .*did you mean 'turn'"),
+        (STATED_TO_BE + '"mass:bar" = "length"', "", r"study.toml:\d+: .*no link 'bar'"),
+        (
+            STATED_TO_BE + '"centre:rod" = "length"',
+            "",
+            "'centre:rod' has 3 numbers: name one, such as 'centre:rod.x'",
+        ),
+        (STATED_TO_BE + '"mass:rod" = "-length"', "", r"mass of 'rod' cannot be -0.5"),
+        (STATED_TO_BE + '"viscous_friction:turn" = "-length"', "", r"damping of 'turn' cannot be -0.5"),
+        (STATED_TO_BE + '"mass:rod" = "lenght"', "", "no column 'lenght'.*did you mean 'length'"),
+        (STATED_TO_BE + '"mass:rod" = "length;"', "", "is no expression"),
+        (STATED_TO_BE + '"mass:rod" = "length, 2"', "", r"study.toml:\d+: .*is not understood"),
+        (STATED_TO_BE + '"mass:rod" = "(length, 2) * 2"', "", "is not understood"),
     ],
 )
-def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: str) -> None:
-    here(Here())
-    parameters = "length = { scale_inertia = 'base', values = [0.5, 0.6] }\n[numbers]\n" + line
-    refused(
-        lambda: hybridyn.sweep(written("method = 'grid'", parameters), "out", format="csv"),
-        hybridyn.HybridynError,
-        message,
-    )
+def test_a_study_that_no_design_fulfils_is_one_line(
+    folder: Path, here: Any, parameters: str, measure: str, said: str
+) -> None:
+    study = written("method = 'grid'", parameters, measure or '["peak_effort"]')
+    refused(lambda: hybridyn.sweep(study, "out", format="csv"), hybridyn.HybridynError, said)
     assert not Path("out").exists()
 
 
@@ -429,7 +422,6 @@ def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> N
 def test_a_full_disk_keeps_what_was_done(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from hybridyn.studies.sweep import shards
 
-    here(Here())
     written_so_far, write = [], shards._write
 
     def fail(file: Path, content: bytes) -> None:
@@ -501,30 +493,7 @@ def test_wrong_studies_are_one_line(folder: Path, old: str, new: str, said: str)
     refused(lambda: read_study(path), hybridyn.ModelError, said)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (
-            "'base'",
-            "'bas'",
-            "no design loads .tried 6 of 6.; design 0 .length = 0.5, rod = 1.: .*mean 'base'",
-        ),
-        ("'rod'", "'rodd'", r"no design loads .*there is no link 'rodd' \(did you mean 'rod'\?\)"),
-        ('["peak_effort"]', "{ a = 'max trn/effort' }", "no design can be evaluated .*did you mean 'turn'"),
-    ],
-)
-def test_a_study_that_no_design_fulfils_is_one_line(
-    folder: Path, here: Any, old: str, new: str, said: str
-) -> None:
-    here(Here())
-    path = written("method = 'grid'")
-    path.write_text(path.read_text().replace(old, new))
-    refused(lambda: hybridyn.sweep(path, "out", format="csv"), hybridyn.HybridynError, said)
-    assert not Path("out").exists()
-
-
 def test_the_best_and_the_pareto_front(folder: Path, here: Any) -> None:
-    here(Here())
     hybridyn.sweep(written("method = 'grid'"), "out", format="csv")
     designs = list(itertools.product(LENGTHS, FACTORS))
     peaks = [np.abs(effort(1.0, factor)).max() for _, factor in designs]
@@ -564,7 +533,6 @@ def test_functions_of_a_python_file_measure(folder: Path) -> None:
 def test_the_command_evaluates_and_asks(
     folder: Path, here: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here(Here())
     monkeypatch.setattr(sweeping, "time", Clock())  # it stands still, as coarse ones do
     written("method = 'grid'")
     words = ["sweep", "study.toml", "--best", "peak_effort", "--format", "csv", "--top", "1"]
@@ -596,7 +564,6 @@ def test_sensitivities_are_those_of_a_linear_function(tmp_path: Path) -> None:
 
 def test_shards_are_parquet_where_polars_is(folder: Path, here: Any) -> None:
     polars = needs("io")
-    here(Here())
     study = written("method = 'grid'")
     hybridyn.sweep(study, "out")
     hybridyn.sweep(study, "text", format="csv")

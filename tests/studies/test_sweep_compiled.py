@@ -22,7 +22,7 @@ from tests import ROOT
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
-from tests.studies.test_sweep import SCALES, Here, folder, here, rows_of, written
+from tests.studies.test_sweep import SCALES, folder, here, rows_of, written
 
 __all__ = ["folder", "here"]
 
@@ -101,23 +101,17 @@ def test_steps_are_divided_evenly_and_given_rows_stay() -> None:
         assert np.array_equal(level[::4], given)
 
 
+@pytest.mark.parametrize(("loads", "why"), [(0, "every joint"), (np.inf, "")])
 def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
-    folder: Path, here: Any
+    loads: float, why: str, folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here(Here())
+    """Where a model cannot be compiled; a study that takes less than compiling says nothing."""
+    monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", loads)
     state = hybridyn.sweep(written("method = 'grid'", SCALES), "out", format="csv")
-    assert "every joint" in state.why_general
+    assert why in state.why_general
+    assert bool(why) == bool(state.why_general)
     assert (state.compiled, state.statuses) == (0, {"ok": 6})
     assert not about_of("out").compiled
-
-
-def test_a_study_that_takes_less_than_compiling_is_not_compiled(
-    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    here(Here())
-    monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", np.inf)
-    state = hybridyn.sweep(written("method = 'grid'", SCALES), "out", format="csv")
-    assert (state.compiled, state.why_general, state.statuses) == (0, "", {"ok": 6})
 
 
 def both_ways(study: Path) -> Swept:
@@ -163,7 +157,6 @@ def five_bar_in(folder: Path) -> Path:
 def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here(Here())
     study = five_bar_in(folder)
     state = both_ways(study)
     assert 0 < state.checked <= 2  # a tenth
@@ -195,7 +188,6 @@ def test_descriptions_of_many_designs_are_those_of_each(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each file is read once, when it is asked for; designs that differ in scales share what was read."""
-    here(Here())
     variants = Variants(read_study(five_bar_in(folder)))
     values = np.array([[0.20, 1.0, 0.3], [0.25, 1.1, 0.3], [0.20, 0.9, 0.3]])
     each = [Variants(variants.source).description(variants.named(own)) for own in values]
@@ -231,7 +223,6 @@ def test_efforts_that_are_rounding_stop_no_sweep(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.slow
 def test_models_that_differ_are_refused(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     needs("compiled")
-    here(Here())
     study = five_bar_in(folder)
     monkeypatch.setattr(compiled_designs, "EQUAL", 0.0)
     refused(
@@ -246,7 +237,6 @@ def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_gene
     folder: Path, here: Any
 ) -> None:
     """Designs that do not reach the path are counted the same."""
-    here(Here())
     t = np.linspace(0, 0.8, 21)
     rows = np.column_stack([t, 0.15 * np.sin(8 * t), np.full(21, -0.48)])
     np.savetxt("tool.csv", rows, "%.17g", ",", header="time,m1_tool/pose/x,m1_tool/pose/z", comments="")
@@ -287,7 +277,6 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
 def test_each_structure_has_compiled_models_of_its_own(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here(Here())
     t = np.linspace(0.0, 0.8, 21)
     rows = np.column_stack([t, 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t)])
     header = "time,foot0/position,foot0/velocity,foot0/acceleration"
