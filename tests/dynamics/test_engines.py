@@ -41,11 +41,13 @@ SHIPPED = [f"shipped {name}" for name in ROBOTS]
 CASES = in_turn(
     [*KINDS, *SHIPPED], BASES, [*CHOSEN, "star_universal", *(name for name in SHIPPED if "snake" not in name)]
 )
+#: Motors that share efforts in N and N m need weights, which the written models do not take.
+OF_WRITTEN = [case for case in CASES if "gough_eight_motors" not in str(case)]
 OF_QUANTITIES = in_turn([*SQUARE, *SHIPPED], BASES, [*CHOSEN, "shipped rps3", "shipped scara_delta"])
 
 
 @pytest.mark.parametrize("seed", [0, *map(slow, (1, 2, 3))])
-@pytest.mark.parametrize(("engine", "case", "base"), [*each("general", CASES), *each("written", CASES)])
+@pytest.mark.parametrize(("engine", "case", "base"), [*each("general", CASES), *each("written", OF_WRITTEN)])
 def test_both_models_against_the_oracle(engine: str, case: str, base: Base, seed: int) -> None:
     description, wrenches, (q, v, a) = drawn(case, base, seed)
     massless = case in KINDS and KINDS[case].massless

@@ -150,7 +150,7 @@ def test_a_door_with_two_hinges_swings_as_with_one(options: dict[str, object], t
     robots = [hybridyn.load(save(tmp_path, door(count))) for count in (2, 1)]
     two, one = (simulate(robot, *start, **options) for robot in robots)  # type: ignore[arg-type]
     assert two.status == "finished"
-    assert (two.t == one.t).all()
+    assert two.t == pytest.approx(one.t, abs=SAME_STEPS)
     assert two.q == pytest.approx(one.q, abs=SAME_STEPS)
     assert two.v == pytest.approx(one.v, abs=SAME_STEPS)
     assert two.residual.max() <= CLOSED
