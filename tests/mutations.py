@@ -4,6 +4,8 @@ import random
 import re
 from collections.abc import Callable
 
+Mutation = Callable[[str, random.Random], bytes]
+
 NUMBERS = [
     "nan",
     "inf",
@@ -114,5 +116,38 @@ def _replaced(text: str, draw: random.Random, pattern: str, by: list[str]) -> by
     return (text[: part.start()] + draw.choice(by) + text[part.end() :]).encode()
 
 
+def lines(text: str, draw: random.Random) -> bytes:
+    """Drop, double or move a line."""
+    rows = text.split("\n")
+    i = draw.randrange(len(rows))
+    row = rows.pop(i)
+    if draw.random() < 0.6:
+        for _ in range(draw.choice([1, 2])):
+            rows.insert(draw.choice([i, draw.randrange(len(rows))]), row)
+    return "\n".join(rows).encode()
+
+
+def replaced(pattern: str, words: list[str]) -> Mutation:
+    """Return a mutation that puts another word, or another part of the text, in the place of a part."""
+    return lambda text, draw: _replaced(
+        text, draw, pattern, [*words, draw.choice(re.findall(pattern, text) or [""])]
+    )
+
+
+TYPES = ["Xform", "PhysicsJoint", "PhysicsFixedJoint", "PhysicsDistanceJoint", "Mesh", "Plane", "Foo", ""]
+USDA: list[Mutation] = [
+    flip_bytes,
+    cut,
+    lines,
+    lines,
+    replaced(r"(?<![\w.])-?\d*\.?\d+(?!\w)", [*NUMBERS, "1e39", "180", "2"]),
+    replaced(r"</[\w/]+>", ["</robot>", "</robot/j1>", "</robot/g/shape>", "</x>", "<>"]),
+    replaced(r"(?<=def )\w+", TYPES),
+    replaced(r'(?<=")\w[\w:]+(?=")', [*WORDS, "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "transX"]),
+    replaced(
+        r"(?<=\n)(float|point3f|quatf|bool|token|rel)(?= )", ["float", "double3", "string", "token[]", "rel"]
+    ),
+    replaced(r"[\w:]+:[\w:]+(?= =)", ["physics:mass", "physics:localPos0", "xformOp:translate", "foo:bar"]),
+]
 FLAT = [flip_bytes, cut, change_number, change_value, rename, swap_values]
 TREE = [*FLAT, drop_element, double_element, move_element, wrap_element]

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.conversion.judge import bodily, written
+from tests.conversion.judge import bodily, read_back
 from tests.description.reading import outcome
-from tests.extras import needs
 from tests.mechanisms import random_mechanism
 from tests.mutations import FLAT, TREE
 from tests.samples import slow
@@ -20,12 +19,9 @@ KINDS = ("serial_all", "loop_universal", "gear_three", "star_five")
 @pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", slow(".usda")])
 @pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 20))])
 def test_mutations(ending: str, seed: int, tmp_path: Path) -> None:
-    if ending in (".xml", ".usda"):
-        needs({".xml": "mjcf", ".usda": "usd"}[ending])
-    draw, file = random.Random(seed), tmp_path / f"robot{ending}"
-    written(bodily(random_mechanism(3, kind=KINDS[seed % len(KINDS)])), file)
+    draw, file, refused = random.Random(seed), tmp_path / f"robot{ending}", 0
+    read_back(bodily(random_mechanism(3, kind=KINDS[seed % len(KINDS)])), file)
     text = file.read_text()
-    refused = 0
     for _ in range(CASES):
         changed = draw.choice(FLAT if ending == ".usda" else TREE)(text, draw)
         file.write_bytes(changed)

@@ -1,6 +1,6 @@
 """Read a file that may be broken: it is the robot that is expected, or refused with one readable line."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -87,33 +87,3 @@ def finite(description: Description, text: object) -> None:
     for closure in description.closures:
         assert np.isfinite([closure.frame_a, closure.frame_b]).all(), text
         assert len(closure.translations) or closure.rotation != "free", text
-
-
-def mutated(
-    path: Path,
-    draw: Callable[[], bytes],
-    count: int,
-    check: Callable[[Description, bytes], object],
-    file: Path | None = None,
-    **options: str,
-) -> None:
-    """Read a robot with so many mutations of its file: some are refused in one line, others judged.
-
-    Args:
-        path: The robot's file.
-        draw: Gives the next text.
-        count: How many.
-        check: Judges a robot that was read, with the text.
-        file: What is mutated, where it stands beside the robot's file.
-        options: Those of `outcome`.
-    """
-    refused = 0
-    for _ in range(count):
-        text = draw()
-        (file or path).write_bytes(text)
-        found = outcome(path, text, **options)
-        refused += found is None
-        if found is not None:
-            finite(found, text)
-            check(found, text)
-    assert 0 < refused < count, "mutations must hit, and must not hit always"

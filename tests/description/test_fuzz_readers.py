@@ -1,174 +1,212 @@
-"""No mutation of a robot's files ends in a traceback, a hang or a robot that lost a loop.
+"""No mutation of a robot's files ends in a traceback, a hang or a robot that lost a body, a joint or a loop.
 
-Seeded mutations of small valid URDF, xacro, YAML and TOML files. Each must be read or refused with a
-`ModelError` of one line; a robot that is read has every joint, closure and coupling that still stands in its
-text, and no number that is not finite.
+Seeded mutations of valid files of every format. Each is read, or refused with a `ModelError` of one line.
+A robot that is read has what still stands in its text, by another parser where there is one: MuJoCo's model
+of the same file, and what usd-core finds in the same stage. It has no number that is not finite.
 """
 
 import random
 import re
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
+from lxml import etree
 
 from hybridyn.description import Description, read
-from tests.description.reading import finite, mutated
-from tests.mutations import FLAT, TREE
-from tests.robot_texts import LOOP, robot, save
+from tests.conversion.judge import needs_reader
+from tests.description import fuzz_texts as texts
+from tests.description.reading import finite, outcome, save_all
+from tests.extras import needs
+from tests.mutations import FLAT, TREE, USDA, Mutation
+from tests.robot_texts import LOOP, robot
+from tests.samples import slow
 
-CASES = 60  # per seed and file
-
-FRAMES = (
-    '<link name="end_a"/><joint name="end_a_frame" type="fixed">'
-    '<parent link="coupler"/><child link="end_a"/></joint>\n'
-    '<link name="end_b"/><joint name="end_b_frame" type="fixed">'
-    '<parent link="rocker"/><child link="end_b"/></joint>\n'
-)
-URDF = robot(
-    LOOP,
-    FRAMES,
-    '<loop name="u" type="universal"><predecessor link="coupler"><origin xyz="1 2 3"/></predecessor>'
-    '<successor link="end_b"/><axis xyz="1 0 0"/><axis2 xyz="0 1 0"/></loop>',
-    '<loop name="r" type="rows" rows="tx ty rx ry">'
-    '<predecessor link="crank"/><successor link="end_b"/></loop>',
-    '<constraint name="c" type="revolute"><parent link="end_a"/><parent_axis xyz="0 0 1"/>'
-    '<child link="end_b"/><child_axis xyz="0 0 1"/></constraint>',
-    '<loop_joint name="lj" type="spherical"><link1 link="crank" xyz="0 0 0" rpy="0 0 0"/>'
-    '<link2 link="rocker" xyz="0 0 0" rpy="0 0 0"/></loop_joint>',
-    '<coupling name="gear"><predecessor link="coupler"/><successor link="rocker"/>'
-    '<ratio value="-2"/></coupling>',
-    '<link name="tip"/><joint name="tip_joint" type="prismatic"><parent link="rocker"/><child link="tip"/>'
-    '<mimic joint="drive" multiplier="0.5" offset="0.1"/></joint>',
-    '<transmission name="t"><joint name="drive"/><actuator name="m">'
-    "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>",
-    '<gazebo reference="drive"><provideFeedback>true</provideFeedback></gazebo>',
-)
-MATES = "".join(
-    f'<link name="closing_tip_{end}"/><joint name="closing_tip_{end}_frame" type="fixed">'
-    f'<parent link="{link}"/><child link="closing_tip_{end}"/><origin xyz="1 0 {z}"/></joint>\n'
-    for end, link, z in (
-        ("1", "coupler", 0),
-        ("2", "rocker", 0),
-        ("1_z", "coupler", 0.1),
-        ("2_z", "rocker", 0.1),
-    )
-)
-DIALECTS = robot(
-    MATES,
-    '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>'
-    '<drake:ball_constraint_body_B name="rocker"/><drake:ball_constraint_p_AP value="1.5 0 0"/>'
-    '<drake:ball_constraint_p_BQ value="1 0 0"/></drake:ball_constraint>',
-    '<gazebo><joint name="E" type="universal"><parent>coupler</parent><child>rocker</child>'
-    '<pose relative_to="crank">1 0 0 0 0.1 0</pose><axis><xyz expressed_in="__model__">0 0 1</xyz></axis>'
-    "<axis2><xyz>1 0 0</xyz></axis2></joint></gazebo>",
-)
-SUBMECHANISMS = """submechanisms:
-- type: NUMERICAL
-  jointnames_active: [drive]
-  jointnames_spanningtree: [drive, elbow, swing]
-  loop_constraints:
-  - cut_joint: elbow
-    predecessor_body: coupler
-    successor_body: rocker
-    constraint_axes: [{axis: [0., 0., 0., 1., 0., 0.]}, {axis: [0, 0, 0, 0, 1, 0]}]
-"""
-SIDE_CAR = """closed_loop: [[end_a, end_b]]
-type: ['6d']
-name_mot: [drive]
-joint_name: [swing]
-joint_type: [SPHERICAL]
-"""
-MODEL = """motors = ["drive"]
-[home]
-drive = 0.5
-elbow = [0.6, 0.8]
-[joints.drive]
-rotor_inertia = 3e-5
-gear_ratio = 100.0
-"""
-XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
-<xacro:arg name="n" default="2"/><xacro:property name="length" value="${0.5 * 2}"/>
-<link name="ground"/>
-<xacro:macro name="bar" params="name parent x:=0">
-  <link name="${name}"/>
-  <joint name="${name}_joint" type="continuous"><origin xyz="${x} 0 0"/><parent link="${parent}"/>
-    <child link="${name}"/><axis xyz="0 0 1"/></joint>
-</xacro:macro>
-<xacro:bar name="crank" parent="ground"/>
-<xacro:bar name="coupler" parent="crank" x="${length}"/>
-<xacro:bar name="rocker" parent="ground" x="1.5"/>
-<xacro:if value="$(arg n)"><loop name="pin" type="revolute"><predecessor link="coupler"/>
-<successor link="rocker"><origin xyz="${length} 0 0"/></successor><axis xyz="0 0 1"/></loop></xacro:if>
-</robot>
-"""
+#: Judges a robot by its file and the text that was broken; False where it cannot.
+Judge = Callable[[Path, Description, bytes], object]
 
 
-def check(description: Description, text: bytes) -> None:
-    """Check that a robot that was read has all its loops."""
+def of_urdf(path: Path, found: Description, text: bytes) -> None:
+    """Check that a robot has all its loops."""
     plain = re.sub(rb"<!--.*?-->", b"", text, flags=re.DOTALL)
-    closures = len(re.findall(rb"<(?:loop|constraint|loop_joint)\b", plain))
+    closures = len(re.findall(rb"<(?:loop|constraint|loop_joint|drake:ball_constraint)\b", plain))
+    closures += len(re.findall(rb'<joint name="[^"]*" type="universal"', plain))
+    closures += all(b'"closing_tip_%d"' % end in plain for end in (1, 2))
     couplings = len(re.findall(rb"<(?:coupling|mimic)\b", plain))
-    idle = sum("<mimic> has no effect" in note for note in description.notes)
-    assert len(description.closures) >= closures, text
-    assert len(description.couplings) + idle >= couplings, text
-    assert len(description.joints) >= len(re.findall(rb"<joint\b[^<>]*\btype=", plain)), text
+    idle = sum("<mimic> has no effect" in note for note in found.notes)
+    assert len(found.closures) >= closures, text
+    assert len(found.couplings) + idle >= couplings, text
+    assert len(found.joints) >= len(re.findall(rb"<joint\b[^<>]*\btype=\"[^u]", plain)), text
 
 
-def test_the_files_are_good_as_they_stand(tmp_path: Path) -> None:
-    side_car = SIDE_CAR.replace("joint_name: [swing]\njoint_type: [SPHERICAL]\n", "")
-    save(tmp_path, side_car, "r.yaml")
-    save(tmp_path, MODEL, "r.model.toml")
-    description = read(save(tmp_path, URDF, "r.urdf"))
-    assert (len(description.closures), len(description.couplings)) == (6, 2)
-    check(description, URDF.encode())
-    finite(description, URDF)
+def beside_urdf(path: Path, found: Description, text: bytes) -> None:
+    """Check that a robot has all its loops, those of the file beside it included."""
+    of_urdf(path, found, path.read_bytes())
+    if re.search(rb"^closed_loop: \[\[.+\]\]$", text, re.MULTILINE):
+        assert len(found.closures) == 2, text
+    if re.search(rb"^  - cut_joint", text, re.MULTILINE):
+        assert len(found.closures) == 1, text
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_urdf(tmp_path: Path, seed: int) -> None:
-    draw = random.Random(seed)
-    mutated(tmp_path / "r.urdf", lambda: draw.choice(TREE)(URDF, draw), CASES * 2, check)
+def of_mjcf(path: Path, found: Description, text: bytes) -> object:
+    """Compare a robot with MuJoCo's model of its file; False where that refuses what hybridyn leaves out."""
+    mujoco = needs("mjcf")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError:
+        return False
+    inactive = sum('active="false"' in note for note in found.notes)
+    assert len(found.closures) + len(found.couplings) + inactive == model.neq, text
+    movable = sum(joint.kind != "fixed" for joint in found.joints)
+    assert movable + (found.base == "floating") == model.njnt, text
+    ours, theirs = sorted(link.mass for link in found.links if link.mass), model.body_mass
+    if not any("do not move" in note for note in found.notes):
+        np.testing.assert_allclose(ours, sorted(mass for mass in theirs if mass), err_msg=str(text))
+    return True
 
 
-@pytest.mark.parametrize("name", ["r.yaml", "r.model.toml"])
-def test_files_beside(tmp_path: Path, name: str) -> None:
-    draw = random.Random(name)
-    urdf = robot(FRAMES, LOOP)
-    original = SIDE_CAR if name == "r.yaml" else MODEL
-
-    def judge(description: Description, text: bytes) -> None:
-        check(description, urdf.encode())
-        if re.search(rb"^closed_loop: \[\[.+\]\]$", text, re.MULTILINE):
-            assert len(description.closures) == 2, text
-
-    path = save(tmp_path, urdf, "r.urdf")
-    mutated(path, lambda: draw.choice(FLAT)(original, draw), CASES, judge, path.with_name(name))
-
-
-def test_xacro(tmp_path: Path) -> None:
-    draw = random.Random(2)
-    mutated(tmp_path / "r.urdf.xacro", lambda: draw.choice(TREE)(XACRO, draw), 10, lambda *_: None)
-
-
-def test_dialects(tmp_path: Path) -> None:
-    draw = random.Random(4)
-
-    def judge(description: Description, text: bytes) -> None:
-        plain = re.sub(rb"<!--.*?-->", b"", text, flags=re.DOTALL)
-        stated = len(re.findall(rb"<drake:ball_constraint\b", plain))
-        stated += len(re.findall(rb'<joint name="[^"]*" type="universal"', plain))
-        stated += all(b'"closing_tip_%d"' % end in plain for end in (1, 2))
-        assert len(description.closures) >= stated, text
-
-    mutated(tmp_path / "r.urdf", lambda: draw.choice(TREE)(DIALECTS, draw), CASES * 2, judge)
+def of_sdf(path: Path, found: Description, text: bytes) -> None:
+    """Compare a robot with the names and masses that stand in its text."""
+    root = etree.fromstring(text)
+    links = [node.get("name").strip() for node in root.iter("link")]
+    joints = [node for node in root.iter("joint") if node.find("parent") is not None]
+    names = {link.name.rpartition("::")[2] for link in found.links}
+    known = {joint.name for joint in found.joints} | {closure.name for closure in found.closures}
+    parts = {name.rpartition("::")[2] for name in known}
+    if len(root.findall("model")) == 1:  # else the other model is static, and said to be left out
+        assert set(links) <= names, text
+        for node in joints:
+            name = node.get("name").strip()
+            ground = node.find("parent").text.strip() == "world" and found.root != "world"
+            assert name in parts or f"{name}_1" in parts or f"{name}_closure" in parts or ground, text
+        assert len(found.couplings) == sum(1 for _ in root.iter("mimic")), text
+    for one in found.joints:
+        assert abs(np.linalg.norm(one.axis) - 1) < 1e-12, text
 
 
-def test_submechanisms(tmp_path: Path) -> None:
-    draw = random.Random(5)
+def of_usd(path: Path, description: Description, text: bytes) -> object:
+    """Compare a robot with what usd-core's own parser finds; False where it fails."""
+    needs("usd")
+    from pxr import Tf, Usd, UsdPhysics
 
-    def judge(description: Description, text: bytes) -> None:
-        if re.search(rb"^  - cut_joint", text, re.MULTILINE):
-            assert len(description.closures) == 1, text
+    stage = Usd.Stage.Open(str(path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        try:
+            found = UsdPhysics.LoadUsdPhysicsFromRange(stage, ["/"])
+        except Tf.ErrorException:  # what hybridyn leaves out
+            return False
+    bodies: set[str] = set()
+    joints: list[tuple[str, str]] = []
+    unread = " ".join(description.notes)
+    for paths, records in found.values():
+        for place, record in zip(paths, records, strict=True):
+            if isinstance(record, UsdPhysics.RigidBodyDesc):
+                bodies |= {str(place)} if record.rigidBodyEnabled and not record.kinematicBody else set()
+            elif isinstance(record, UsdPhysics.JointDesc):
+                words = ("has physics:jointEnabled", "locks no")
+                noted = any(f"<{place}> {word}" in unread for word in words)
+                joints += [] if noted else [(str(record.body0), str(record.body1))]
+    links = [link for link in description.links if not link.between_joints and link.name != "world"]
+    assert len(links) == len(bodies), text
+    above = {path: path for path in ("", *bodies)}
 
-    path, file = save(tmp_path, robot(), "r.urdf"), tmp_path / "submechanisms.yml"
-    mutated(path, lambda: draw.choice(FLAT)(SUBMECHANISMS, draw), CASES, judge, file)
+    def top(path: str) -> str:
+        path = path if path in above else ""
+        return path if above[path] == path else top(above[path])
+
+    loops = 0
+    for one, other in joints:
+        first, second = top(one), top(other)
+        loops += first == second
+        above[max(first, second)] = min(first, second)
+    assert len(description.closures) == loops, text
+    return True
+
+
+class Case(NamedTuple):
+    """A robot whose files are broken.
+
+    Attributes:
+        files: The texts of its files, of which the first is the robot's.
+        name: The file that is broken.
+        counts: Numbers of closures and of couplings of the robot as it stands.
+        judge: Judges a robot that is read.
+        mutations: How the file is broken.
+        seeds: Number of seeds.
+        count: Number of mutations for each seed.
+        never: Words that no refusal may have.
+    """
+
+    files: dict[str, str]
+    name: str
+    counts: tuple[int, int]
+    judge: Judge
+    mutations: Sequence[Mutation] = TREE
+    seeds: int = 1
+    count: int = 60
+    never: str | None = None
+
+
+MJCF_FILES = {"r.xml": texts.MJCF, "part.obj": texts.TETRAHEDRON, "scene.xml": texts.SCENE}
+OPEN = {"r.urdf": robot(texts.FRAMES, LOOP)}
+OF_HYRODYN = {"r.urdf": robot(), "submechanisms.yml": texts.SUBMECHANISMS}
+CASES = {
+    "urdf": Case({"r.urdf": texts.URDF}, "r.urdf", (5, 2), of_urdf, seeds=3, count=120),
+    "dialects": Case({"r.urdf": texts.DIALECTS}, "r.urdf", (3, 0), of_urdf, count=120),
+    "side-car": Case(OPEN | {"r.yaml": texts.SIDE_CAR}, "r.yaml", (2, 0), beside_urdf, FLAT),
+    "model file": Case(OPEN | {"r.model.toml": texts.MODEL}, "r.model.toml", (1, 0), beside_urdf, FLAT),
+    "submechanisms": Case(OF_HYRODYN, "submechanisms.yml", (1, 0), beside_urdf, FLAT),
+    "xacro": Case({"r.urdf.xacro": texts.XACRO}, "r.urdf.xacro", (1, 0), lambda *_: None, count=10),
+    "mjcf": Case(MJCF_FILES, "r.xml", (2, 2), of_mjcf, seeds=30, count=40),
+    **{
+        f"sdf {n}": Case({"r.sdf": text, "part.sdf": texts.ARM}, "r.sdf", counts, of_sdf, seeds=10, count=40)
+        for n, (text, counts) in enumerate(zip(texts.SDF, ((1, 1), (2, 0), (2, 0)), strict=True))
+    },
+    "usd": Case(
+        {"r.usda": texts.USD, "part.usda": texts.USD_PART}, "r.usda", (2, 1), of_usd, USDA, 30, 20,
+        never="ended while",
+    ),
+}  # fmt: skip
+#: Seeds of the default suite, where there are more.
+QUICK = {"urdf": 3, "mjcf": 3}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_files_are_good_as_they_stand(name: str, tmp_path: Path) -> None:
+    case = CASES[name]
+    path = save_all(tmp_path, case.files)
+    needs_reader(path)
+    found, text = read(path), case.files[case.name].encode()
+    assert (len(found.closures), len(found.couplings)) == case.counts
+    case.judge(path, found, text)
+    finite(found, text)
+
+
+@pytest.mark.filterwarnings("ignore")  # MuJoCo's own, of masses that differ by 20 digits
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [
+        (name, seed) if seed < QUICK.get(name, 1) else slow(name, seed)
+        for name, case in CASES.items()
+        for seed in range(case.seeds)
+    ],
+)
+def test_mutations(name: str, seed: int, tmp_path: Path) -> None:
+    case, draw = CASES[name], random.Random(f"{name} {seed}")
+    path = save_all(tmp_path, case.files)
+    needs_reader(path)
+    refused = judged = 0
+    for _ in range(case.count):
+        text = draw.choice(case.mutations)(case.files[case.name], draw)
+        (tmp_path / case.name).write_bytes(text)
+        found = outcome(path, text, never=case.never)
+        if found is None:
+            refused += 1
+            continue
+        finite(found, text)
+        judged += case.judge(path, found, text) is not False
+    assert refused > 0 < judged, "mutations must hit, and must not hit always"
