@@ -14,22 +14,17 @@ class Missed:
     def __init__(self) -> None:
         self.names: set[str] = set()
 
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note a skipped test."""
-        self._add(report)
+    def pytest_runtest_logreport(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        """Note a skipped test or file."""
+        if report.skipped and NEEDS in str(report.longrepr):
+            self.names.add(report.nodeid)
 
-    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Note a skipped file."""
-        self._add(report)
+    pytest_collectreport = pytest_runtest_logreport
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Keep the names for the next run."""
         if cache := _cache(session.config):
             cache.set(CACHE, sorted(self.names))
-
-    def _add(self, report: pytest.TestReport | pytest.CollectReport) -> None:
-        if report.skipped and NEEDS in str(report.longrepr):
-            self.names.add(report.nodeid)
 
 
 def select(config: pytest.Config, items: list[pytest.Item]) -> None:

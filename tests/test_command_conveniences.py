@@ -75,17 +75,6 @@ def test_maps_of_a_workspace_have_units() -> None:
     assert any("[(N m)/(N)]" in label for label in shown)
 
 
-def test_the_cloud_of_a_motor_has_a_legend(tmp_path: Path) -> None:
-    from hybridyn.figures.sizing import figure_of_sizing
-    from hybridyn.studies.sizing import Sizing
-
-    sizing = Sizing(hybridyn.load("five_bar"))
-    rows = np.random.default_rng(1).normal(size=(20, 2))
-    sizing.add(None, 1, rows, rows, rows)
-    (legend,) = figure_of_sizing(sizing).legends
-    assert [text.get_text() for text in legend.get_texts()][:3] == ["samples", "peak effort", "RMS effort"]
-
-
 def test_a_film_knows_how_many_pictures_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
     from hybridyn.view import film
     from hybridyn.view.run import Run

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.errors import HybridynError
 from hybridyn.scenes.stage import play, stage
 from hybridyn.studies.sweep.designs import Designs
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
@@ -20,7 +19,7 @@ from tests.robot_texts import door, save
 from tests.samples import fuzz, slow
 from tests.scenes import test_fuzz_scenes as parts
 from tests.studies.test_sweep import pendulum_in
-from tests.waiting import must_end
+from tests.waiting import outcome
 
 FACTORS = (0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 1.1, 2.0, 10.0, -1.0)
 #: Designs of a study that are evaluated.
@@ -61,21 +60,6 @@ def scaled(text: str, draw: random.Random) -> str:
     return text
 
 
-def ran(case: str, text: str, run: object) -> bool:
-    """Run a case; say whether it was not refused. A refusal is one line."""
-    with must_end(case), np.errstate(all="ignore"):  # as the command line does
-        refused = ""
-        try:
-            run()  # type: ignore[operator]
-        except HybridynError as error:
-            refused = str(error) or "without a word"
-        except Exception as error:
-            raise AssertionError(f"{case}: {error!r}\n{text}") from error
-    assert refused != "without a word", case
-    assert "\n" not in refused, f"{case}: {refused}"
-    return not refused
-
-
 def scenes(folder: Path, first: int, count: int) -> int:
     """Play scenes to their ends; return how many ran."""
     save(folder, door(2), "door.urdf")
@@ -90,14 +74,15 @@ def scenes(folder: Path, first: int, count: int) -> int:
             draw,
         )
         path.write_text(text)
-
-        def run(text: str = text) -> None:
-            result = play(stage(path))
-            for name in ("t", "q", "v", "a", "tau", "kinetic", "potential"):
-                assert np.isfinite(getattr(result, name)).all(), f"{name} is not finite\n{text}"
-
-        through += ran(f"scene {number}", text, run)
+        through += parts.ran_finite(f"scene {number}\n{text}", lambda: play(stage(path)))
     return through
+
+
+def first_rows(path: Path) -> tuple[Row, ...]:
+    """Evaluate the first designs of a study."""
+    source = read_study(path)
+    designs = Designs(source)
+    return evaluate(source, Chunk(0, designs.values(0, min(designs.count, DESIGNS)))).rows
 
 
 def studies(folder: Path, first: int, count: int) -> int:
@@ -111,14 +96,8 @@ def studies(folder: Path, first: int, count: int) -> int:
         text = "[robot]\nfile = 'pendulum.urdf.xacro'\n[designs]\n" + draw.choice(METHODS) + "[parameters]\n"
         text = scaled(text + "".join(chosen.values()), draw) + "[tasks.one]\n" + draw.choice(TASKS)
         path.write_text(text)
-        rows: list[Row] = []
-
-        def run(rows: list[Row] = rows) -> None:
-            source = read_study(path)
-            designs = Designs(source)
-            rows += evaluate(source, Chunk(0, designs.values(0, min(designs.count, DESIGNS)))).rows
-
-        if not ran(f"study {number}", text, run):
+        rows, refused = outcome(f"study {number}\n{text}", lambda: first_rows(path))
+        if refused:
             continue
         good = [row for row in rows if row.status == "ok"]
         assert all(np.isfinite(row.values).all() for row in rows), f"study {number}\n{text}"

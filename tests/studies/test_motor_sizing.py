@@ -228,8 +228,10 @@ def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> 
     assert cloud.effort_limit == EFFORT_LIMIT
     assert cloud.speed_limit == np.inf
     assert cloud.peak == (0.0, 0.5 * EFFORT_LIMIT)
-    lines = figure_of_sizing(sizing).axes[0].lines
-    red = [line.get_ydata()[0] for line in lines if line.get_color() == "tab:red"]
+    figure = figure_of_sizing(sizing)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()][:3] == ["samples", "peak effort", "RMS effort"]
+    red = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_color() == "tab:red"]
     assert red == [-EFFORT_LIMIT, EFFORT_LIMIT]
     page = page_of_sizing(sizing, title="one <motor>")
     assert page.count('"name":"limit"') == 2
