@@ -49,17 +49,25 @@ def rate(values: np.ndarray) -> np.ndarray:
     return out
 
 
-def test_along_a_closed_motion(robot: hybridyn.HybridRobot, interpreted: None) -> None:
-    times = 0.4 + STEP * np.arange(-2, 3)
-    q, v, a = hybridyn.assemble(robot, motors=waves(robot, times, 0.03))
+def along_a_motion(robot: hybridyn.HybridRobot) -> tuple[np.ndarray, np.ndarray]:
+    """Hold the derivatives of efforts to differences along a motion of the motors.
+
+    Returns:
+        The rate of the accelerations by derivatives and by differences, shapes (nv,).
+    """
+    q, v, a = hybridyn.assemble(robot, motors=waves(robot, 0.4 + STEP * np.arange(-2, 3), 0.03))
     tau = hybridyn.idm(robot, q, v, a)
-    jerk = rate(a)
     J = hybridyn.idm_jacobian(robot, q[2], v[2], a[2])
-    found = J["q"] @ v[2] + J["v"] @ a[2] + J["a"] @ jerk
+    found = J["q"] @ v[2] + J["v"] @ a[2] + J["a"] @ rate(a)
     np.testing.assert_allclose(found, rate(tau), atol=DIFFERENCES * np.abs(tau).max())
     J = hybridyn.ddm_jacobian(robot, q[2], v[2], tau[2])
     found = J["q"] @ v[2] + J["v"] @ a[2] + J["tau"] @ rate(tau)
-    np.testing.assert_allclose(found, jerk, atol=DIFFERENCES * max(np.abs(a).max(), np.abs(jerk).max()))
+    return found, rate(hybridyn.ddm(robot, q, v, tau))
+
+
+def test_along_a_closed_motion(robot: hybridyn.HybridRobot, interpreted: None) -> None:
+    found, jerk = along_a_motion(robot)
+    np.testing.assert_allclose(found, jerk, atol=DIFFERENCES * np.abs(jerk).max())
 
 
 @pytest.mark.slow

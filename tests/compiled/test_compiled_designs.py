@@ -40,11 +40,6 @@ def robot_of(compiled: hybridyn.CompiledRobot, p: Array) -> hybridyn.HybridRobot
     return changed(compiled.robot, compiled.parameters, compiled.parameters.slot_values(p[None])[0])
 
 
-def own_states(compiled: hybridyn.CompiledRobot, p: Array, motors: Any) -> Any:
-    """Assemble the robot of a design."""
-    return hybridyn.assemble(robot_of(compiled, p), motors=motors)
-
-
 def agrees(table: Any, k: int, robot: hybridyn.HybridRobot, **asked: Any) -> None:
     """Compare a design of a table with a robot of its own."""
     states = hybridyn.assemble(robot, **asked)
@@ -185,7 +180,7 @@ def test_postures_that_cannot_be_are_counted() -> None:
     assert set(found.errors) >= {1, 2}
     assert np.isnan(found.peak_effort[~found.good]).all()
     for k in range(len(p)):
-        asked = partial(own_states, compiled, p[k], wide)
+        asked = partial(hybridyn.assemble, robot_of(compiled, p[k]), motors=wide)
         if found.good[k]:
             close_to(found.q[k], asked()[0], AGREE)
         else:

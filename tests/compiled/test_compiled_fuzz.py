@@ -24,6 +24,7 @@ from hybridyn.description import read
 from hybridyn.errors import HybridynError, install_advice
 from hybridyn.structure.building import build_robot
 from tests import ROOT
+from tests.engines import TRUSTED
 from tests.files import save
 from tests.hard.scaling import Scale
 from tests.hard.singular_postures import PLACES, posture
@@ -34,8 +35,6 @@ from tests.shipped import shipped, states_near_home
 AGREE = 1e-10  # the claim
 MARGIN = 2e-11  # of what is trusted beside singular postures: room for states that were not drawn
 DISTANCES = (0.1, 0.01, 2e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
-TRUSTED = 1.0  # guards up to this are trusted
-BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 

@@ -51,22 +51,16 @@ def test_kinematics(name: str, base: Base) -> None:
             np.testing.assert_allclose(got[body, :9].reshape(3, 3), m.R[t], atol=EXACT)
 
 
-def test_effects_that_are_off_leave_no_code() -> None:
+def test_effects_that_are_off_leave_no_code_and_base_parameters_make_it_shorter() -> None:
     robot = hybridyn.load("gough_stewart")
     sizes = [
-        function_of(programs(robot, effects, models=("ddm",))["ddm"]).n_instructions()
-        for effects in (None, ["gravity", "inertia", "leg_inertia"], ["gravity", "inertia"])
-    ]
-    assert sizes[0] > sizes[1] > sizes[2]
-
-
-def test_base_parameters_make_it_shorter() -> None:
-    robot = hybridyn.load("gough_stewart")
-    sizes = [
-        function_of(programs(robot, None, models=("ddm",), regroup=regroup)["ddm"]).n_instructions()
-        for regroup in (True, False)
-    ]
-    assert sizes[0] < sizes[1]
+        function_of(programs(robot, effects, models=("ddm",), regroup=regroup)["ddm"]).n_instructions()
+        for effects, regroup in (
+            (None, False), (None, True), (["gravity", "inertia", "leg_inertia"], True),
+            (["gravity", "inertia"], True),
+        )
+    ]  # fmt: skip
+    assert sizes[0] > sizes[1] > sizes[2] > sizes[3]
 
 
 def test_a_state_that_is_not_closed_is_not_trusted() -> None:

@@ -21,12 +21,11 @@ from hybridyn.effects.choice import Effects, choose
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused, same_words
-from tests.engines import written_agrees
+from tests.engines import TRUSTED, written_agrees
 from tests.hard import dietmaier
 from tests.sketch import placement, rotation_of
 from tests.written_out import Interpreted
 
-TRUSTED = 1.0
 Z = np.array([0.0, 0.0, 1.0])
 
 

@@ -28,15 +28,18 @@ def program_of(copies: int) -> Program:
     return replace(toy(3, copies), name="idm")
 
 
-def test_copies_and_statements_decide_which_codes_are_built() -> None:
-    even = [10] * len(program_of(1).kernels)
-    assert lanes_of_codes(program_of(1), even, 8) == [8, 1]
-    assert lanes_of_codes(program_of(6), even, 8) == [8, 4]
-    assert lanes_of_codes(program_of(6), even, 4) == [4]
-    assert lanes_of_codes(program_of(1), even, 4) == [4, 1]
-    assert lanes_of_codes(program_of(1), even, 1) == [1]
-    assert lanes_of_codes(program_of(1), [10_000] * len(even), 8) == [8]
-    assert lanes_of_codes(toy(3, 1), even, 8) == [8]
+@pytest.mark.parametrize(
+    ("program", "statements", "lanes", "codes"),
+    [
+        (program_of(1), 10, 8, [8, 1]), (program_of(6), 10, 8, [8, 4]), (program_of(6), 10, 4, [4]),
+        (program_of(1), 10, 4, [4, 1]), (program_of(1), 10, 1, [1]), (program_of(1), 10_000, 8, [8]),
+        (toy(3, 1), 10, 8, [8]),
+    ],
+)  # fmt: skip
+def test_copies_and_statements_decide_which_codes_are_built(
+    program: Program, statements: int, lanes: int, codes: list[int]
+) -> None:
+    assert lanes_of_codes(program, [statements] * len(program.kernels), lanes) == codes
 
 
 @pytest.mark.parametrize(

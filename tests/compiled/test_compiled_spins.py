@@ -17,9 +17,8 @@ from hybridyn.dynamics.forward import forward
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import rods
-from tests.assembly.test_assembly import waves
 from tests.comparing import refused
-from tests.compiled.test_compiled_derivatives import DIFFERENCES, STEP, rate
+from tests.compiled.test_compiled_derivatives import DIFFERENCES, along_a_motion
 from tests.samples import slow
 from tests.shipped import shipped
 from tests.written_out import Interpreted
@@ -214,14 +213,7 @@ def test_designs_of_spinning_rods_close_in_c() -> None:
 def test_derivatives_along_a_closed_motion(thin: bool, interpreted: None) -> None:
     """Without inertia about its line a rod's spin gets the least acceleration, at every state alike."""
     robot = build_robot(rods.crank(1, thin=thin))
-    q, v, a = hybridyn.assemble(robot, motors=waves(robot, 0.4 + STEP * np.arange(-2, 3), 0.03))
-    tau = hybridyn.idm(robot, q, v, a)
-    J = hybridyn.idm_jacobian(robot, q[2], v[2], a[2])
-    found = J["q"] @ v[2] + J["v"] @ a[2] + J["a"] @ rate(a)
-    np.testing.assert_allclose(found, rate(tau), atol=DIFFERENCES * np.abs(tau).max())
-    wanted = hybridyn.ddm(robot, q, v, tau)
-    J = hybridyn.ddm_jacobian(robot, q[2], v[2], tau[2])
-    found = J["q"] @ v[2] + J["v"] @ a[2] + J["tau"] @ rate(tau)
-    limits = np.full(robot.nv, DIFFERENCES * np.abs(rate(wanted)).max())
+    found, jerk = along_a_motion(robot)
+    limits = np.full(robot.nv, DIFFERENCES * np.abs(jerk).max())
     limits[robot.v_slices[[*robot.kinds].index("spherical")]] *= 1.0 if thin else SPUN / ROUNDING
-    assert (np.abs(found - rate(wanted)) <= limits).all()
+    assert (np.abs(found - jerk) <= limits).all()

@@ -15,12 +15,6 @@ NOISE = 1e-17
 SMALL = 1e-11  # of weight times size: what is left of efforts that cancel
 
 
-def afloat(
-    name: str, seed: int, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
-) -> hybridyn.HybridRobot:
-    return hybridyn.load(name, base="floating", gravity=gravity)
-
-
 def askew(robot: hybridyn.HybridRobot, rng: np.random.Generator) -> Array:
     """Return the home posture with the base somewhere, turned at will."""
     q = robot.home.copy()
@@ -36,7 +30,7 @@ def heavy(robot: hybridyn.HybridRobot) -> float:
 @pytest.mark.parametrize("name", FALLING)
 def test_a_robot_in_free_fall_needs_no_effort(name: str) -> None:
     """At rest, coasting, and with the fall found from the motors, the base turned at random."""
-    robot, rng = afloat(name, 0), np.random.default_rng(7)
+    robot, rng = hybridyn.load(name, base="floating"), np.random.default_rng(7)
     for _ in range(3):
         q, v, a = askew(robot, rng), np.zeros(robot.nv), np.zeros(robot.nv)
         a[:3] = rotation_from_quaternion(q[None, 3:7])[0].T @ robot.gravity
@@ -50,7 +44,7 @@ def test_a_robot_in_free_fall_needs_no_effort(name: str) -> None:
 @pytest.mark.parametrize("name", FALLING)
 def test_a_base_that_does_not_fall_is_still_refused(name: str) -> None:
     """Nothing holds it: a millionth of the weight is an effort, no rounding."""
-    robot, rng = afloat(name, 0), np.random.default_rng(7)
+    robot, rng = hybridyn.load(name, base="floating"), np.random.default_rng(7)
     q, v, a = askew(robot, rng), np.zeros(robot.nv), np.zeros(robot.nv)
     a[:3] = (1 - 1e-6) * (rotation_from_quaternion(q[None, 3:7])[0].T @ robot.gravity)
     refused(lambda: hybridyn.idm(robot, q, v, a), hybridyn.ActuationError, "no motor can produce")

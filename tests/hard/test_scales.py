@@ -94,23 +94,29 @@ def dynamics(kind: str, base: Base, scale: Scale) -> Results:
     return out
 
 
-def test_scaled_robots_are_loaded_and_computed_alike(claim: Claim) -> None:
-    """Findings, mobility, ddm, idm and what they refuse: three drawn kinds of robots, fixed and floating."""
-    for base in ("fixed", "floating"):
-        for kind in CHOSEN:
-            plain = dynamics(kind, base, Scale())
-            pairs = [(dynamics(kind, base, scale), plain) for scale in EXTREMES]
-            held(claim, f"{kind}, {base} base", "idm, ddm", pairs)
+@pytest.mark.parametrize(
+    ("kind", "base", "scales"),
+    [
+        *((kind, base, EXTREMES) for base in ("fixed", "floating") for kind in CHOSEN),
+        *(
+            slow(kind, base, EXTREMES + OTHERS)
+            for kind in (*KINDS, *ROBOTS)
+            for base in ("fixed", "moving", "floating")
+        ),
+    ],
+    ids=lambda x: str(len(x)) if isinstance(x, list) else None,
+)
+def test_scaled_robots_are_loaded_and_computed_alike(
+    kind: str, base: Base, scales: list[Scale], claim: Claim
+) -> None:
+    """Findings, mobility, ddm, idm and what they refuse: three drawn kinds of robots, fixed and floating.
 
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [*KINDS, *ROBOTS])
-@pytest.mark.parametrize("base", ["fixed", "moving", "floating"])
-def test_every_scaled_robot_is_loaded_and_computed_alike(kind: str, base: Base, claim: Claim) -> None:
-    """The same for every recipe and every shipped robot, on every base, at eight scales."""
+    The slow cases are every recipe and every shipped robot, on every base, at eight scales.
+    """
     plain = dynamics(kind, base, Scale())
-    pairs = [(dynamics(kind, base, scale), plain) for scale in EXTREMES + OTHERS]
-    held(claim, f"{kind}, {base} base", "idm, ddm", pairs)
+    held(
+        claim, f"{kind}, {base} base", "idm, ddm", [(dynamics(kind, base, scale), plain) for scale in scales]
+    )
 
 
 # -------------------------------------------------------------------- assemble
