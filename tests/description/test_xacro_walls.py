@@ -20,6 +20,7 @@ from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.errors import ModelError
 from tests import ROOT
 from tests.comparing import refused
+from tests.description.reading import save_all
 from tests.extras import robots_of_others, skip
 from tests.robot_texts import save
 
@@ -35,86 +36,81 @@ def evaluate(expression: str, names: dict[str, Any] | None = None) -> Any:
     return Evaluator(xacro_files._functions(symbols), spaces)(expression, symbols)
 
 
-@pytest.mark.parametrize(
-    "expression",
-    [
-        "().__class__.__base__.__subclasses__()",
-        "''.__class__",
-        "[c for c in ().__class__.__mro__]",
-        "math.sin.__self__",
-        "xacro.load_yaml.__globals__",
-        "(lambda: 0).__code__",
-        "n.real",
-        "math.parent.root",
-        "str.format('{0.__class__}', 1)",
-        "'{0.__class__}'.format(1)",
-        "'{a.__class__}'.format_map(dict(a=1))",
-        "f'{n.__class__}'",
-        "map(str.format, ['{0.__class__}'], [1])",
-        "getattr(1, '__cla' + 'ss__')",
-        "python.getattr(1, '_' + '_class_' + '_')",
-        "exec('import os')",
-        "eval('1')",
-        "open('/etc/passwd')",
-        "__import__('os')",
-        "__builtins__",
-        "vars()",
-        "python.vars(math)",
-        "python.type('X', (), dict())",
-        "(lambda: 1)()",
-        "(n := 4)",
-        "[x for x.y in [1]]",
-        "dict(a=1).update(b=2)",
-        "n(1)",
-        "'exec'('1')",
-        "[len][0].__call__('a')",
-        "print(1)",
-        "await_ + 1",
-        "b'bytes'",
-        "...",
-        "xacro.NameSpace",
-        "list[0]",
-    ],
-)
-def test_nothing_of_python_is_within_reach(expression: str) -> None:
-    refused(
-        lambda: evaluate(expression),
-        (RefusedError, InvalidExpression, NameError, TypeError, AttributeError),
-        "",
-    )
+WITHIN_REACH = [
+    "().__class__.__base__.__subclasses__()",
+    "''.__class__",
+    "[c for c in ().__class__.__mro__]",
+    "math.sin.__self__",
+    "xacro.load_yaml.__globals__",
+    "(lambda: 0).__code__",
+    "n.real",
+    "math.parent.root",
+    "str.format('{0.__class__}', 1)",
+    "'{0.__class__}'.format(1)",
+    "'{a.__class__}'.format_map(dict(a=1))",
+    "f'{n.__class__}'",
+    "map(str.format, ['{0.__class__}'], [1])",
+    "getattr(1, '__cla' + 'ss__')",
+    "python.getattr(1, '_' + '_class_' + '_')",
+    "exec('import os')",
+    "eval('1')",
+    "open('/etc/passwd')",
+    "__import__('os')",
+    "__builtins__",
+    "vars()",
+    "python.vars(math)",
+    "python.type('X', (), dict())",
+    "(lambda: 1)()",
+    "(n := 4)",
+    "[x for x.y in [1]]",
+    "dict(a=1).update(b=2)",
+    "n(1)",
+    "'exec'('1')",
+    "[len][0].__call__('a')",
+    "print(1)",
+    "await_ + 1",
+    "b'bytes'",
+    "...",
+    "xacro.NameSpace",
+    "list[0]",
+]
+WOULD_GROW = [
+    "max(range(10**10))",
+    "max(python.range(10**10))",
+    "list(range(0, -10**10, -1))",
+    "10**10**9",
+    "1 << 10**9",
+    "(10**4000 * 10**4000) * (10**9000 * 10**9000)",
+    "'a' * 10**11",
+    "10**11 * [1]",
+    "('a' * 10**6) + 'b'",
+    "[*python.range(10**6), 1]",
+    "'%1000000000d' % 1",
+    "'%*d' % (10**9, 1)",
+    "'a'.replace('', 'b' * 10**6)",
+    "round(7, -10**9)",
+    "math.factorial(10**8)",
+    "math.comb(10**8, 10**7)",
+    "math.prod([2] * 10**5)",
+    "'9'.join(['0' * 10**6] * 10**5)",
+    "b'9' * 10**11",
+    "1 + " * 8000 + "1",
+]
+NO_SUCH = (RefusedError, InvalidExpression, NameError, TypeError, AttributeError)
+TOO_LARGE = r"too large|too wide|more than|longer than|not (allowed|defined)"
 
 
 @pytest.mark.parametrize(
-    "expression",
+    ("expression", "errors", "message"),
     [
-        "max(range(10**10))",
-        "max(python.range(10**10))",
-        "list(range(0, -10**10, -1))",
-        "10**10**9",
-        "1 << 10**9",
-        "(10**4000 * 10**4000) * (10**9000 * 10**9000)",
-        "'a' * 10**11",
-        "10**11 * [1]",
-        "('a' * 10**6) + 'b'",
-        "[*python.range(10**6), 1]",
-        "'%1000000000d' % 1",
-        "'%*d' % (10**9, 1)",
-        "'a'.replace('', 'b' * 10**6)",
-        "round(7, -10**9)",
-        "math.factorial(10**8)",
-        "math.comb(10**8, 10**7)",
-        "math.prod([2] * 10**5)",
-        "'9'.join(['0' * 10**6] * 10**5)",
-        "b'9' * 10**11",
-        "1 + " * 8000 + "1",
+        *((expression, NO_SUCH, "") for expression in WITHIN_REACH),
+        *((expression, (RefusedError, NameError), TOO_LARGE) for expression in WOULD_GROW),
     ],
 )
-def test_what_would_grow_without_end_is_refused(expression: str) -> None:
-    refused(
-        lambda: evaluate(expression),
-        (RefusedError, NameError),
-        r"too large|too wide|more than|longer than|not (allowed|defined)",
-    )
+def test_nothing_of_python_is_within_reach_nor_grows_without_end(
+    expression: str, errors: Any, message: str
+) -> None:
+    refused(lambda: evaluate(expression), errors, message)
 
 
 def test_expressions_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,12 +177,11 @@ def test_random_formulas_have_the_values_of_python() -> None:
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
     """Return a robot file in a package, beside another package, a folder that is no package, and secrets."""
-    save(tmp_path / "ws" / "arm", "<package/>", "package.xml")
-    save(tmp_path / "ws" / "arm" / "config", "a: 1\n", "arm.yaml")
-    save(tmp_path / "ws" / "hand" / "urdf", "<robot/>", "hand.xacro")
-    save(tmp_path / "ws" / "letters", "secret", "letter.yaml")
-    save(tmp_path, "secret", "secret.yaml")
-    return Path(save(tmp_path / "ws" / "arm" / "urdf", "<robot/>", "arm.xacro"))
+    return save_all(tmp_path, {
+        "ws/arm/urdf/arm.xacro": "<robot/>", "ws/arm/package.xml": "<package/>",
+        "ws/arm/config/arm.yaml": "a: 1\n", "ws/hand/urdf/hand.xacro": "<robot/>",
+        "ws/letters/letter.yaml": "secret", "secret.yaml": "secret",
+    })  # fmt: skip
 
 
 def folders(file: Path, *named: Path) -> RobotFolders:
@@ -198,15 +193,14 @@ def test_packages_installed_inside_the_robots_folder_are_read(robot: Path) -> No
     hidden = robot.parents[1] / ".venv"
     share = hidden / "share"
     part = share / "hand" / "urdf" / "hand.xacro"
-    for path in (part, hidden / "secret.xacro", share / "hand" / ".git" / "config"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("<robot/>")
+    secrets = hidden / "secret.xacro", share / "hand" / ".git" / "config"
+    for path in (part, *secrets):
+        save(path.parent, "<robot/>", path.name)
     refused(lambda: RobotFolders(str(robot), [], [str(share)], 1000).read(str(part)), ModelError, "is hidden")
     granted = RobotFolders(str(robot), [], [str(share)], 1000, [str(share)])
     assert granted.read(str(part)) == b"<robot/>"
-    for path in (hidden / "secret.xacro", share / "hand" / ".git" / "config"):
-        with pytest.raises(ModelError, match="is hidden"):
-            granted.read(str(path))
+    for path in secrets:
+        refused(lambda path=path: granted.read(str(path)), ModelError, "is hidden")
 
 
 def test_the_robots_own_folders_are_read(robot: Path) -> None:
@@ -225,127 +219,103 @@ def test_the_robots_own_folders_are_read(robot: Path) -> None:
     refused(lambda: own.read(str(robot.with_name("absent.xacro"))), OSError, "No such file")
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/etc/passwd",
-        "/proc/self/environ",
-        "/proc/{parent}/environ",
-        "/proc/self/root/etc/passwd",
-        "../../../secret.yaml",
-        "link.yaml",
-        "far/secret.yaml",
-        "../.git/config",
-        "../.env",
-        "pipe.yaml",
-        "device.yaml",
-        "large.yaml",
-        "..",
-    ],
-)
-def test_nothing_else_is_read(robot: Path, path: str) -> None:
+OUTSIDE = "outside the robot's folders"
+#: What is asked of a robot's folders, of which file, pattern or package, and what is told.
+WALLS = [
+    *(
+        ("read", path, "")
+        for path in (
+            "/etc/passwd", "/proc/self/environ", "/proc/{parent}/environ", "/proc/self/root/etc/passwd",
+            "../../../secret.yaml", "link.yaml", "far/secret.yaml", "../.git/config", "../.env", "pipe.yaml",
+            "device.yaml", "large.yaml", "..",
+        )
+    ),
+    *(
+        ("glob", pattern, OUTSIDE)
+        for pattern in ("/etc/*", "/*/passwd", "../../../*.yaml", "far/*", "../../*/*.yaml")
+    ),
+    ("glob", "/".join(["*"] * 40), "looks at more than"),  # it does not run round in links
+    *(("find", package, "") for package in ("..", ".ssh", "/etc", "a/b", "", "etc", "tmp")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("asked", "what", "message"), WALLS)
+def test_nothing_else_is_read(robot: Path, asked: str, what: str, message: str) -> None:
     here = robot.parent
-    (here / "link.yaml").symlink_to(robot.parents[3] / "secret.yaml")
-    (here / "far").symlink_to(robot.parents[3])
-    (here / "device.yaml").symlink_to("/dev/zero")
+    links = {
+        "link.yaml": robot.parents[3] / "secret.yaml",
+        "far": robot.parents[3],
+        "device.yaml": "/dev/zero",
+    }
+    if message != OUTSIDE:
+        links |= {f"again{number}": here for number in range(4)}
+    for name, target in links.items():
+        (here / name).symlink_to(target)
     os.mkfifo(here / "pipe.yaml")
-    save(here.parent / ".git", "secret", "config")
-    save(here.parent, "secret", ".env")
-    save(here, "a" * 1001, "large.yaml")
+    save_all(here.parent, {".git/config": "secret", ".env": "secret", "urdf/large.yaml": "a" * 1001})
+    what = what.format(parent=os.getpid())
+    ask = getattr(folders(robot), asked)
     refused(
-        lambda: folders(robot).read(str(here / path.format(parent=os.getpid()))),
-        (ModelError, IsADirectoryError),
-        "",
+        lambda: ask(what if asked == "find" else str(here / what)), (ModelError, IsADirectoryError), message
     )
-
-
-@pytest.mark.parametrize("pattern", ["/etc/*", "/*/passwd", "../../../*.yaml", "far/*", "../../*/*.yaml"])
-def test_patterns_stay_in_the_robots_folders(robot: Path, pattern: str) -> None:
-    (robot.parent / "far").symlink_to(robot.parents[3])
-    refused(
-        lambda: folders(robot).glob(str(robot.parent / pattern)), ModelError, "outside the robot's folders"
-    )
-
-
-def test_a_pattern_does_not_run_round_in_links(robot: Path) -> None:
-    for number in range(4):
-        (robot.parent / f"again{number}").symlink_to(robot.parent)
-    refused(
-        lambda: folders(robot).glob(str(robot.parent / "/".join(["*"] * 40))),
-        ModelError,
-        "looks at more than",
-    )
-
-
-@pytest.mark.parametrize("package", ["..", ".ssh", "/etc", "a/b", "", "etc", "tmp"])
-def test_what_is_no_package_is_not_found(robot: Path, package: str) -> None:
-    refused(lambda: folders(robot).find(package), ModelError, "")
 
 
 def test_a_home_folder_is_nobodys_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     save(tmp_path, "secret", "secret.yaml")
-    file = Path(save(tmp_path / "urdf", "<robot/>", "arm.xacro"))
+    file = save(tmp_path / "urdf", "<robot/>", "arm.xacro")
     refused(lambda: folders(file).read(str(tmp_path / "secret.yaml")), ModelError, "outside")
 
 
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [
-        (
-            r"$(eval ${'exec\x28\x22import os\x22\x29'})",
-            "not defined",
-        ),
-        (r"$(eval ${'open\x28\x22/etc/passwd\x22\x29'})", "not defined"),
-        (r"${xacro.load_yaml('python.yaml')}", "could not determine a constructor"),
-        (r"${xacro.load_yaml('code.yaml')}", "not defined"),
-        (r"${xacro.load_yaml('/proc/self/environ')}", "outside the robot's folders"),
-        (r"$(optenv HOME none)$(env HOME)", "'HOME' is not set"),
-    ],
+INCLUDE = '<xacro:include filename="{}"/>'
+DOUBLING = "".join(
+    f'<xacro:macro name="m{i}"><xacro:m{i + 1}/><xacro:m{i + 1}/></xacro:macro>' for i in range(60)
 )
-def test_attacks_from_a_file(tmp_path: Path, body: str, message: str) -> None:
-    save(tmp_path, "!!python/object/apply:os.system ['id']\n", "python.yaml")
-    save(tmp_path, "!degrees open('/etc/passwd')\n", "code.yaml")
-    file = save(tmp_path, f"{HEAD}<link>{body}</link></robot>", "r.xacro")
-    refused(lambda: xacro_files.expand(str(file), {}, ()), ModelError, message)
+#: What stands in a file, and what is told.
+ATTACKS = [
+    *(
+        (f"<link>{said}</link>", message)
+        for said, message in (
+            (r"$(eval ${'exec\x28\x22import os\x22\x29'})", "not defined"),
+            (r"$(eval ${'open\x28\x22/etc/passwd\x22\x29'})", "not defined"),
+            (r"${xacro.load_yaml('python.yaml')}", "could not determine a constructor"),
+            (r"${xacro.load_yaml('code.yaml')}", "not defined"),
+            (r"${xacro.load_yaml('/proc/self/environ')}", OUTSIDE),
+            (r"$(optenv HOME none)$(env HOME)", "'HOME' is not set"),
+        )
+    ),
+    *(
+        (INCLUDE.format(path), rf"{OUTSIDE}; name .* with package_dirs")
+        for path in ("/etc/passwd", "../secret.xacro", "link.xacro", "/etc/*")
+    ),
+    *(
+        (
+            f'{DOUBLING}<xacro:macro name="m60">{last}</xacro:macro><xacro:m0/>',
+            r"insert more than 1,000 nodes \(in macro m\d",
+        )
+        for last in ("<a/>", "")
+    ),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("path", ["/etc/passwd", "../secret.xacro", "link.xacro", "/etc/*"])
-def test_includes_outside_the_folder_are_refused(tmp_path: Path, path: str) -> None:
-    save(tmp_path, "<robot/>", "secret.xacro")
-    (tmp_path / "robot").mkdir()
+@pytest.mark.parametrize(("said", "message"), ATTACKS)
+def test_attacks_from_a_file(
+    tmp_path: Path, said: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(xacro_files, "MOST_NODES", 1000)
+    file = save_all(tmp_path, {
+        "robot/r.xacro": f"{HEAD}{said}</robot>", "secret.xacro": "<robot/>",
+        "robot/python.yaml": "!!python/object/apply:os.system ['id']\n",
+        "robot/code.yaml": "!degrees open('/etc/passwd')\n",
+    })  # fmt: skip
     (tmp_path / "robot" / "link.xacro").symlink_to(tmp_path / "secret.xacro")
-    text = f'{HEAD}<xacro:include filename="{path}"/></robot>'
-    file = save(tmp_path / "robot", text, "r.xacro")
-    refused(
-        lambda: xacro_files.expand(str(file), {}, ()),
-        ModelError,
-        r"outside the robot's folders; name .* with package_dirs",
-    )
+    refused(lambda: xacro_files.expand(str(file), {}, ()), ModelError, message)
 
 
 def test_any_robot_may_include_the_shipped_modules(tmp_path: Path) -> None:
     text = f'{HEAD}<xacro:include filename="{ROOT}/urdf/modules/bodies.xacro"/><link name="a"/></robot>'
     file = save(tmp_path, text, "r.xacro")
     assert b' name="a"/>' in xacro_files.expand(str(file), {}, ())[0]
-
-
-DOUBLING = "".join(
-    f'<xacro:macro name="m{i}"><xacro:m{i + 1}/><xacro:m{i + 1}/></xacro:macro>' for i in range(60)
-)
-
-
-@pytest.mark.parametrize("last", ["<a/>", ""])
-def test_macros_that_double_each_other_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str
-) -> None:
-    monkeypatch.setattr(xacro_files, "MOST_NODES", 1000)
-    text = f'{HEAD}{DOUBLING}<xacro:macro name="m60">{last}</xacro:macro><xacro:m0/></robot>'
-    refused(
-        lambda: xacro_files.expand(save(tmp_path, text, "r.xacro"), {}, ()),
-        ModelError,
-        r"insert more than 1,000 nodes \(in macro m\d",
-    )
 
 
 def test_an_expansion_that_does_not_end_can_be_interrupted(tmp_path: Path) -> None:
