@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import socket
 from pathlib import Path
 
@@ -54,6 +55,21 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
     assert state.done == state.now == 40
     hybridyn.sweep(path, "alone", jobs=1, allow_python=True, format="csv")
     assert rows_of("alone") == rows
+
+
+@pytest.mark.slow
+def test_processes_that_are_used_again_read_the_files_of_the_caller(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.01)
+    written("method = 'grid'", "length = { range = [0.5, 1.5], steps = 40 }")
+    for place in ("first", "second"):
+        shutil.copytree(folder, place, ignore=shutil.ignore_patterns("first", "second"))
+        with monkeypatch.context() as here:
+            here.chdir(place)
+            state = hybridyn.sweep("study.toml", "out", jobs=2)
+        assert state.statuses == {"ok": 40}
+        shutil.rmtree(place)
 
 
 @pytest.mark.slow

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from .pool import WorkerDiedError
@@ -25,7 +27,8 @@ class LokyPool:
     def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
         """Call a function of each task, and yield the results as they come."""
         joblib = self.joblib
-        calls = (joblib.delayed(function)(*task) for task in tasks)
+        call = function if self.workers == 1 else partial(_in_folder, os.getcwd(), function)
+        calls = (joblib.delayed(call)(*task) for task in tasks)
         with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
             parallel = joblib.Parallel(
                 batch_size=1, pre_dispatch=at_once, return_as="generator_unordered", n_jobs=self.workers
@@ -34,3 +37,9 @@ class LokyPool:
                 yield from parallel(calls)
             except BrokenExecutor as error:
                 raise WorkerDiedError(str(error)) from error
+
+
+def _in_folder(folder: str, function: Callable[..., Any], *task: Any) -> Any:
+    """Call a function in a folder: a process that is used again began in that of an earlier call."""
+    os.chdir(folder)
+    return function(*task)
