@@ -15,6 +15,12 @@ ANCHORS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorCons
 CONTACTS = {"3D": pin.ContactType.CONTACT_3D, "6D": pin.ContactType.CONTACT_6D}
 
 
+def seeded(*seeds: int) -> Rng:
+    """Return a source of numbers, and seed Pinocchio's own."""
+    pin.seed(seeds[0])
+    return np.random.default_rng(seeds)
+
+
 def unit(rng: Rng, size: int = 3) -> np.ndarray:
     """Draw a unit vector."""
     x = rng.normal(size=size)

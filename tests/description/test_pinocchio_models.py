@@ -11,8 +11,9 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.errors import ModelError
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
-from tests.pin_models import JOINTS, Drawn, drawn
+from tests.comparing import close_to, refused
+from tests.description.reading import holds
+from tests.pin_models import JOINTS, Drawn, drawn, seeded
 from tests.robot_texts import FOUR_BAR, read_text
 from tests.samples import slow
 
@@ -31,28 +32,26 @@ CLOSED = {
 }
 
 
-def columns(robot: HybridRobot) -> list[int]:
-    """Return the column in v of each motor."""
-    return [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
-
-
-def close(a: np.ndarray, b: np.ndarray) -> bool:
+def close(a: np.ndarray, b: np.ndarray) -> None:
     """Compare relative to the largest entry."""
-    return bool(np.abs(a - b).max() <= EQUAL * max(1.0, np.abs(b).max()))
+    close_to(a, b, EQUAL, 1.0)
+
+
+def driven(robot: HybridRobot, rng: np.random.Generator) -> tuple[list[int], np.ndarray]:
+    """Return the column in v of each motor, and efforts of all joints that only motors have."""
+    at = [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+    tau = np.zeros(robot.nv)
+    tau[at] = rng.normal(size=len(at))
+    return at, tau
 
 
 def compare(case: Drawn, rng: np.random.Generator) -> None:
     """Compare efforts and accelerations, closure rows and residual with Pinocchio's."""
     robot = hybridyn.from_pinocchio(case.model, case.constraints, home=case.q, motors=single(case))
-    assert robot.nq == case.model.nq
-    assert robot.nv == case.model.nv
+    assert (robot.nq, robot.nv) == (case.model.nq, case.model.nv)
     assert np.allclose(robot.home, case.q, atol=1e-15)
-    v = case.velocity(rng)
-    at = columns(robot)
-    tau = np.zeros(case.model.nv)
-    tau[at] = rng.normal(size=len(at))
-    theirs = case.acceleration(v, tau)
-    assert close(hybridyn.ddm(robot, case.q, v, tau[at], effects=ROTORS), theirs)
+    v, (at, tau) = case.velocity(rng), driven(robot, rng)
+    close(hybridyn.ddm(robot, case.q, v, tau[at], effects=ROTORS), case.acceleration(v, tau))
     assert np.abs(hybridyn.closure_residual(robot, case.q)).max(initial=0.0) < 1e-12
     assert robot.mobility == case.model.nv - np.linalg.matrix_rank(case.rows(), tol=1e-9)
 
@@ -69,49 +68,37 @@ def single(case: Drawn) -> list[str]:
 
 @pytest.mark.parametrize("floating", [slow(False), True])
 def test_every_joint_of_a_tree(floating: bool) -> None:
-    rng = np.random.default_rng(1)
-    pin.seed(1)
+    rng = seeded(1)
     case = drawn(rng, [*JOINTS], branch=5, floating=floating)
-    model = case.model
-    robot = hybridyn.from_pinocchio(model)
+    model, robot = case.model, hybridyn.from_pinocchio(case.model)
     assert robot.base == ("floating" if floating else "fixed")
-    at, v = columns(robot), rng.normal(size=model.nv)
-    tau = np.zeros(model.nv)
-    tau[at] = rng.normal(size=len(at))
-    data = model.createData()
+    v, (at, tau) = rng.normal(size=model.nv), driven(robot, rng)
+    data, own = model.createData(), robot.model.createData()
     a = pin.aba(model, data, case.q, v, tau)
-    assert close(hybridyn.ddm(robot, case.q, v, tau[at]), a)
-    assert close(hybridyn.idm(robot, case.q, v, a), tau[at])
-    own = robot.model.createData()
-    assert close(pin.rnea(robot.model, own, case.q, v, v), pin.rnea(model, data, case.q, v, v))
-    assert close(pin.crba(robot.model, own, case.q), pin.crba(model, data, case.q))
+    close(hybridyn.ddm(robot, case.q, v, tau[at]), a)
+    close(hybridyn.idm(robot, case.q, v, a), tau[at])
+    close(pin.rnea(robot.model, own, case.q, v, v), pin.rnea(model, data, case.q, v, v))
+    close(pin.crba(robot.model, own, case.q), pin.crba(model, data, case.q))
     pin.framesForwardKinematics(model, data, case.q)
     motion = hybridyn.kinematics(robot, case.q, v, links=["body1", "body4"])
-    for name in ("body1", "body4"):
-        at_frame = data.oMf[model.getFrameId(name)].translation
-        assert np.allclose(motion[name].pose[:3], at_frame, atol=1e-12)
+    for name, found in motion.items():
+        assert np.allclose(found.pose[:3], data.oMf[model.getFrameId(name)].translation, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", [*CLOSED])
 def test_closed_loops(name: str) -> None:
-    rng = np.random.default_rng(3)
-    pin.seed(3)
+    rng = seeded(3)
     joints, closures, floating, branch = CLOSED[name]
-    case = drawn(rng, joints, closures, floating=floating, branch=branch, armature=0.1)
-    compare(case, rng)
+    compare(drawn(rng, joints, closures, floating=floating, branch=branch, armature=0.1), rng)
 
 
 def test_efforts_of_a_closed_loop_give_back_its_accelerations() -> None:
-    rng = np.random.default_rng(5)
-    pin.seed(5)
+    rng = seeded(5)
     case = drawn(rng, ["RX", "R", "P", "RUBZ", "R", "RX", "R"], ["3D"], branch=3)
     robot = hybridyn.from_pinocchio(case.model, case.constraints, home=case.q, motors=single(case)[:4])
-    v = case.velocity(rng)
-    tau = np.zeros(case.model.nv)
-    at = columns(robot)
-    tau[at] = rng.normal(size=len(at))
+    v, (at, tau) = case.velocity(rng), driven(robot, rng)
     a = case.acceleration(v, tau)
-    assert close(hybridyn.idm(robot, case.q, v, a), tau[at])
+    close(hybridyn.idm(robot, case.q, v, a), tau[at])
 
 
 MIMIC = """<robot name="mimic"><link name="a"/><link name="b">{0}</link><link name="c">{0}</link>
@@ -128,12 +115,11 @@ MIMIC = """<robot name="mimic"><link name="a"/><link name="b">{0}</link><link na
 def test_a_mimicking_joint_is_coupled() -> None:
     model = pin.buildModelFromXML(MIMIC, mimic=True)
     robot = hybridyn.from_pinocchio(model)
-    assert robot.motors == ("j",)
-    assert robot.mobility == model.nv == 1
+    assert (robot.motors, robot.mobility, model.nv) == (("j",), 1, 1)
     q = np.array([0.4, 0.3 - 2 * 0.4])
     tau = hybridyn.idm(robot, q, np.array([0.5, -1.0]), np.array([2.0, -4.0]))
     theirs = pin.rnea(model, model.createData(), q[:1], np.array([0.5]), np.array([2.0]))
-    assert close(tau, theirs)
+    close(tau, theirs)
     assert np.allclose(robot.home, [0.0, 0.3])
     own = hybridyn.from_pinocchio(pin.buildModelFromXML(MIMIC))  # Pinocchio drops <mimic> by default
     assert own.mobility == 2
@@ -157,30 +143,27 @@ def test_a_shipped_robot_goes_there_and_back(name: str) -> None:
     rng = np.random.default_rng(1)
     wanted = {motor: (0.01, *rng.normal(size=2)) for motor in robot.motors}
     q, v, a = hybridyn.assemble(robot, motors=wanted, guess=robot.home)
-    assert close(hybridyn.idm(again, q, v, a), hybridyn.idm(robot, q, v, a))
+    close(hybridyn.idm(again, q, v, a), hybridyn.idm(robot, q, v, a))
     tau = rng.normal(size=len(robot.motors))
-    assert close(hybridyn.ddm(again, q, v, tau), hybridyn.ddm(robot, q, v, tau))
+    close(hybridyn.ddm(again, q, v, tau), hybridyn.ddm(robot, q, v, tau))
 
 
 def test_constraints_in_any_list() -> None:
     """`buildModelAndConstraintsFromMJCF` returns its anchors in lists of Pinocchio's own."""
-    pin.seed(2)
-    case = drawn(np.random.default_rng(2), ["RX", "R", "S", "R", "RY", "R"], ["point"], branch=3)
+    case = drawn(seeded(2), ["RX", "R", "S", "R", "RY", "R"], ["point"], branch=3)
     anchors = pin.StdVec_PointAnchorConstraintModel()
     anchors.append(case.constraints[0])
     for many in (case.constraints, [anchors, pin.StdVec_FrameAnchorConstraintModel()], case.constraints[0]):
         robot = hybridyn.from_pinocchio(case.model, many, home=case.q, motors=[])
-        assert [closure.kind for closure in robot.description.closures] == ["point"]
+        holds(robot.description, {"closures": [{"kind": "point"}]})
 
 
 @pytest.mark.slow
 def test_the_frame_of_a_hinge(tmp_path: Path) -> None:
     """A weld with `kinds` is the hinge about the third axis of its frames."""
     text = FOUR_BAR.replace("</robot>", '<transmission name="t"><joint name="drive"/></transmission></robot>')
-    description = read_text(tmp_path, text)
-    ours = build_robot(description)
-    model = ours.model
-    (pin_closure,) = description.closures
+    ours = build_robot(read_text(tmp_path, text))
+    model, (pin_closure,) = ours.model, ours.description.closures
     joints = [model.getJointId(name) for name in ("elbow", "swing")]
     frames = (pin.SE3(pin_closure.frame_a), pin.SE3(pin_closure.frame_b))
     weld = pin.RigidConstraintModel(
@@ -190,20 +173,18 @@ def test_the_frame_of_a_hinge(tmp_path: Path) -> None:
     for key in ("knee", 0):
         robot = hybridyn.from_pinocchio(model, weld, kinds={key: "revolute"}, motors=["drive"])
         q, v, a = hybridyn.assemble(ours, motors={"drive": (0.3, 1.0, 2.0)}, guess=ours.home)
-        assert close(hybridyn.idm(robot, q, v, a), hybridyn.idm(ours, q, v, a))
-        assert close(hybridyn.closure_residual(robot, q), hybridyn.closure_residual(ours, q))
+        close(hybridyn.idm(robot, q, v, a), hybridyn.idm(ours, q, v, a))
+        close(hybridyn.closure_residual(robot, q), hybridyn.closure_residual(ours, q))
 
 
 def test_notes_and_homes() -> None:
-    pin.seed(0)
-    model = drawn(np.random.default_rng(0), ["RX", "RY"]).model
+    model = drawn(seeded(0), ["RX", "RY"]).model
     model.addJoint(1, pin.JointModelRX(), pin.SE3.Identity(), "late")
     model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "other")
     model.addJoint(3, pin.JointModelRX(), pin.SE3.Identity(), "out_of_order")
     model.referenceConfigurations["folded"] = np.arange(5.0)
     robot = hybridyn.from_pinocchio(model)
-    assert any("not numbered depth-first" in note for note in robot.notes)
-    assert any("'folded'" in note for note in robot.notes)
+    holds(robot, {"notes": {"not numbered depth-first", "'folded'"}})
     assert robot.joints == ("j2_RX", "j1_RY", "late", "out_of_order", "other")
     assert list(robot.home) == [0, 1, 2, 4, 3]
     assert not hybridyn.from_pinocchio(model, home=np.zeros(5)).home.any()
@@ -211,8 +192,7 @@ def test_notes_and_homes() -> None:
 
 def changed(**values: object) -> pin.Model:
     """Return a model of a hinge and a ball, with numbers of its freedoms changed."""
-    pin.seed(0)
-    model = drawn(np.random.default_rng(0), ["RX", "S"]).model
+    model = drawn(seeded(0), ["RX", "S"]).model
     for name, value in values.items():
         getattr(model, name)[:] = value
     return model
@@ -273,13 +253,12 @@ def test_is_refused_by_name(make: Callable[[], object], options: dict[str, objec
 @pytest.mark.parametrize("seed", range(20))
 def test_random_closed_models(seed: int) -> None:
     """Two chains of any joints, tied by one or two constraints of any kind, on a fixed or floating base."""
-    rng = np.random.default_rng([seed, 9])
-    pin.seed(seed)
+    rng = seeded(seed, 9)
     joints = [str(kind) for kind in rng.choice([*JOINTS], size=rng.integers(6, 10))]
     joints += ["R", "S", "RX"]  # enough freedoms to close
     closures = [str(kind) for kind in rng.choice(["3D", "6D", "point", "frame"], size=rng.integers(1, 3))]
     if closures[0] in ("6D", "frame"):
         closures = closures[:1]  # two chains have one weld at most
     branch = int(rng.integers(0, len(joints) - 2))
-    case = drawn(rng, joints, closures, floating=bool(rng.integers(2)), branch=branch, armature=0.1)
-    compare(case, rng)
+    floating = bool(rng.integers(2))
+    compare(drawn(rng, joints, closures, floating=floating, branch=branch, armature=0.1), rng)
