@@ -190,7 +190,6 @@ class Tracked:
     def __init__(self, pose: np.ndarray, lengths: np.ndarray = LENGTHS) -> None:
         self.lengths = np.array(lengths, dtype=float)
         self.u = self._newton(study(pose), self.lengths)
-        self.least = np.inf
 
     def _newton(self, u: np.ndarray, lengths: np.ndarray) -> np.ndarray:
         for _ in range(6):
@@ -221,7 +220,6 @@ class Tracked:
             second = np.einsum("jk,kmn->jmn", inverse, 2 * QUADRICS)
             second[:, :4, :4] -= 2 * np.einsum("jk,k,mn->jmn", inverse[:, :6], self.lengths**2, np.eye(4))
             L = np.linalg.norm(second.reshape(64, 8), 2)
-            self.least = min(self.least, 1 / L)
             while True:
                 step = min(step, 1.0 - done)
                 there = start + (done + step) * way

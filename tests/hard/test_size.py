@@ -89,33 +89,6 @@ def exponent(errors: dict[int, float]) -> float:
     return float(np.polyfit(n, size, 1)[0])
 
 
-def grown(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
-    """Claim the errors of stacks of those sizes, and how they grow."""
-    free, inverse = {}, {}
-    for count in sizes:
-        s, case = drawn(kind, count), f"{kind}, {count} modules"
-        exact, tau = reference(kind, count, s), drawn_efforts(count, s)
-        errors = {
-            "ddm": apart(ddm(s.robot, s.q, s.v, tau), exact.ddm(s.joints, tau, s.motors)),
-            "idm": apart(s.tau, exact.idm(s.joints, s.a, s.motors)),
-        }
-        free[count], inverse[count] = errors["ddm"], errors["idm"]
-        claim(case, "forward error of ddm, drawn efforts", errors["ddm"], FORWARD)
-        claim(case, "backward error of idm", errors["idm"], BACKWARD * count)
-    claim(
-        f"{kind}, {sizes[0]} to {sizes[-1]} modules",
-        "growth of ddm's error, power of n",
-        exponent(free),
-        LINEAR,
-    )
-    claim(
-        f"{kind}, {sizes[0]} to {sizes[-1]} modules",
-        "growth of idm's error, power of n",
-        exponent(inverse),
-        LINEAR,
-    )
-
-
 @needs_long_double
 @pytest.mark.parametrize(
     ("kind", "sizes"),
@@ -126,20 +99,17 @@ def grown(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
 )
 def test_errors_grow_no_faster_than_the_stack(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
     """Up to a thousand moving modules; of the planar ones' closure rows three in five are redundant."""
-    grown(kind, sizes, claim)
-
-
-def near_rest(kind: str, count: int, claim: Claim) -> None:
-    """Claim the errors of ddm where the efforts hardly do more than carry the stack."""
-    s, case = drawn(kind, count), f"{kind}, {count} modules near rest"
-    exact, tau = reference(kind, count, s), s.tau
-    a, wanted = ddm(s.robot, s.q, s.v, tau), exact.ddm(s.joints, tau, s.motors)
-    signs = np.random.default_rng(count).choice([-1.0, 1.0], len(tau))
-    change = LONG.array(CHANGE * np.abs(tau).max() * signs)
-    condition = apart(exact.ddm(s.joints, LONG.array(tau) + change, s.motors), wanted) / CHANGE
-    claim(case, f"forward error of ddm (condition {condition:.0e})", apart(a, wanted), FORWARD * condition)
-    left = apart(exact.idm(s.joints, a, s.motors), tau)
-    claim(case, "backward error of ddm, as efforts", left, BACKWARD * count)
+    errors: dict[str, dict[int, float]] = {"ddm": {}, "idm": {}}
+    for count in sizes:
+        s, case = drawn(kind, count), f"{kind}, {count} modules"
+        exact, tau = reference(kind, count, s), drawn_efforts(count, s)
+        errors["ddm"][count] = apart(ddm(s.robot, s.q, s.v, tau), exact.ddm(s.joints, tau, s.motors))
+        errors["idm"][count] = apart(s.tau, exact.idm(s.joints, s.a, s.motors))
+        claim(case, "forward error of ddm, drawn efforts", errors["ddm"][count], FORWARD)
+        claim(case, "backward error of idm", errors["idm"][count], BACKWARD * count)
+    case = f"{kind}, {sizes[0]} to {sizes[-1]} modules"
+    for model, each in errors.items():
+        claim(case, f"growth of {model}'s error, power of n", exponent(each), LINEAR)
 
 
 @needs_long_double
@@ -150,7 +120,17 @@ def test_a_stack_near_rest_loses_what_its_condition_takes(
 ) -> None:
     """The condition number reaches 1e6 at 64 modules, 1e10 at a thousand: every method loses these digits."""
     for count in counts:
-        near_rest(kind, count, claim)
+        s, case = drawn(kind, count), f"{kind}, {count} modules near rest"
+        exact, tau = reference(kind, count, s), s.tau
+        a, wanted = ddm(s.robot, s.q, s.v, tau), exact.ddm(s.joints, tau, s.motors)
+        signs = np.random.default_rng(count).choice([-1.0, 1.0], len(tau))
+        change = LONG.array(CHANGE * np.abs(tau).max() * signs)
+        condition = apart(exact.ddm(s.joints, LONG.array(tau) + change, s.motors), wanted) / CHANGE
+        claim(
+            case, f"forward error of ddm (condition {condition:.0e})", apart(a, wanted), FORWARD * condition
+        )
+        left = apart(exact.idm(s.joints, a, s.motors), tau)
+        claim(case, "backward error of ddm, as efforts", left, BACKWARD * count)
 
 
 # -------------------------------------------------------------------- peers
