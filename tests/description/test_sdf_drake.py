@@ -1,7 +1,6 @@
 """Trees read from SDF against Drake, whose parser is libsdformat, the reference reader of SDFormat."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -9,6 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn.structure.robot import HybridRobot
+from tests.description.reading import save_all
 from tests.extras import needs
 from tests.files import save
 from tests.samples import slow
@@ -22,77 +22,85 @@ AGAINST_DRAKE = 1e-13
 VERSIONS = ("1.4", "1.5", "1.6", "1.7", "1.8", "1.9", "1.10", "1.11", "1.12")
 
 
-def plant_of(file: Path) -> tuple[Any, Any]:
-    """Return Drake's plant of a file and a context."""
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import MultibodyPlant
+class Plant:
+    """Drake's model of a file, whose folder is the package "nest".
 
-    plant = MultibodyPlant(0.0)
-    Parser(plant).AddModels(str(file))
-    plant.Finalize()
-    return plant, plant.CreateDefaultContext()
+    Attributes:
+        plant: The model.
+        context: Its state.
+        joints: Its joints by name, with those of the models around them, but for the outermost.
+        bodies: Its bodies but for the world, likewise.
+    """
 
+    def __init__(self, file: Path, name: str) -> None:
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import MultibodyPlant
+        from pydrake.multibody.tree import BodyIndex, JointIndex
 
-def drawn(robot: HybridRobot, seed: int) -> tuple[np.ndarray, dict[str, float]]:
-    """Draw a posture, and return it also by joint."""
-    draw = np.random.default_rng(seed)
-    q, named = pin.neutral(robot.model), {}
-    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-        named[name] = x = float(draw.uniform(-1, 1))
-        q[at] = (np.cos(x), np.sin(x)) if kind == "continuous" else x
-    return q, named
+        self.plant = plant = MultibodyPlant(0.0)
+        parser = Parser(plant)
+        parser.package_map().Add("nest", str(file.parent))
+        parser.AddModels(str(file))
+        plant.Finalize()
+        self.context = plant.CreateDefaultContext()
+        joints = (plant.get_joint(JointIndex(n)) for n in range(plant.num_joints()))
+        bodies = (plant.get_body(BodyIndex(n)) for n in range(1, plant.num_bodies()))
+        self.joints, self.bodies = (
+            {
+                f"{plant.GetModelInstanceName(one.model_instance())}::{one.name()}".removeprefix(
+                    f"{name}::"
+                ): one
+                for one in many
+            }
+            for many in (joints, bodies)
+        )
+
+    def move(self, robot: HybridRobot, seed: int) -> np.ndarray:
+        """Draw a posture of all joints, and return it for the robot."""
+        draw, q = np.random.default_rng(seed), pin.neutral(robot.model)
+        for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
+            x = float(draw.uniform(-1, 1))
+            q[at] = (np.cos(x), np.sin(x)) if kind == "continuous" else x
+            # Drake counts a joint to the model of its child.
+            theirs = next(one for key, one in self.joints.items() if f"::{key}".endswith(f"::{name}"))
+            (theirs.set_angle if hasattr(theirs, "set_angle") else theirs.set_translation)(self.context, x)
+        return q
+
+    def compare_poses(self, robot: HybridRobot, q: np.ndarray) -> None:
+        """Compare the poses of all bodies."""
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, q)
+        for name, body in self.bodies.items():
+            theirs = self.plant.EvalBodyPoseInWorld(self.context, body).GetAsMatrix4()
+            ours = data.oMf[robot.model.getFrameId(name, pin.BODY)].homogeneous
+            np.testing.assert_allclose(ours, theirs, atol=AGAINST_DRAKE)
 
 
 @pytest.mark.parametrize(("seed", "version"), [(30, "1.6"), *(slow(31, version) for version in VERSIONS)])
 def test_poses_and_inertia_are_those_of_drake(seed: int, version: str, tmp_path: Path) -> None:
     pin.seed(seed)
     file = save(tmp_path, sdf(*random_pair(seed, version).sdf[:-1], version=version), "robot.sdf")
-    robot = hybridyn.load(file)
-    q, named = drawn(robot, seed)
-    plant, context = plant_of(file)
-    for name, x in named.items():
-        theirs = plant.GetJointByName(name)
-        (theirs.set_angle if hasattr(theirs, "set_angle") else theirs.set_translation)(context, x)
-    same_poses(robot, q, plant, context)
+    robot, drake = hybridyn.load(file), Plant(file, "robot")
+    q = drake.move(robot, seed)
+    drake.compare_poses(robot, q)
     M = pin.crba(robot.model, robot.model.createData(), q)
     M = np.triu(M) + np.triu(M, 1).T
     ours = [at.start for at in robot.v_slices]
-    theirs = [plant.GetJointByName(name).velocity_start() for name in robot.joints]
-    expected = plant.CalcMassMatrix(context)[np.ix_(theirs, theirs)]
+    theirs = [drake.joints[name].velocity_start() for name in robot.joints]
+    expected = drake.plant.CalcMassMatrix(drake.context)[np.ix_(theirs, theirs)]
     np.testing.assert_allclose(M[np.ix_(ours, ours)], expected, atol=AGAINST_DRAKE * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(
-    ("kind", "more", "positions"),
-    [
-        ("universal", "<axis2><xyz>3 0 -1</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4}),
-    ],
-)
-def test_joints_of_several_axes_move_as_in_drake(
-    kind: str, more: str, positions: dict[str, float], tmp_path: Path
-) -> None:
-    file = tmp_path / "robot.sdf"
+def test_a_universal_joint_moves_as_in_drake(tmp_path: Path) -> None:
     arm = link("arm", "<pose>0.5 0.6 -0.7 0.8 0.9 -1.0</pose>")
-    pose = "<pose>0.1 -0.2 0.3 0.4 -0.5 0.6</pose>"
-    file.write_text(sdf(link("base"), arm, WORLD, joint("j", kind, "base", "arm", pose, more, axis="1 2 3")))
-    robot = hybridyn.load(file)
-    q = pin.neutral(robot.model)
-    for name, x in positions.items():
-        q[robot.q_slices[robot.joints.index(name)]] = x
-    plant, context = plant_of(file)
-    plant.SetPositions(context, [*positions.values()])
-    same_poses(robot, q, plant, context)
-
-
-def same_poses(robot: HybridRobot, q: np.ndarray, plant: Any, context: Any) -> None:
-    """Compare the poses of all links that stand in the file."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    for body in robot.description.links:
-        if plant.HasBodyNamed(body.name):
-            theirs = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body.name)).GetAsMatrix4()
-            ours = data.oMf[robot.model.getFrameId(body.name, pin.BODY)].homogeneous
-            np.testing.assert_allclose(ours, theirs, atol=AGAINST_DRAKE)
+    more = "<pose>0.1 -0.2 0.3 0.4 -0.5 0.6</pose><axis2><xyz>3 0 -1</xyz></axis2>"
+    cross = joint("j", "universal", "base", "arm", more, axis="1 2 3")
+    file = save(tmp_path, sdf(link("base"), arm, WORLD, cross), "robot.sdf")
+    robot, drake = hybridyn.load(file), Plant(file, "robot")
+    assert robot.joints == ("j_1", "j_2")
+    q = np.array([0.7, -0.4])
+    drake.plant.SetPositions(drake.context, q)
+    drake.compare_poses(robot, q)
 
 
 PART = """<sdf version="1.9"><model name="part"><pose>0.3 0.1 0 0 0.2 0</pose>
@@ -125,41 +133,7 @@ WHOLE = """<sdf version="1.9"><model name="m"><pose>0 0 1 0 0 0.5</pose>
 
 def test_composed_models_stand_as_in_drake(tmp_path: Path) -> None:
     """Nested and included models, with frames of each other."""
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import MultibodyPlant
-    from pydrake.multibody.tree import BodyIndex, JointIndex
-
-    folder = tmp_path / "nest"
-    folder.mkdir()
-    (folder / "part.sdf").write_text(PART)
-    (folder / "main.sdf").write_text(WHOLE)
-    robot = hybridyn.load(folder / "main.sdf", package_dirs=[folder])
-    q, named = drawn(robot, 3)
-    plant = MultibodyPlant(0.0)
-    parser = Parser(plant)
-    parser.package_map().Add("nest", str(folder))
-    parser.AddModels(str(folder / "main.sdf"))
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
-
-    def full(element: Any) -> str:
-        model = plant.GetModelInstanceName(element.model_instance())
-        return f"{model}::{element.name()}".removeprefix("m::")
-
-    joints = {
-        full(plant.get_joint(JointIndex(n))): plant.get_joint(JointIndex(n))
-        for n in range(plant.num_joints())
-    }
-    for name, x in named.items():  # Drake counts a joint to the model of its child
-        theirs = joints.get(name) or next(one for key, one in joints.items() if key.endswith(f"::{name}"))
-        (theirs.set_angle if hasattr(theirs, "set_angle") else theirs.set_translation)(context, x)
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    bodies = {
-        full(plant.get_body(BodyIndex(n))): plant.get_body(BodyIndex(n)) for n in range(1, plant.num_bodies())
-    }
-    assert {*bodies} == {"base", "p1::x", "p1::y", "p2::x", "p2::y", "in::a", "in::b"}
-    for name, body in bodies.items():
-        ours = data.oMf[robot.model.getFrameId(name, pin.BODY)].homogeneous
-        theirs = plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4()
-        np.testing.assert_allclose(ours, theirs, atol=AGAINST_DRAKE)
+    file = save_all(tmp_path / "nest", {"main.sdf": WHOLE, "part.sdf": PART})
+    robot, drake = hybridyn.load(file, package_dirs=[file.parent]), Plant(file, "m")
+    assert {*drake.bodies} == {"base", "p1::x", "p1::y", "p2::x", "p2::y", "in::a", "in::b"}
+    drake.compare_poses(robot, drake.move(robot, 3))
