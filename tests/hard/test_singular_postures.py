@@ -79,19 +79,19 @@ def case(place: str, distance: float, seed: int) -> Case:
     return Case(f"{place}, {distance:.0e}", build_robot(description), judge, tau, shares, len(lost))
 
 
-def cases(places: list[str]) -> list[object]:
-    """Give every place at every distance, most of them for the long run."""
-    out = []
-    for place in places:
-        few = FEW.get(place.split()[0], FEW[""])
-        for d in STACKED if place.startswith("lx4") else DISTANCES:
-            marks = [] if d in few else [pytest.mark.slow]
-            out.append(pytest.param(place, d, 0, marks=marks, id=f"{place}-{d:.0e}"))
-            out.append(pytest.param(place, d, 1, marks=[pytest.mark.slow], id=f"{place}-{d:.0e}-again"))
-    return out
+#: Every place at every distance, most of them for the long run.
+CASES = [
+    pytest.param(
+        place, d, seed, id=f"{place}-{d:.0e}{seed * '-again'}",
+        marks=pytest.mark.slow if seed or d not in FEW.get(place.split()[0], FEW[""]) else (),
+    )
+    for place in PLACES
+    for d in (STACKED if place.startswith("lx4") else DISTANCES)
+    for seed in (0, 1)
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("place", "distance", "seed"), cases(list(PLACES)))
+@pytest.mark.parametrize(("place", "distance", "seed"), CASES)
 def test_both_models(place: str, distance: float, seed: int, claim: Claim) -> None:
     this = case(place, distance, seed)
     judge, rows = this.judge, this.judge.condition_of_rows
