@@ -296,7 +296,7 @@ def test_rates_that_open_loops_are_projected_where_that_is_wanted(tmp_path: Path
     assert first_steps(ready).residual.max() <= CLOSED
 
 
-def test_identity_knows_what_matters(tmp_path: Path) -> None:
+def test_identity_knows_what_matters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = save(tmp_path, (ROOT / "models/five_bar/traj.csv").read_text(), "traj.csv")
     text = '[motion]\ntable = "traj.csv"\n'
     first = identity(stage(written(tmp_path, text)).source)
@@ -304,12 +304,7 @@ def test_identity_knows_what_matters(tmp_path: Path) -> None:
     assert identity(stage(written(tmp_path, text + "[output]\nrate = 5\n")).source) != first
     table.write_text(table.read_text() + "\n")
     assert identity(stage(written(tmp_path, text)).source) != first
-
-
-def test_identity_knows_a_robot_that_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, robot = tmp_path / "scene.toml", tmp_path / "robot.urdf"
-    scene.write_text('duration = 1.0\n[robot]\nfile = "five_bar"\n')
-    first = identity(read_scene(scene))
-    robot.write_text("another")
-    monkeypatch.setattr(SceneFile, "robot", str(robot))
-    assert identity(read_scene(scene)) != first
+    named = save(tmp_path, 'duration = 1.0\n[robot]\nfile = "five_bar"\n', "named.toml")
+    first = identity(read_scene(named))
+    monkeypatch.setattr(SceneFile, "robot", str(save(tmp_path, "another", "robot.urdf")))
+    assert identity(read_scene(named)) != first

@@ -38,21 +38,30 @@ def mass(robot, motion):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("always", [False, True])
 @pytest.mark.parametrize("engine", ["loky", "dask", "ray"])
 def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
-    folder: Path, engine: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, engine: str, always: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A design that ends every process is named."""
     if engine != "loky":
         needs(engine)
     monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
-    Path("killer.py").write_text(KILLER.format(mark=folder / "killed", pid=os.getpid()))
+    text = KILLER.format(mark=folder / "killed", pid=os.getpid())
+    if always:
+        text = re.sub(r"Path\(.*\).write_text.*", "pass", text.replace("6.5 / 39) and", "38.5 / 39) and"))
+    Path("killer.py").write_text(text)
     path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
     state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
     rows = rows_of("out")
-    assert Path("killed").exists()
+    assert Path("killed").exists() != always
     assert rows["design"] == list(range(40))
-    assert set(rows["status"]) == {"ok"}
+    assert rows["status"] == ["ok"] * 39 + ["failed" if always else "ok"]
     assert state.done == state.now == 40
+    if always:
+        assert "ended without a result" in rows["message"][-1]
+        assert state.restarts >= 2
+        return
     hybridyn.sweep(path, "alone", jobs=1, allow_python=True, format="csv")
     assert rows_of("alone") == rows
 
@@ -103,25 +112,6 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
         hybridyn.HybridynError,
         "belongs to the engine 'dask' or 'ray'",
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", ["loky", "dask", "ray"])
-def test_a_design_that_ends_every_process_is_named(
-    folder: Path, engine: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if engine != "loky":
-        needs(engine)
-    monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
-    text = KILLER.format(mark=folder / "never", pid=os.getpid()).replace("6.5 / 39) and", "38.5 / 39) and")
-    Path("killer.py").write_text(re.sub(r"Path\(.*\).write_text.*", "pass", text))
-    path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
-    state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
-    rows = rows_of("out")
-    assert rows["design"] == list(range(40))
-    assert rows["status"] == ["ok"] * 39 + ["failed"]
-    assert "ended without a result" in rows["message"][-1]
-    assert state.restarts >= 2
 
 
 @pytest.mark.slow

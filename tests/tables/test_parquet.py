@@ -32,18 +32,6 @@ def refusal(path: Path, words: str = "", **place: object) -> None:
     refused(read, TrajectoryError, words, file=str(path), **place)
 
 
-@pytest.mark.parametrize("block_rows", [1, 3, 10, 100_000])
-def test_reads_numbers_of_any_kind_in_blocks(tmp_path: Path, block_rows: int) -> None:
-    path = saved(tmp_path, {"a": list(range(10)), "b": [x / 3 for x in range(10)]})
-    with open_table(path, block_rows=block_rows) as table:
-        assert table.columns == ("a", "b")
-        blocks = list(table.blocks)
-        assert table.fraction() == 1.0
-    values = np.concatenate([block.values for block in blocks])
-    assert values.tolist() == [[float(x), x / 3] for x in range(10)]
-    assert [block.first_row for block in blocks] == list(range(1, 11, block_rows))
-
-
 @pytest.mark.parametrize(
     ("cell", "words"), [(None, "empty"), (float("nan"), "not a finite"), (float("inf"), "not a finite")]
 )

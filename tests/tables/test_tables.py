@@ -9,6 +9,7 @@ from hybridyn.errors import TrajectoryError
 from hybridyn.tables.csv_table import LINE_LIMIT
 from hybridyn.tables.opening import open_table
 from tests.comparing import refused
+from tests.extras import needs
 from tests.files import save
 
 
@@ -57,13 +58,21 @@ def test_cells_have_the_bits_that_python_reads(tmp_path: Path, cell: str) -> Non
         assert values.tobytes() == np.array([float(x) for x in row.split(",")]).tobytes()
 
 
-@pytest.mark.parametrize("block_rows", [1, 3, 10, 1000])
-def test_blocks_hold_every_row_once_and_know_their_number(tmp_path: Path, block_rows: int) -> None:
-    numbers = np.arange(20.0).reshape(10, 2)
-    path = save(tmp_path, "a,b\n" + "".join(f"{x},{y}\n" for x, y in numbers))
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("block_rows", [1, 3, 10, 100_000])
+def test_blocks_hold_every_row_once_and_know_their_number(
+    tmp_path: Path, block_rows: int, ending: str
+) -> None:
+    path = save(tmp_path, "a,b\n" + "".join(f"{x},{x / 3!r}\n" for x in range(10)), "t.csv")
+    if ending == "parquet":
+        path = path.with_suffix(".parquet")
+        needs("io").read_csv(tmp_path / "t.csv").write_parquet(path)
     with open_table(path, block_rows=block_rows) as table:
+        assert table.columns == ("a", "b")
         blocks = list(table.blocks)
-    assert np.array_equal(np.concatenate([block.values for block in blocks]), numbers)
+        assert table.fraction() == 1.0
+    values = np.concatenate([block.values for block in blocks])
+    assert values.tolist() == [[float(x), x / 3] for x in range(10)]
     assert [block.first_row for block in blocks] == list(range(1, 11, block_rows))
     assert all(len(block.values) <= block_rows for block in blocks)
 

@@ -75,7 +75,7 @@ def in_order(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["rps3", "delta"])
-def test_balls_stay_on_their_links_because_only_the_links_frames_move(name: str) -> None:
+def test_shapes_stay_on_their_links_because_only_the_links_frames_move(name: str) -> None:
     """The browser is late with new positions inside a batch: there are none but of rods that grow."""
     robot, placement = moved(name)
     picture = draw(robot)
@@ -94,16 +94,10 @@ def test_balls_stay_on_their_links_because_only_the_links_frames_move(name: str)
         assert (node.batched_scales == scales).all()
     centres, _ = ball_transforms(picture.balls, placement)
     assert in_order(scene.in_the_world("balls")) == pytest.approx(in_order(centres), abs=SINGLE)
-
-
-@pytest.mark.parametrize("name", ["rps3", "delta"])
-def test_rods_lie_where_their_ends_are(name: str) -> None:
-    robot, placement = moved(name)
-    picture = draw(robot)
-    scene, stage = staged(robot, picture)
-    stage.place(placement)
     _, origins, _ = rod_transforms(picture.rods, placement)
     assert in_order(scene.in_the_world("rods")) == pytest.approx(in_order(origins), abs=SINGLE)
+    shapes: tuple[Rod | Ball, ...] = (*picture.rods, *picture.balls)
+    assert {role for role, nodes in stage.nodes.items() if nodes} == {shape.role for shape in shapes}
 
 
 def test_a_rod_that_grows_keeps_to_the_line_of_its_slide() -> None:
@@ -127,15 +121,3 @@ def test_a_rod_that_grows_keeps_to_the_line_of_its_slide() -> None:
 def line(node: Any) -> np.ndarray:
     """Return the directions of rods, shape (N, 3), in their frame."""
     return rotation_from_quaternion(np.asarray(node.batched_wxyzs)[:, [1, 2, 3, 0]])[:, :, 2]
-
-
-def test_every_shape_is_in_the_scene_once() -> None:
-    robot, _ = moved("delta")
-    picture = draw(robot)
-    scene, stage = staged(robot, picture)
-    copies = [
-        len(node.batched_positions) for node in scene.nodes.values() if hasattr(node, "batched_positions")
-    ]
-    assert sum(copies) == len(picture.rods) + len(picture.balls)
-    shapes: tuple[Rod | Ball, ...] = (*picture.rods, *picture.balls)
-    assert {role for role, nodes in stage.nodes.items() if nodes} == {shape.role for shape in shapes}

@@ -183,13 +183,13 @@ def test_the_camera_sees_the_whole_robot() -> None:
     assert upright.project(np.array([0.5, 0.0, 0.5]))[0] == pytest.approx([50 + 15.1, 50 - 15.1], abs=0.1)
 
 
-def colours_in(image: np.ndarray, colour: str) -> int:
+def colours_in(image: np.ndarray, colour: str, hue: float = 0.1) -> int:
     """Count pixels of a colour's hue."""
     pixels, wanted = image / 255, np.array(rgb(colour)) / 255
     spread = np.ptp(pixels, axis=2, keepdims=True)
     pure = (pixels - pixels.min(axis=2, keepdims=True)) / np.maximum(spread, 1e-9)
     goal = (wanted - wanted.min()) / np.ptp(wanted)
-    return int(((np.abs(pure - goal).max(axis=2) < 0.1) & (spread[..., 0] > 0.2)).sum())
+    return int(((np.abs(pure - goal).max(axis=2) < hue) & (spread[..., 0] > 0.2)).sum())
 
 
 def test_a_picture_has_every_module_and_closure_in_it() -> None:

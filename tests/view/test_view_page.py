@@ -1,6 +1,5 @@
 """The page of `hybridyn view` in a real browser: its content, a drag, a drag out of reach, playback."""
 
-import dataclasses
 import io
 import re
 import signal
@@ -13,14 +12,12 @@ import pytest
 
 import hybridyn
 from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
-from hybridyn.description import read
-from hybridyn.structure.building import build_robot
 from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
 from hybridyn.view.run import Run
-from tests import ROOT
 from tests.browser import browser, chromium
 from tests.command_line import program
+from tests.view.test_view import colours_in, without_limits
 from tests.waiting import PATIENCE, wait_until
 
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
@@ -39,9 +36,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def robot() -> hybridyn.HybridRobot:
     """Load a platform on three slides, without the limits that keep its motors in reach."""
-    description = read(ROOT / "urdf/rps3.urdf.xacro")
-    joints = tuple(dataclasses.replace(j, lower=-np.inf, upper=np.inf) for j in description.joints)
-    return build_robot(dataclasses.replace(description, joints=joints))
+    return without_limits("rps3")
 
 
 @pytest.fixture(scope="module")
@@ -102,13 +97,9 @@ def picture(tab: Any) -> np.ndarray:
 
 def coverage(pixels: np.ndarray, colour: str) -> int:
     """Count the pixels of a colour's hue (of its darkness, where it has none)."""
-    wanted = np.array(rgb(colour)) / 255
-    if np.ptp(wanted) < HUE:
+    if np.ptp(rgb(colour)) < 255 * HUE:
         return int((pixels.max(axis=2) < 0.45).sum())
-    spread = np.ptp(pixels, axis=2, keepdims=True)
-    pure = (pixels - pixels.min(axis=2, keepdims=True)) / np.maximum(spread, 1e-9)
-    goal = (wanted - wanted.min()) / np.ptp(wanted)
-    return int(((np.abs(pure - goal).max(axis=2) < HUE) & (spread[..., 0] > 0.2)).sum())
+    return colours_in(255 * pixels, colour, HUE)
 
 
 def slider(tab: Any, label: str) -> Any:
