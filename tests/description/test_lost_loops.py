@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.cli import main
 from hybridyn.description import read
 from hybridyn.description.lost_loops import lost_loops
 from hybridyn.description.shipped import shipped_robots
@@ -14,6 +13,8 @@ from hybridyn.description.weightless import weightless
 from hybridyn.errors import ModelError
 from hybridyn.loading import load, of_files
 from hybridyn.studies.check.remarks import findings
+from tests.command_line import call
+from tests.comparing import refused
 from tests.robot_texts import INERTIAL, LOOP, robot, save
 
 
@@ -99,38 +100,6 @@ def test_a_file_of_loops_beside_is_told(name: str, tmp_path: Path) -> None:
     assert lost_loops(load(path, motors=["drive"]).description) == []
 
 
-QUIET = {
-    "a tree": robot(ALL),
-    "motors named": robot(effort("free", 0), driven("drive", "elbow", "swing", "free")),
-    "cameras": robot(frame("camera_1", "coupler", "0 0.1 0"), frame("camera_2", "rocker"), ALL),
-    "four feet": robot(*(frame(f"cl_{i}", "rocker" if i % 2 else "coupler") for i in range(1, 5)), ALL),
-    "one body": robot(frame("loop_1", "rocker"), frame("loop_2", "rocker", "1 0 0"), ALL),
-    "at a joint": robot(frame("pin_1", "crank", "1 0 0"), frame("pin_2", "coupler"), ALL),
-}
-
-
-@pytest.mark.parametrize("case", QUIET)
-def test_a_robot_without_lost_loops_is_not(case: str, tmp_path: Path) -> None:
-    assert of_files(load(save(tmp_path, QUIET[case])).description) == []
-
-
-@pytest.mark.parametrize("name", shipped_robots())
-def test_shipped_robots_lost_nothing(name: str) -> None:
-    assert of_files(read(shipped_robots()[name].file)) == []
-
-
-def test_mass_welded_to_a_link_is_its_own(tmp_path: Path) -> None:
-    welded = frame("weight", "coupler").replace('name="weight"/>', f'name="weight">{INERTIAL}</link>', 1)
-    assert weightless(load(save(tmp_path, light(welded))).description) == []
-
-
-def test_a_robot_without_any_mass_is_an_error(tmp_path: Path) -> None:
-    path = save(tmp_path, robot(ALL).replace(INERTIAL, ""))
-    (said,) = of_files(load(path).description)
-    assert "no link has mass" in said
-    assert [f.severity for f in hybridyn.check(path) if f.code == "massless-robot"] == ["error"]
-
-
 SDF_LINK = '<link name="{}"><inertial><mass>1</mass></inertial></link>'
 SDF_JOINT = (
     '<joint name="{0}_joint" type="revolute"><parent>{1}</parent><child>{0}</child>'
@@ -146,6 +115,40 @@ def sdf_tree(*joints: tuple[str, str, float]) -> str:
     return f'<sdf version="1.9"><model name="m">{SDF_LINK.format("base")}{world}{parts}</model></sdf>'
 
 
+QUIET = {
+    "a tree": robot(ALL),
+    "motors named": robot(effort("free", 0), driven("drive", "elbow", "swing", "free")),
+    "cameras": robot(frame("camera_1", "coupler", "0 0.1 0"), frame("camera_2", "rocker"), ALL),
+    "four feet": robot(*(frame(f"cl_{i}", "rocker" if i % 2 else "coupler") for i in range(1, 5)), ALL),
+    "one body": robot(frame("loop_1", "rocker"), frame("loop_2", "rocker", "1 0 0"), ALL),
+    "at a joint": robot(frame("pin_1", "crank", "1 0 0"), frame("pin_2", "coupler"), ALL),
+    "a frame with mass": light(
+        frame("weight", "coupler").replace('name="weight"/>', f'name="weight">{INERTIAL}</link>', 1)
+    ),
+    # In URDF the name of a closing frame without a closure is an error; SDF states loops as joints.
+    "a name in SDF": sdf_tree(("closed_loop_controller_box", "base", 50.0)),
+}
+
+
+@pytest.mark.parametrize("case", QUIET)
+def test_a_robot_without_lost_loops_is_not(case: str, tmp_path: Path) -> None:
+    text = QUIET[case]
+    loaded = load(save(tmp_path, text, "m.sdf" if text.startswith("<sdf") else "m.urdf"))
+    assert (of_files(loaded.description), weightless(loaded.description)) == ([], [])
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_shipped_robots_lost_nothing(name: str) -> None:
+    assert of_files(read(shipped_robots()[name].file)) == []
+
+
+def test_a_robot_without_any_mass_is_an_error(tmp_path: Path) -> None:
+    path = save(tmp_path, robot(ALL).replace(INERTIAL, ""))
+    (said,) = of_files(load(path).description)
+    assert "no link has mass" in said
+    assert [f.severity for f in hybridyn.check(path) if f.code == "massless-robot"] == ["error"]
+
+
 def test_a_passive_chain_is_a_sign_in_every_format(tmp_path: Path) -> None:
     """The mend is written in the words of the format."""
     legs = [("thigh", "base", 50.0), ("shin", "thigh", 50.0), ("rod", "base", 0.0), ("end", "rod", 0.0)]
@@ -154,38 +157,20 @@ def test_a_passive_chain_is_a_sign_in_every_format(tmp_path: Path) -> None:
     assert "as joints: a link may be the child of several" in said
 
 
-def test_a_name_is_no_sign_in_a_format_that_states_its_loops(tmp_path: Path) -> None:
-    """In URDF the name of a closing frame without a closure is an error; SDF states loops as joints."""
-    name = "closed_loop_controller_box"
-    loaded = load(save(tmp_path, sdf_tree((name, "base", 50.0)), "m.sdf"))
-    assert loaded.motors == (f"{name}_joint",)
-    assert of_files(loaded.description) == []
-
-
-@pytest.mark.parametrize("words", [[], ["--strict"]])
-def test_strict_makes_notes_errors(
-    tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_strict_makes_notes_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What was read past, and signs of lost loops; each is named."""
-    unknown = "<custom_tag/>"
-    path = save(tmp_path, robot(unknown, frame("closing_knee", "coupler"), ALL))
+    path = save(tmp_path, robot("<custom_tag/>", frame("closing_knee", "coupler"), ALL))
     assert load(path).motors
-    status = main(["info", str(path), *words])
-    if not words:
-        assert status == 0
-        return
-    said = capsys.readouterr().err
-    assert status == 1
-    with pytest.raises(ModelError) as error:
-        load(path, strict=True)
-    for part in ("2 notes", "<custom_tag>", "'closing_knee'", path.name):
-        assert part in str(error.value)
-        assert part in said
+    call(capsys, "info", path)
+    words = "2 notes", "<custom_tag>", "'closing_knee'", path.name
+    call(capsys, "info", path, "--strict", status=1, says=words)
+    refused(lambda: load(path, strict=True), ModelError, ".*".join(words[:3]))
     assert load(save(tmp_path, robot(LOOP, driven("drive"))), strict=True).mobility == 1
 
 
-def test_convert_and_check_are_strict(tmp_path: Path) -> None:
-    path, out = save(tmp_path, robot("<custom_tag/>", ALL)), str(tmp_path / "out.xml")
-    assert main(["convert", str(path), "-o", out, "--strict"]) == 1
-    assert not Path(out).exists()
-    assert [main(["check", str(path), *words]) for words in ([], ["--strict"])] == [0, 1]
+def test_convert_and_check_are_strict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = save(tmp_path, robot("<custom_tag/>", ALL)), tmp_path / "out.xml"
+    call(capsys, "convert", path, "-o", out, "--strict", status=1)
+    assert not out.exists()
+    call(capsys, "check", path)
+    call(capsys, "check", path, "--strict", status=1)
