@@ -1,57 +1,27 @@
 """Pinocchio models of descriptions, built here and nowhere else, so that tests have a judge of their own."""
 
-import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from hybridyn.description.records import Description, Joint, JointKind, Link
+from hybridyn.description import read
+from hybridyn.description.records import Description
 from tests.extras import robots_of_others, skip
 
-KNOWN: tuple[JointKind, ...] = ("fixed", "revolute", "continuous", "prismatic", "planar", "floating")
 
-
-def example_urdf(name: str) -> str:
-    """Return the text of a URDF file of `example-robot-data`, by the file's name."""
+def example_urdf(name: str) -> Path:
+    """Return a URDF file of `example-robot-data`."""
     listed = robots_of_others() or skip("robots") or []
-    return next(path for path in listed if path.name == name).read_text()
+    return next(path for path in listed if path.name == name)
 
 
-def describe(urdf: str) -> Description:
-    """Read a plain URDF tree: links, joints, every joint with one freedom driven."""
-    root = ET.fromstring(urdf)
-    links, joints = [], []
-    for element in root.findall("link"):
-        mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
-        if (inertial := element.find("inertial")) is not None:
-            M = _origin(inertial)
-            terms = inertial.find("inertia").attrib  # type: ignore[union-attr]
-            xx, xy, xz, yy, yz, zz = (float(terms[k]) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-            mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr,arg-type]
-            com = M[:3, 3]
-            inertia = M[:3, :3] @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ M[:3, :3].T
-        links.append(Link(element.attrib["name"], mass, com, inertia))
-    for element in root.findall("joint"):
-        kind: JointKind = next(k for k in KNOWN if k == element.get("type"))
-        axis = element.find("axis")
-        z = _numbers(axis.attrib["xyz"]) if axis is not None else np.array([1.0, 0.0, 0.0])
-        parent, child = (element.find(end).attrib["link"] for end in ("parent", "child"))  # type: ignore[union-attr]
-        norm = np.linalg.norm(z) or 1.0
-        joints.append(Joint(element.attrib["name"], kind, parent, child, _origin(element), z / norm))
-    motors = tuple(j.name for j in joints if j.kind in ("revolute", "continuous", "prismatic"))
-    return Description(root.get("name", ""), tuple(links), tuple(joints), motors=motors)
-
-
-def _numbers(text: str) -> np.ndarray:
-    return np.array([float(x) for x in text.split()])
-
-
-def _origin(element: ET.Element) -> np.ndarray:
-    M, origin = np.eye(4), element.find("origin")
-    if origin is not None:
-        M[:3, 3] = _numbers(origin.get("xyz", "0 0 0"))
-        M[:3, :3] = pin.rpy.rpyToMatrix(_numbers(origin.get("rpy", "0 0 0")))
-    return M
+def describe(urdf: Path) -> Description:
+    """Read a plain URDF tree: nothing is coupled, every joint with one freedom is driven."""
+    found = read(urdf)
+    motors = tuple(j.name for j in found.joints if j.kind in ("revolute", "continuous", "prismatic"))
+    return replace(found, motors=motors, couplings=(), home={})
 
 
 class Peer:

@@ -3,12 +3,15 @@
 Where the oracle is wrong these differ, since closed forms, Pinocchio and the paper judge the package, too.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from hybridyn.description.records import Description, Joint, Link
 from tests.comparing import ROUNDING, close_to, refused
+from tests.files import save
 from tests.judging import BASES
 from tests.oracle import Base, Oracle
 from tests.peers import describe, example_urdf
@@ -44,20 +47,17 @@ SHUFFLED = """
     ),
 )
 TREES = {
-    "shuffled": lambda: SHUFFLED,
-    "ur5": lambda: example_urdf("ur5_robot.urdf"),
-    "panda": lambda: example_urdf("panda.urdf"),
-    "talos": lambda: example_urdf("talos_reduced.urdf"),
-    "pr2": lambda: example_urdf("pr2.urdf"),
-    "allegro": lambda: example_urdf("allegro_left_hand.urdf"),
-}
+    "shuffled": "", "ur5": "ur5_robot.urdf", "panda": "panda.urdf", "talos": "talos_reduced.urdf",
+    "pr2": "pr2.urdf", "allegro": "allegro_left_hand.urdf",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("base", BASES)
 @pytest.mark.parametrize("name", TREES)
-def test_trees_move_as_in_rnea(name: str, base: Base) -> None:
-    urdf, free = TREES[name](), [] if base == "fixed" else [pin.JointModelFreeFlyer()]
-    description, model = describe(urdf), pin.buildModelFromXML(urdf, *free)
+def test_trees_move_as_in_rnea(name: str, base: Base, tmp_path: Path) -> None:
+    urdf = example_urdf(TREES[name]) if TREES[name] else save(tmp_path, SHUFFLED)
+    free = [] if base == "fixed" else [pin.JointModelFreeFlyer()]
+    description, model = describe(urdf), pin.buildModelFromUrdf(str(urdf), *free)
     oracle, data, rng = Oracle(description, base), model.createData(), np.random.default_rng(3)
     q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
     v, a = rng.normal(size=model.nv), rng.normal(size=model.nv)
