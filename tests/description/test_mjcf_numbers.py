@@ -15,7 +15,7 @@ from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
-from tests.command_line import call
+from tests.command_line import call, table_text
 from tests.comparing import close_to
 from tests.files import save
 from tests.judging import efforts
@@ -32,8 +32,13 @@ def assert_close(ours: np.ndarray, theirs: np.ndarray, what: str) -> None:
     assert np.abs(ours - theirs).max() <= AGAINST_MUJOCO * max(1.0, np.abs(theirs).max()), what
 
 
-def compare(pair: Pair, draw: np.random.Generator) -> None:
+TEXTS = {**ROBOTS, **{f"random tree {seed}": random_tree(seed) for seed in range(12)}}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_robot_has_the_numbers_of_mujoco(name: str, tmp_path: Path) -> None:
     """Compare poses, mass matrix, bias and equality rows at random states, which close no loop."""
+    pair, draw = Pair(save(tmp_path, TEXTS[name], "robot.xml")), np.random.default_rng(1)
     for _ in range(3):
         q, v = pair.place(draw)
         assert_close(*pair.poses(q), "poses of bodies")
@@ -42,18 +47,6 @@ def compare(pair: Pair, draw: np.random.Generator) -> None:
         if pair.data.ne:
             J = pair.data.efc_J.reshape(-1, pair.model.nv)[: pair.data.ne]
             assert_close(pair.our_rows(q), J, "equality rows")
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_a_robot_has_the_numbers_of_mujoco(name: str, tmp_path: Path) -> None:
-    file = save(tmp_path, ROBOTS[name], "robot.xml")
-    compare(Pair(file), np.random.default_rng(1))
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_a_random_tree_has_the_numbers_of_mujoco(seed: int, tmp_path: Path) -> None:
-    file = save(tmp_path, random_tree(seed), "robot.xml")
-    compare(Pair(file), np.random.default_rng(seed))
 
 
 # -------------------- shipped robots
@@ -117,10 +110,8 @@ def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.
     file, motion = tmp_path / "five_bar.xml", tmp_path / "motion.csv"
     file.write_text(example.text)
     time = np.linspace(0, 1, 20)
-    left, right = 0.2 * np.sin(time), 0.1 * time**2
-    rows = ["time,motor_left/position,motor_right/position"]
-    rows += [f"{t},{a},{b}" for t, a, b in zip(time, left, right, strict=True)]
-    motion.write_text("\n".join(rows) + "\n")
+    rows = np.column_stack([time, 0.2 * np.sin(time), 0.1 * time**2])
+    motion.write_text(table_text(["time", "motor_left/position", "motor_right/position"], rows))
     efforts = call(capsys, "idm", file, motion, "--effects", "model", "-q")
     assert efforts.out.startswith("time,motor_left/effort,motor_right/effort")
     assert len(efforts.out.splitlines()) == 21

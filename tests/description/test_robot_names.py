@@ -1,6 +1,7 @@
 """Robots by name: from Python, on the command line, from a clone and from what a wheel installs."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from hybridyn.description.shipped import find_robot, main_names, shipped_robots
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
+from tests.description.reading import save_all
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
 
@@ -48,27 +50,28 @@ def test_a_wrong_name_is_told_the_nearest() -> None:
         r"no shipped robot of that name .did you mean 'five_bar'",
     )
     refused(lambda: hybridyn.load("zebra"), hybridyn.ModelError, "the shipped robots are lx4, tanev")
-    with pytest.raises(hybridyn.ModelError, match=r"zebra\.urdf"):  # a path stays one
-        hybridyn.load("zebra.urdf")
+    refused(lambda: hybridyn.load("zebra.urdf"), hybridyn.ModelError, r"zebra\.urdf")  # a path stays one
 
 
 def test_a_robot_moves_by_its_own_trajectory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    by_name = call(capsys, "idm", "five_bar")
-    named_table = call(capsys, "idm", "five_bar", "five_bar/traj.csv", "-q")
-    paths = (ROOT / "urdf/five_bar.urdf.xacro", ROOT / "models/five_bar/traj.csv")
-    by_path = call(capsys, "idm", *paths, "-q")
-    assert by_name.status == by_path.status == named_table.status == 0
-    assert by_name.out == by_path.out == named_table.out
+    paths = ROOT / "urdf/five_bar.urdf.xacro", ROOT / "models/five_bar/traj.csv"
+    by_name, *others = (
+        call(capsys, "idm", *words, "-q").out
+        for words in (["five_bar"], ["five_bar", "five_bar/traj.csv"], paths)
+    )
+    assert others == [by_name, by_name]
 
 
 def test_a_scene_by_its_robots_name(capsys: pytest.CaptureFixture[str]) -> None:
-    by_name = call(capsys, "simulate", "five_bar", "--until", "0.01", "-q")
-    by_path = call(capsys, "simulate", "five_bar/swing.toml", "--until", "0.01", "-q")
-    assert by_name.out == by_path.out
-    assert by_name.out.startswith("# ")
+    by_name, by_path = (
+        call(capsys, "simulate", name, "--until", "0.01", "-q").out
+        for name in ("five_bar", "five_bar/swing.toml")
+    )
+    assert by_name == by_path
+    assert by_name.startswith("# ")
 
 
 def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
@@ -79,36 +82,26 @@ def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(Path(fact["file"]).is_file() for fact in facts)
 
 
-def test_without_data_the_list_says_so(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder beside which the package looks for its data, which is empty."""
     monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "hybridyn")
     shipped_robots.cache_clear()
-    try:
-        call(capsys, "robots", status=1, says="urdf/ and models/ are missing")
-        refused(lambda: hybridyn.load("lx4"), hybridyn.ModelError, "no shipped robot of that name")
-    finally:
-        monkeypatch.undo()
-        shipped_robots.cache_clear()
+    yield tmp_path
+    monkeypatch.undo()
+    shipped_robots.cache_clear()
 
 
-def test_benchmark_mechanisms_are_listed_apart(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+@pytest.mark.usefixtures("elsewhere")
+def test_without_data_the_list_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    call(capsys, "robots", status=1, says="urdf/ and models/ are missing")
+    refused(lambda: hybridyn.load("lx4"), hybridyn.ModelError, "no shipped robot of that name")
+
+
+def test_benchmark_mechanisms_are_listed_apart(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file in urdf/benchmarks is found by its name; its first comment says what it is."""
-    (tmp_path / "urdf" / "benchmarks").mkdir(parents=True)
-    (tmp_path / "models").mkdir()
-    (tmp_path / "models" / "robots.toml").write_text("")
     text = '<!-- A link\n that rests. Not more. --><robot name="rest"><link name="a"/></robot>'
-    (tmp_path / "urdf" / "benchmarks" / "rest.urdf").write_text(text)
-    monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "hybridyn")
-    shipped_robots.cache_clear()
-    try:
-        assert hybridyn.load("rest").name == "rest"
-        assert call(capsys, "robots").out.splitlines()[-2:] == [
-            "benchmark mechanisms:",
-            "rest  A link that rests",
-        ]
-    finally:
-        monkeypatch.undo()
-        shipped_robots.cache_clear()
+    save_all(elsewhere, {"urdf/benchmarks/rest.urdf": text, "models/robots.toml": ""})
+    assert hybridyn.load("rest").name == "rest"
+    last = call(capsys, "robots").out.splitlines()[-2:]
+    assert last == ["benchmark mechanisms:", "rest  A link that rests"]

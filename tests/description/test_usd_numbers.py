@@ -27,10 +27,6 @@ SINGLE = 2e-6
 TWO_READERS = 1e-11
 
 
-def text(folder: Path, content: str, name: str = "robot.usda") -> Path:
-    return save(folder, content, name)
-
-
 def parsed(file: Path) -> dict[str, object]:
     """Return usd-core's descriptions of the joints and bodies of a stage by path."""
     stage = Usd.Stage.Open(str(file))
@@ -49,7 +45,7 @@ def of_quaternion(q: Gf.Quatf) -> np.ndarray:
 
 
 def test_frames_of_joints_are_those_of_usd_core(tmp_path: Path) -> None:
-    file = text(tmp_path, KINDS)
+    file = save(tmp_path, KINDS, "robot.usda")
     theirs = parsed(file)
     joints = read_joints(Bodies(open_usd(str(file))), (), [])
     assert len(joints) == 7
@@ -73,7 +69,7 @@ def test_frames_of_joints_are_those_of_usd_core(tmp_path: Path) -> None:
 
 
 def test_places_of_bodies_are_those_of_usd_core(tmp_path: Path) -> None:
-    file = text(tmp_path, KINDS)
+    file = save(tmp_path, KINDS, "robot.usda")
     bodies = Bodies(open_usd(str(file)))
     stage = Usd.Stage.Open(str(file))
     for path, prim in bodies.moving.items():
@@ -86,8 +82,8 @@ def test_places_of_bodies_are_those_of_usd_core(tmp_path: Path) -> None:
 
 
 def test_the_same_robot_in_urdf_has_the_same_models(tmp_path: Path) -> None:
-    usd = hybridyn.load(text(tmp_path, FIVE_BAR))
-    urdf = hybridyn.load(text(tmp_path, FIVE_BAR_URDF, "robot.urdf"), motors=usd.motors)
+    usd = hybridyn.load(save(tmp_path, FIVE_BAR, "robot.usda"))
+    urdf = hybridyn.load(save(tmp_path, FIVE_BAR_URDF, "robot.urdf"), motors=usd.motors)
     assert usd.motors == ("motor_left", "motor_right")
     assert usd.joints == urdf.joints
     draw = np.random.default_rng(0)
@@ -105,5 +101,5 @@ def test_gravity_is_against_the_up_axis(axis: str, tmp_path: Path) -> None:
         'def PhysicsScene "scene" {\nvector3f physics:gravityDirection = (-2, 0, 0)\n'
         "float physics:gravityMagnitude = 9.81\n}\n"
     )  # fmt: skip
-    robot = hybridyn.load(text(tmp_path, content))
+    robot = hybridyn.load(save(tmp_path, content, "robot.usda"))
     np.testing.assert_allclose(robot.gravity, -9.81 * np.eye(3)["XYZ".index(axis)], rtol=1e-15)
