@@ -53,7 +53,7 @@ def run_commands(text: str, capsys: pytest.CaptureFixture[str], *, whole: bool =
     said = Said(0, "", "")
     for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
         command, _, expected = part.partition("\n")
-        program, *words = shlex.split(command)
+        program, *words = shlex.split(command, comments=True)
         if program != "hybridyn":
             subprocess.run(command, shell=True, check=True)
             continue

@@ -114,7 +114,7 @@ def _is_module(package: object, name: str) -> bool:
 def test_install_lines_work_from_a_clone(page: Path) -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     text, released, after = page.read_text().partition("After the first release")
-    assert not released or page == ROOT / "README.md"
+    assert not released or page == DOCS / "install.md"
     for what in re.findall(r"pip install (?:-q |-e )*('[^']*'|[^\s`]+)", text + after.partition("\n\n")[2]):
         names = re.fullmatch(r"'\.\[([\w,]+)\]'|\.", what)
         assert names, f"{page.name}: {what}"
