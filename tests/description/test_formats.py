@@ -11,8 +11,8 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from tests import ROOT
+from tests.conversion.judge import needs_reader
 from tests.description.reading import refused
-from tests.extras import needs
 from tests.files import save
 from tests.mjcf_texts import BAR, mjcf
 from tests.robot_texts import robot
@@ -31,47 +31,46 @@ SDF_ARM = (
     "<child>arm</child><axis><xyz>0 1 0</xyz></axis></joint>"
 )
 HINGE = f'<body name="a"><joint name="j"/>{BAR.format(x=0.1, m=1)}<site name="s"/>{{}}</body>'
-#: Format, what is special, outcome and words. An outcome is a note, a refusal or nothing.
+
+
+def mjcf_robot(section: str = "", part: str = "") -> str:
+    return mjcf(section, world=HINGE.format(part))
+
+
+def sdf_robot(part: str = "", kind: str = "revolute") -> str:
+    return SDF.format(SDF_ARM.format(part, kind))
+
+
+#: A robot of each format without anything special.
+PLAIN = {"r.urdf": robot(TRANSMISSIONS), "r.xml": mjcf_robot(), "r.sdf": sdf_robot()}
+#: File, text, outcome and words. An outcome is a note, a refusal or nothing.
 TABLE = [
-    ("urdf", "<!-- a -- b -->", "note", "'--' in a comment"),
-    ("urdf", "<gazebo><my:thing/></gazebo>", "note", "a prefix without xmlns"),
-    ("urdf", "<custom_tag/>", "note", "unknown elements"),
-    ("urdf", '<loop_constraint name="x"/>', "refused", "an early form"),
-    ("urdf", '<lnik name="x"/>', "refused", "did you mean <link>"),
-    ("urdf", "<!DOCTYPE a>", "refused", "DOCTYPE"),
-    ("mjcf", ("<option density='1'/>", ""), "note", "forces of a fluid"),
-    ("mjcf", ("<actuator><motor site='s'/></actuator>", ""), "note", "no motors here"),
-    ("mjcf", ("<sensor><jointpos joint='j'/></sensor>", ""), "nothing", ""),
-    ("mjcf", ("", '<plugin plugin="mujoco.elasticity.cable"/>'), "refused", "a plugin"),
-    ("sdf", ("<unknown_thing/>", "revolute"), "note", "unknown_thing"),
-    ("sdf", ("", "revolute"), "nothing", ""),
-    ("sdf", ("", "gearbox"), "refused", "gearbox"),
-    ("sdf", ("<inertail/>", "revolute"), "refused", "inertail"),
+    ("r.urdf", robot(TRANSMISSIONS, "<!-- a -- b -->"), "note", "'--' in a comment"),
+    ("r.urdf", robot(TRANSMISSIONS, "<gazebo><my:thing/></gazebo>"), "note", "a prefix without xmlns"),
+    ("r.urdf", robot(TRANSMISSIONS, "<custom_tag/>"), "note", "unknown elements"),
+    ("r.urdf", robot(TRANSMISSIONS, '<loop_constraint name="x"/>'), "refused", "an early form"),
+    ("r.urdf", robot(TRANSMISSIONS, '<lnik name="x"/>'), "refused", "did you mean <link>"),
+    ("r.urdf", "<!DOCTYPE a>" + robot(TRANSMISSIONS), "refused", "DOCTYPE"),
+    ("r.xml", mjcf_robot("<option density='1'/>"), "note", "forces of a fluid"),
+    ("r.xml", mjcf_robot("<actuator><motor site='s'/></actuator>"), "note", "no motors here"),
+    ("r.xml", mjcf_robot("<sensor><jointpos joint='j'/></sensor>"), "nothing", ""),
+    ("r.xml", mjcf_robot("", '<plugin plugin="mujoco.elasticity.cable"/>'), "refused", "a plugin"),
+    ("r.sdf", sdf_robot("<unknown_thing/>"), "note", "unknown_thing"),
+    ("r.sdf", sdf_robot(), "nothing", ""),
+    ("r.sdf", sdf_robot("", "gearbox"), "refused", "gearbox"),
+    ("r.sdf", sdf_robot("<inertail/>"), "refused", "inertail"),
 ]
 
 
-def written(folder: Path, kind: str, special: object) -> Path:
-    """Write a robot of a format with what is special in it."""
-    if kind == "urdf":
-        text = robot(TRANSMISSIONS, str(special))
-        return save(folder, f"{special}{text}" if "DOCTYPE" in str(special) else text)
-    assert isinstance(special, tuple)
-    if kind == "mjcf":
-        needs("mjcf")
-        return save(folder, mjcf(special[0], world=HINGE.format(special[1])), "robot.xml")
-    return save(folder, SDF.format(SDF_ARM.format(*special)), "robot.sdf")
-
-
-@pytest.mark.parametrize(("kind", "special", "outcome", "words"), TABLE)
-def test_what_a_reader_does_with_it(
-    kind: str, special: object, outcome: str, words: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("name", "text", "outcome", "words"), TABLE)
+def test_what_a_reader_does_with_it(name: str, text: str, outcome: str, words: str, tmp_path: Path) -> None:
     """A note is an error where reading is strict; without notes, strict reading is the same."""
-    file = written(tmp_path, kind, special)
+    file = save(tmp_path, text, name)
+    needs_reader(file)
     if outcome == "refused":
         refused(file, words)
         return
-    plain = read(written(tmp_path / "plain", kind, PLAIN[kind])).notes
+    plain = read(save(tmp_path / "plain", PLAIN[name], name)).notes
     notes = [note for note in read(file).notes if note not in plain]
     assert [words in note for note in notes] == [True] * (outcome == "note")
     if outcome == "note":
@@ -79,7 +78,6 @@ def test_what_a_reader_does_with_it(
             hybridyn.load(file, strict=True)
 
 
-PLAIN = {"urdf": "", "mjcf": ("", ""), "sdf": ("", "revolute")}
 SHAPES = {
     "missing": '<mesh filename="nowhere.stl"/>',
     "scale": '<mesh filename="nowhere.stl" scale="a b"/>',

@@ -13,10 +13,10 @@ from benchmarks.peers.mujoco import Translated
 from hybridyn import ddm, idm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.command_line import call, table_text
 from tests.comparing import close_to
+from tests.conversion.judge import mapped, order
 from tests.files import save
 from tests.judging import efforts
 from tests.mjcf_states import Pair
@@ -69,21 +69,6 @@ def written(description: Description, folder: Path) -> Path:
     return save(folder, ET.tostring(root), f"{description.name}.xml")
 
 
-def angles(robot: HybridRobot, other: HybridRobot, q: np.ndarray) -> np.ndarray:
-    """Return positions for a robot whose continuous joints are hinges with one number."""
-    out = np.zeros((len(q), other.model.nq))
-    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-        to = other.q_slices[other.joints.index(name)]
-        part = q[:, at]
-        out[:, to] = np.arctan2(part[:, 1:], part[:, :1]) if kind == "continuous" else part
-    return out
-
-
-def columns(robot: HybridRobot, other: HybridRobot) -> list[int]:
-    """Return where each rate of the other robot stands in this one's."""
-    return [robot.v_slices[robot.joints.index(name)].start for name in other.joints]
-
-
 @pytest.mark.parametrize("name", ["five_bar", "gough_stewart", "delta", "tanev"])
 def test_both_models_are_those_of_the_urdf(name: str, tmp_path: Path) -> None:
     description = shipped(name)
@@ -93,11 +78,11 @@ def test_both_models_are_those_of_the_urdf(name: str, tmp_path: Path) -> None:
     urdf, mjcf = build_robot(description), hybridyn.load(written(description, tmp_path))
     assert mjcf.motors == urdf.motors
     q, v, a = states_near_home(description, "fixed", 5, 2)
-    order, theirs = columns(urdf, mjcf), angles(urdf, mjcf, q)
+    columns, theirs = order(urdf, mjcf), mapped(urdf, mjcf, q)
     tau = idm(urdf, q, v, a)
-    close_to(idm(mjcf, theirs, v[:, order], a[:, order]), tau, TWO_READERS)
+    close_to(idm(mjcf, theirs, v[:, columns], a[:, columns]), tau, TWO_READERS)
     tau = efforts(description, len(q))
-    close_to(ddm(mjcf, theirs, v[:, order], tau), ddm(urdf, q, v, tau)[:, order], TWO_READERS)
+    close_to(ddm(mjcf, theirs, v[:, columns], tau), ddm(urdf, q, v, tau)[:, columns], TWO_READERS)
 
 
 def test_the_home_of_the_file_closes_the_loops(tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ import hybridyn
 from hybridyn import ddm, idm
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to
+from tests.conversion.judge import mapped, order
+from tests.description.reading import holds
 from tests.judging import efforts
 from tests.oracle import Oracle
 from tests.samples import slow
@@ -32,17 +34,6 @@ def both(seed: int, version: str, folder: Path) -> tuple[HybridRobot, HybridRobo
     return tuple(hybridyn.load(folder / name, motors=texts.motors) for name in ("one.urdf", "two.sdf"))  # type: ignore[return-value]
 
 
-def places(robot: HybridRobot, other: HybridRobot, what: str) -> list[int]:
-    """Return where each entry of the other robot's positions or rates is among this one's."""
-    mine, theirs = (getattr(one, f"{what}_slices") for one in (robot, other))
-    by_name = dict(zip(robot.joints, mine, strict=True))
-    return [
-        i
-        for name, _ in zip(other.joints, theirs, strict=True)
-        for i in range(by_name[name].start, by_name[name].stop)
-    ]
-
-
 @pytest.mark.parametrize(
     ("seed", "version"),
     [
@@ -52,20 +43,19 @@ def places(robot: HybridRobot, other: HybridRobot, what: str) -> list[int]:
 )  # fmt: skip
 def test_both_models_are_those_of_the_urdf(seed: int, version: str, tmp_path: Path) -> None:
     urdf, read = both(seed, version, tmp_path)
-    for joint in urdf.description.joints:
-        found = next(other for other in read.description.joints if other.name == joint.name)
-        for number in ("lower", "upper", "velocity", "effort", "damping", "friction"):
-            assert getattr(found, number) == getattr(joint, number), (joint.name, number)
+    numbers = ("lower", "upper", "velocity", "effort", "damping", "friction")
+    stated = {one.name: {word: getattr(one, word) for word in numbers} for one in urdf.description.joints}
+    holds(read.description, {"joints": stated})
     endless = {
         name: (1.0, 0.0) for name, kind in zip(urdf.joints, urdf.kinds, strict=True) if kind == "continuous"
     }
     q, v, a = states_near_home(replace(urdf.description, home=endless), "fixed", seed, 2)
-    at_q, at_v = places(urdf, read, "q"), places(urdf, read, "v")
+    theirs, at = mapped(urdf, read, q), order(urdf, read)
     tau = idm(urdf, q, v, a, effects="model")
-    close_to(idm(read, q[:, at_q], v[:, at_v], a[:, at_v], effects="model"), tau, TWO_READERS)
+    close_to(idm(read, theirs, v[:, at], a[:, at], effects="model"), tau, TWO_READERS)
     tau = efforts(urdf.description, len(q))
-    expected = ddm(urdf, q, v, tau)[:, at_v]
-    close_to(ddm(read, q[:, at_q], v[:, at_v], tau), expected, TWO_READERS)
+    expected = ddm(urdf, q, v, tau)[:, at]
+    close_to(ddm(read, theirs, v[:, at], tau), expected, TWO_READERS)
     turn = np.random.default_rng(seed).uniform(-1, 1, size=20)
     close_to(open_loop(read, turn), open_loop(urdf, turn), TWO_READERS)
 
