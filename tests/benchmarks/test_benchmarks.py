@@ -8,24 +8,19 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import get_type_hints
 
 import numpy as np
 import pytest
 
 import hybridyn
-from benchmarks import __main__ as run_benchmarks
 from benchmarks import accuracy, callgrind, controlled, derivatives, peak, peers, timing
-from benchmarks.__main__ import COMMITTED, store, summary
+from benchmarks.__main__ import COMMITTED, store
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
-from benchmarks.figures import write_figures
-from benchmarks.fronts import cheapest, exponent, front
+from benchmarks.fronts import cheapest, front
 from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
-from benchmarks.goals import Goal
-from benchmarks.labels import Box, around, beside, spread
-from benchmarks.methods import NotMeasuredError, grid, written
+from benchmarks.methods import NotMeasuredError
 from benchmarks.peers import rk4
 from benchmarks.peers.mujoco import Translated
 from benchmarks.plan import Cache, Task
@@ -42,7 +37,6 @@ from benchmarks.results import (
 )
 from benchmarks.simulation import MOTIONS, ours, start
 from benchmarks.singular import APPROACHES, load
-from benchmarks.slow import table
 from benchmarks.timing import interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
@@ -167,18 +161,6 @@ def test_closures_in_space_that_are_no_points_are_refused(tmp_path: Path) -> Non
             refused(partial(method.prepare, robot), NotMeasuredError, "closure 'pin'")
 
 
-def test_compiled_peer_passes_the_threads_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    def build(robot: hybridyn.HybridRobot, threads: int, dtype: str) -> SimpleNamespace:
-        return SimpleNamespace(ddm=lambda q, v, tau: (threads, dtype), idm=lambda q, v, a: (-threads, dtype))
-
-    monkeypatch.setattr(hybridyn, "compile", build, raising=False)
-    found = [m for m in peers.METHODS if m.threads]
-    solvers = [m.prepare(hybridyn.load("five_bar"), 3)({}) for m in found]
-    assert [solve(np.zeros(1), np.zeros(1), np.zeros(1)) for solve in solvers] == [
-        (3, "float64"), (-3, "float64"), (3, "float32"), (-3, "float32"),
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("solver", "hold"), [*(("constraintDynamics", hold) for hold in rk4.HOLDS), ("lcaba", "nothing")]
 )
@@ -278,30 +260,6 @@ def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:
     assert cache.get(task) is None
 
 
-@pytest.mark.parametrize(
-    ("options", "remembered"), [(["--full"], "old"), (["--full", "--fresh"], "new"), (["--short"], None)]
-)
-def test_a_case_alone_is_kept_as_said(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    options: list[str],
-    remembered: str | None,
-) -> None:
-    cache, old, new = Cache(tmp_path, "code"), Check("old", "x", 0.0, NAN), Check("new", "x", 0.0, NAN)
-    task = Task("ddm", "five_bar", lambda: [new], (), apart=False)
-    if "--full" in options:
-        cache.put(task, [old], {})
-    replaced = {"CACHE": tmp_path, "SCRATCH": tmp_path, "fingerprint": lambda: "code", "one_thread": int}
-    for name, value in {**replaced, "short": lambda: [task], "full": lambda: [task]}.items():
-        monkeypatch.setattr(run_benchmarks, name, value)
-    monkeypatch.setattr(sys, "argv", ["benchmarks", *options, "--case", "five_bar"])
-    assert run_benchmarks.main() == 0
-    kept = cache.get(task)
-    assert (kept and kept[0][0].case) == remembered
-    assert ("kept for the next run" in capsys.readouterr().out) == (remembered is not None)
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_instructions_in_a_compiled_library_repeat(tmp_path: Path) -> None:
@@ -338,12 +296,6 @@ summary: 312
 
 
 # ------------------------------------------------------------------ what the results say
-
-
-def test_what_was_not_measured_is_said() -> None:
-    """What was measured, the committed report has: its tables, verdicts, exponents and fastest."""
-    assert Goal("lx4", "pin.lcaba", 0.25, (NAN,), "").verdict(0) == "not measured"
-    assert math.isnan(exponent([1, 2, 4], [1.0, 2.0, 4.0]))
 
 
 def points(*pairs: tuple[float, float]) -> list[Point]:
@@ -397,31 +349,6 @@ def test_the_peak_is_out_of_reach_and_said_beside_it() -> None:
     assert f"| five_bar | ddm | {rows[0].operations:,} |" in said
 
 
-def test_a_run_says_what_it_measured() -> None:
-    tasks = [Task(section, "a", accuracy.measure, ()) for section in ("ddm", "ddm", "idm")]
-    rows = [*points((1, 1e-3)), points((1, 1e-3))[0]._replace(note="too large"), Check("a", "x", 0.0, NAN)]
-    assert summary(tasks, {"ddm": (rows, {})}).splitlines() == [
-        "ddm: 2 jobs, 1 rows measured, 1 not (the report says why)",
-        "idm: failed, its earlier results stay",
-    ]
-
-
-def test_names_are_kept_apart() -> None:
-    found = spread(np.array([5.0, 5.0, 99.0, 98.0, 40.0]), 10.0, 0.0, 100.0)
-    assert np.diff(np.sort(found)).min() >= 10.0
-    assert found.max() <= 100.0
-    assert found[4] == 40.0
-
-
-def test_names_stand_beside_points_where_there_is_room() -> None:
-    panel, point = Box(0, 0, 200, 100), (100.0, 50.0)
-    right = beside(point, "name", [around(*point, 3)], panel)
-    assert right.left > 100
-    left = beside(point, "name", [right], panel)
-    assert left.right < 100
-    assert beside(point, "n" * 100, [], panel) is None
-
-
 @pytest.mark.parametrize("section", list(SECTIONS))
 def test_rows_survive_their_file(tmp_path: Path, section: str) -> None:
     kind = SECTIONS[section]
@@ -449,26 +376,3 @@ def test_committed_report_is_that_of_the_committed_results() -> None:
     drawn = [path.stem for path in (COMMITTED / "figures").glob("*.svg")]
     expected = report(read_results(folder), read_machines(folder / "machine.csv"), drawn)
     assert (COMMITTED / "report.md").read_text() == expected, "run python -m benchmarks --report"
-
-
-def test_equal_results_make_equal_figures(tmp_path: Path) -> None:
-    results = {name: [] for name in SECTIONS} | {"ddm": points((1, 1e-3), (3, 1e-11), (4, 1e-12))}
-    for folder in ("first", "second"):
-        assert [figure.name for figure in write_figures(tmp_path / folder, results)] == ["ddm"]
-    first, second = (tmp_path / folder / "ddm.svg" for folder in ("first", "second"))
-    assert first.read_bytes() == second.read_bytes()
-
-
-def test_settings_in_words() -> None:
-    assert [written(s) for s in grid(mu=(1e-6, 1.0), iterations=(2,))] == [
-        "mu 1e-06, iterations 2", "mu 1, iterations 2",
-    ]  # fmt: skip
-    assert written({}) == ""
-
-
-def test_slow_tests_are_summed_up_by_function() -> None:
-    record = """<testsuites><testsuite>
-    <testcase classname="tests.test_b" name="test_x[1]" time="1.5"/>
-    <testcase classname="tests.test_b" name="test_x[2]" time="2.0"><failure message="no"/></testcase>
-    <testcase classname="tests.test_a" name="test_y" time="0.25"/></testsuite></testsuites>"""
-    assert table(record) == [("test_a.py", "test_y", 1, 0, "0.2"), ("test_b.py", "test_x", 2, 1, "3.5")]
