@@ -46,9 +46,9 @@ def states(description: Description, seed: int = 5, count: int = 2) -> States:
     """Assemble a robot with its motors near home, at random rates and accelerations."""
     robot, draw = build_robot(description), np.random.default_rng(seed)
     count = 1 if len(robot.motors) > LARGE else count  # a trajectory of many modules takes long to follow
-    at = {name: robot.home[robot.q_slices[robot.joints.index(name)]] for name in robot.motors}
     asked = {}
-    for name, x in at.items():
+    for name in robot.motors:
+        x = robot.home[robot.q_slices[robot.joints.index(name)]]
         here = np.arctan2(x[1], x[0]) if len(x) == 2 else x[0]
         asked[name] = (
             here + 0.002 * draw.normal(size=count),
@@ -134,10 +134,10 @@ def same_robot(
     theirs, columns = mapped(one, two, q), order(one, two)
     rounding = max(closure_residual(one, q).max(initial=0.0), 1e-13, tolerance if tolerance == SINGLE else 0)
     assert closure_residual(two, theirs).max(initial=0.0) < 10 * rounding
-    mine = answer(idm, one, q, v, acc, effects="model")
-    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns], effects="model"), mine, tolerance)
-    mine = answer(idm, one, q, v, acc)
-    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns]), mine, tolerance)
+    for effects in ("model", None):
+        mine = answer(idm, one, q, v, acc, effects=effects)
+        found = answer(idm, two, theirs, v[:, columns], acc[:, columns], effects=effects)
+        same_answer(found, mine, tolerance)
     tau = np.random.default_rng(7).normal(size=(len(q), len(a.motors)))
     tau *= max(np.abs(mine).max(initial=0.0), 1.0) if isinstance(mine, np.ndarray) else 1.0
     mine = answer(ddm, one, q, v, tau)

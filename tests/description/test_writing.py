@@ -21,9 +21,19 @@ def test_a_file_is_replaced_behind_its_link_and_only_when_it_is_complete(tmp_pat
     assert sorted(path.name for path in tmp_path.iterdir()) == ["link.csv", "table.csv"]
 
 
-@pytest.mark.parametrize("error", [ValueError("wrong"), KeyboardInterrupt(), OSError(errno.ENOSPC, "full")])
-def test_no_draft_is_left_by_an_error(tmp_path: Path, error: BaseException) -> None:
-    file = tmp_path / "table.csv"
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [
+        ("table.csv", ValueError("wrong")),
+        ("table.csv", KeyboardInterrupt()),
+        ("table.csv", OSError(errno.ENOSPC, "full")),
+        ("missing/table.csv", FileNotFoundError()),  # that of the draft, which cannot be written
+    ],
+)
+def test_no_draft_is_left_by_an_error_which_names_the_target(
+    tmp_path: Path, name: str, error: BaseException
+) -> None:
+    file = tmp_path / name
 
     def fail(draft: Path) -> None:
         draft.write_text("half")
@@ -33,13 +43,6 @@ def test_no_draft_is_left_by_an_error(tmp_path: Path, error: BaseException) -> N
         fail(draft)
     assert list(tmp_path.iterdir()) == []
     assert getattr(caught.value, "filename", str(file)) == str(file)
-
-
-def test_errors_name_the_target(tmp_path: Path) -> None:
-    file = tmp_path / "missing" / "table.csv"
-    with pytest.raises(FileNotFoundError) as caught, appearing(file) as draft:
-        draft.write_text("text")
-    assert caught.value.filename == str(file)
 
 
 def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
