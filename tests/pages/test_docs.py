@@ -25,10 +25,10 @@ TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: 
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
-    "quantities.md", "search.md",
+    "quantities.md", "optimisation.md",
 }  # fmt: skip
 #: Extras that the Python of a page needs.
-EXTRAS = {"search.md": "search"}
+EXTRAS = {"optimisation.md": "search"}
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 
 
