@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description.records import Closure, Description, JointKind, RotationKind
-from tests.mechanisms import CLOSED, home_posture
+from tests.mechanisms import CLOSED, home_posture, near
 from tests.oracle import Base, Oracle
 from tests.sketch import CLOSURES, Sketch, unit
 
@@ -214,7 +214,7 @@ class Case:
         rng, oracle = np.random.default_rng([self.seed, 1]), self.oracle
         out: list[tuple[np.ndarray, ...]] = []
         for number in range(2 * count):
-            q = self.near_home(rng, STEP if number else 0.0)
+            q = near(oracle, home_posture(self.description, self.base), rng, STEP if number else 0.0)
             if q is None or mobility_of(oracle, q) != self.mobility:
                 continue
             for _ in range(2):
@@ -224,20 +224,6 @@ class Case:
             if len(out) >= count:
                 break
         return out[:count]
-
-    def near_home(self, rng: np.random.Generator, step: float) -> np.ndarray | None:
-        """Return a closed posture so far from home, a free base anywhere; None where none closes."""
-        oracle, q = self.oracle, home_posture(self.description, self.base)
-        if self.base != "fixed":
-            q[:7] = [*rng.normal(size=3), *unit(rng.normal(size=4))]
-        if not step:
-            return q
-        Z = oracle.motions(q)
-        away = Z @ rng.normal(size=Z.shape[1]) * step / max(np.sqrt(Z.shape[1]), 1.0)
-        try:
-            return oracle.close(oracle.integrate(q, away))
-        except ValueError:
-            return None
 
 
 def mobility_of(oracle: Oracle, q: np.ndarray) -> int | None:

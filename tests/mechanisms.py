@@ -21,7 +21,7 @@ from tests.oracle import Base, Oracle
 from tests.recipes import KINDS, Kind
 from tests.sketch import Sketch, unit
 
-__all__ = ["KINDS", "Kind", "home_posture", "random_mechanism", "random_states", "random_wrenches"]
+__all__ = ["KINDS", "Kind", "home_posture", "near", "random_mechanism", "random_states", "random_wrenches"]
 
 KEPT = 1e-2  # least singular value of the scaled closure rows that are kept, relative to the largest
 DROPPED = 1e-12  # greatest one that is dropped: closed to rounding, far under the oracle's threshold of 1e-9
@@ -68,6 +68,19 @@ def home_posture(description: Description, base: Base) -> np.ndarray:
         elif kind == "floating":
             q[at] = [0, 0, 0, 0, 0, 0, 1]
     return q
+
+
+def near(oracle: Oracle, home: np.ndarray, rng: np.random.Generator, step: float) -> np.ndarray | None:
+    """Return a closed posture so far from home, a free base anywhere; None where none closes."""
+    q = home.copy()
+    if oracle.base != "fixed":
+        q[:7] = [*rng.normal(size=3), *unit(rng.normal(size=4))]
+    motions = oracle.motions(q)
+    away = motions @ rng.normal(size=motions.shape[1]) * step / max(np.sqrt(motions.shape[1]), 1.0)
+    try:
+        return oracle.close(oracle.integrate(q, away)) if step else q
+    except ValueError:
+        return None
 
 
 def is_well_conditioned(oracle: Oracle, q: np.ndarray, recipe: Kind, margin: float = 1.0) -> bool:
@@ -138,16 +151,8 @@ def _drawn_states(
     for _ in range(50 * count):
         if len(states) == count:
             return tuple(np.array(part) for part in zip(*states, strict=True))  # type: ignore[return-value]
-        q = home.copy()
-        if base != "fixed":
-            q[:7] = [*rng.normal(size=3), *unit(rng.normal(size=4))]
-        motions = oracle.motions(q)
-        away = motions @ rng.normal(size=motions.shape[1]) * STEP / np.sqrt(motions.shape[1])
-        try:
-            q = oracle.close(oracle.integrate(q, away))
-        except ValueError:
-            continue
-        if not is_well_conditioned(oracle, q, recipe):
+        q = near(oracle, home, rng, STEP)
+        if q is None or not is_well_conditioned(oracle, q, recipe):
             continue
         v = oracle.project_velocity(q, rng.normal(size=oracle.nv))
         a = oracle.consistent_acceleration(q, v, 3 * rng.normal(size=oracle.nv))

@@ -6,6 +6,7 @@ import numpy as np
 
 from hybridyn.description import Description, read
 from tests import ROOT, once
+from tests.mechanisms import home_posture, near
 from tests.oracle import Base, Oracle
 
 ROBOTS = (
@@ -32,18 +33,9 @@ def states_near_home(description: Description, base: Base, seed: int, count: int
 
 def _drawn(description: Description, base: Base, seed: int, count: int) -> States:
     oracle, rng = Oracle(description, base), np.random.default_rng(seed)
-    home = np.zeros(oracle.nq)
-    for joint, (kind, at, _) in oracle.coordinates.items():
-        home[at] = description.home.get(joint, (0, 0, 0, 0, 0, 0, 1) if kind == "floating" else 0.0)
-    states = []
+    home, states = home_posture(description, base), []
     for _ in range(count):
-        motions = oracle.motions(home)
-        step = motions @ rng.normal(size=motions.shape[1]) * FROM_HOME / np.sqrt(motions.shape[1])
-        start = home.copy()
-        if base != "fixed":
-            turn = rng.normal(size=4)
-            start[:7] = [*rng.normal(size=3), *(turn / np.linalg.norm(turn))]
-        q = oracle.close(oracle.integrate(start, step))
+        q = near(oracle, home, rng, FROM_HOME)
         v = oracle.project_velocity(q, rng.normal(size=oracle.nv))
         states.append((q, v, oracle.consistent_acceleration(q, v, 3 * rng.normal(size=oracle.nv))))
     q, v, a = (np.array(part) for part in zip(*states, strict=True))

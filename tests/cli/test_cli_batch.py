@@ -1,37 +1,16 @@
 """Commands over a folder or a glob of tables: shards, errors that name the table, and lost processes."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hybridyn.description.writing import locked
-from hybridyn.studies.sweep.pool import WorkerDiedError
 from tests.extras import needs
 from tests.files import save
-from tests.studies.test_sweep import pendulum_in
-
-
-class Deaths:
-    """A pool in this process that loses its process at some tables, several times each."""
-
-    workers = 2
-
-    def __init__(self, times: dict[str, int]) -> None:
-        self.times = times
-
-    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
-        """Call the function of each task, the first last."""
-        given = list(tasks)
-        for module, options in [*given[1:], *given[:1]]:
-            name = Path(options["source"]).stem
-            self.times[name] = self.times.get(name, 0) - 1
-            if self.times[name] >= 0:
-                raise WorkerDiedError
-            yield function(module, options)
+from tests.studies.test_sweep import Here, pendulum_in
 
 
 @pytest.fixture
@@ -52,11 +31,12 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     """Times that the process ends, by table; the test fills it."""
     times: dict[str, int] = {}
 
-    @contextmanager
-    def opened(*arguments: object) -> Iterator[Deaths]:
-        yield Deaths(times)
+    def deaths(_: object, options: dict[str, str]) -> bool:
+        name = Path(options["source"]).stem
+        times[name] = times.get(name, 0) - 1
+        return times[name] >= 0
 
-    monkeypatch.setattr("hybridyn.studies.sweep.engines.open_pool", opened)
+    monkeypatch.setattr("hybridyn.studies.sweep.engines.open_pool", lambda *_: nullcontext(Here(deaths)))
     return times
 
 

@@ -2,8 +2,10 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pinocchio as pin
@@ -87,26 +89,15 @@ def test_an_engine_that_only_says_that_it_holds_the_loop(two_bars: Path) -> None
     """As continuous plants of Drake 1.51 did: a constraint is counted and leaves the dynamics as they are."""
     loaded = hybridyn.load(two_bars)
 
-    class Pretending:
-        way, step, notes = "by its word", 1e-3, ()
-
-        def forward(self, q: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
-            return np.array(pin.aba(loaded.model, loaded.model.createData(), q, v, force))
-
-        def inverse(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-            return np.array(pin.rnea(loaded.model, loaded.model.createData(), q, v, a))
-
-        def freedoms(self, q: np.ndarray) -> int:
-            return 1
-
-        def call(self, *state: np.ndarray) -> Callable[[], object]:
-            return lambda: None
-
-        def run(self, q: np.ndarray, seconds: float) -> list[np.ndarray]:
-            raise ValueError("the integrator failed")
-
+    data, model = loaded.model.createData(), loaded.model
+    pretending: Any = SimpleNamespace(
+        way="by its word", step=1e-3, notes=(), freedoms=lambda q: 1, call=lambda *state: lambda: None,
+        forward=lambda q, v, force: np.array(pin.aba(model, data, q, v, force)),
+        inverse=lambda q, v, a: np.array(pin.rnea(model, data, q, v, a)),
+        run=Mock(side_effect=ValueError("the integrator failed")),
+    )  # fmt: skip
     states = draw_states(loaded, 2, 0)
-    verdict = judge(loaded, Pretending(), states, ("other", "1"), 1e-6, states[0].q)
+    verdict = judge(loaded, pretending, states, ("other", "1"), 1e-6, states[0].q)
     assert verdict.named("ignored") == ["pin", "roll"]
     assert verdict.drift == np.inf
     assert not verdict.agrees(1, 1.0)

@@ -123,8 +123,8 @@ class Here:
 
     workers = 2
 
-    def __init__(self, deaths: Callable[[int], bool] = lambda design: False) -> None:
-        self.deaths, self.seen = deaths, 0
+    def __init__(self, deaths: Callable[..., bool] = lambda *task: False) -> None:
+        self.deaths = deaths
 
     def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
         """Call a function of each task, the last given first."""
@@ -132,10 +132,10 @@ class Here:
         for task in itertools.chain(tasks, [None] * at_once):
             waiting += [task] if task is not None else []
             if waiting and (len(waiting) == at_once or task is None):
-                chunk = waiting.pop()  # out of order
-                if any(self.deaths(design) for design in range(chunk[1].start, chunk[1].stop)):
+                chosen = waiting.pop()  # out of order
+                if self.deaths(*chosen):
                     raise WorkerDiedError
-                yield function(*chunk)
+                yield function(*chosen)
 
 
 @pytest.fixture
@@ -211,9 +211,9 @@ def test_a_table_gives_the_designs(folder: Path) -> None:
 def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) -> None:
     left = {2: 1, 4: 10}  # one process dies once at design 2; design 4 ends every process
 
-    def deaths(design: int) -> bool:
-        left[design] = left.get(design, 0) - 1
-        return left[design] >= 0
+    def deaths(_: object, designs: Any, *more: object) -> bool:
+        left[designs.start] = left.get(designs.start, 0) - 1
+        return left[designs.start] >= 0
 
     here(Here(deaths))
     state = hybridyn.sweep(written("method = 'grid'"), "out", format="csv")
@@ -249,7 +249,7 @@ def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None
     study = written("method = 'grid'")
     told: list[str] = []
 
-    def meanwhile(design: int) -> bool:
+    def meanwhile(*_: object) -> bool:
         again = partial(hybridyn.sweep, study, "out", resume=True)
         told.append(str(refused(again, hybridyn.HybridynError, "another process writes its results here")))
         return False
@@ -298,13 +298,22 @@ def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str)
 
 
 def test_a_design_in_two_shards_is_refused(tmp_path: Path) -> None:
-    rows = [Row(i, (0.0,), "ok", 0, 0, (1.0,), "") for i in range(3)]
-    shards = Shards.create(tmp_path, About("study.toml", "", 3, ["x"], ["y"], "csv"), resume=False)
+    shards, rows = made(tmp_path, np.zeros((3, 1)), np.ones(3), ["x"])
     shards.write(rows[:2])
     shards.write(rows[1:])
     refused(
         lambda: list(read_shards(tmp_path)), hybridyn.HybridynError, r"the shard before it has design 1, too"
     )
+
+
+def made(
+    folder: Path, x: np.ndarray, y: np.ndarray, names: list[str], method: str = ""
+) -> tuple[Shards, list[Row]]:
+    """Begin the results of a sweep with a number y of each design x; return its shards and its rows."""
+    about = About("study.toml", "", len(x), names, ["y"], "csv", method)
+    pairs = zip(x.tolist(), y.tolist(), strict=True)
+    rows = [Row(i, tuple(design), "ok", 0, 0, (number,), "") for i, (design, number) in enumerate(pairs)]
+    return Shards.create(folder, about, resume=False), rows
 
 
 def digest(study: Path) -> str:
@@ -551,9 +560,7 @@ def test_sensitivities_are_those_of_a_linear_function(tmp_path: Path) -> None:
     from scipy.stats import qmc
 
     x = qmc.Sobol(2, seed=8).random(4096)
-    about = About("study.toml", "", len(x), ["x", "z"], ["y"], "csv")
-    rows = [Row(i, (a, b), "ok", 0, 0, (3 * a + b,), "") for i, (a, b) in enumerate(x.tolist())]
-    shards = Shards.create(tmp_path, about, resume=False)
+    shards, rows = made(tmp_path, x, x @ [3, 1], ["x", "z"])
     shards.write(rows[:40])
     refused(lambda: sensitivity(tmp_path), hybridyn.HybridynError, "40 designs with 'y' are too few")
     shards.write(rows[40:])
@@ -582,10 +589,10 @@ def test_indices_of_designs_in_blocks_are_those_of_the_formula(
     designs = Designs(read_study(written(f"method = '{method}'\ncount = {blocks}\nseed = 1", parameters)))
     points = designs.values(0, designs.count)
     assert np.array_equal(points[5:9], designs.values(5, 9))
-    about = About("study.toml", "", len(points), designs.names, ["y"], "csv", method)
-    rows = [Row(i, (x, z), "ok", 0, 0, (3 * x + x * z,), "") for i, (x, z) in enumerate(points.tolist())]
     Path("out").mkdir()
-    Shards.create("out", about, resume=False).write(rows[:-1])  # the last block has a gap
+    y = points[:, 0] * (3 + points[:, 1])
+    shards, rows = made(Path("out"), points, y, designs.names, method)
+    shards.write(rows[:-1])  # the last block has a gap
     found = {(one.kind, one.parameter): one for one in sensitivity("out")}
     if method == "morris":
         effects = found["mu*", "mass"]
@@ -609,10 +616,8 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path) -> None:
     from scipy.stats import qmc
 
     x = qmc.Sobol(2, seed=8).random(64)
-    about = About("study.toml", "", len(x), ["x", "z"], ["y"], "csv")
-    bad = Row(0, (0.0, 0.0), "unreachable", 1, 0, (np.nan,), "")
-    rows = [Row(i, (a, b), "ok", 0, 0, (3 * a + b,), "") for i, (a, b) in enumerate(x.tolist())]
-    Shards.create(tmp_path, about, resume=False).write([bad, *rows[1:]])
+    shards, rows = made(tmp_path, x, x @ [3, 1], ["x", "z"])
+    shards.write([Row(0, (0.0, 0.0), "unreachable", 1, 0, (np.nan,), ""), *rows[1:]])
     figure = figure_of_coordinates(tmp_path, "y > 2")
     colours = [line.get_color() for line in figure.axes[0].lines if len(line.get_ydata()) == 3]  # type: ignore[arg-type]
     assert len(colours) == 63

@@ -1,6 +1,5 @@
 """What the page's scene is told while a robot moves: shapes stay in the frames of their bodies."""
 
-# ruff: noqa: D102 (the names are those of viser)
 from types import SimpleNamespace
 from typing import Any
 
@@ -25,24 +24,14 @@ class Scene:
     def __init__(self) -> None:
         self.nodes: dict[str, Any] = {}
 
-    def _add(self, name: str, **facts: Any) -> Any:
+    def _add(self, name: str, *_: str, **facts: Any) -> Any:
         node = SimpleNamespace(name=name, wxyz=np.array([1.0, 0, 0, 0]), position=np.zeros(3), **facts)
         assert name not in self.nodes
+        assert not facts.get("show_axes")
         self.nodes[name] = node
         return node
 
-    def add_frame(self, name: str, *, show_axes: bool) -> Any:
-        assert not show_axes
-        return self._add(name)
-
-    def add_batched_meshes_simple(self, name: str, **facts: Any) -> Any:
-        return self._add(name, **facts)
-
-    def add_mesh_simple(self, name: str, **facts: Any) -> Any:
-        return self._add(name, **facts)
-
-    def add_label(self, name: str, text: str, **facts: Any) -> Any:
-        return self._add(name, **facts)
+    add_frame = add_batched_meshes_simple = add_mesh_simple = add_label = _add
 
     def in_the_world(self, kind: str) -> np.ndarray:
         """Return the origins of all copies in the batches of a kind, shape (N, 3), in the world."""
