@@ -47,7 +47,8 @@ class Pair:
         q, v = np.zeros(self.robot.model.nq), np.zeros(self.robot.model.nv)
         for joint in range(m.njnt):
             at_q, at_v, from_q, from_v = self._slices(joint)
-            q[at_q] = coordinates(m.jnt_type[joint], d.qpos[from_q])
+            x = d.qpos[from_q]
+            q[at_q] = np.r_[x[:-4], x[-3:], x[-4]] if m.jnt_type[joint] in (FREE, BALL) else x
             v[at_v] = d.qvel[from_v]
         return q, self.rates() @ d.qvel
 
@@ -171,11 +172,3 @@ class Pair:
         J = pin.getJointJacobian(self.robot.model, self.pin_data, joint, pin.WORLD)
         lever = pin.SE3(np.eye(3), frame.translation)
         return frame, lever.toActionMatrixInverse() @ J
-
-
-def coordinates(kind: int, qpos: np.ndarray) -> np.ndarray:
-    """Return Pinocchio's coordinates of MuJoCo's."""
-    if kind in (FREE, BALL):
-        head, quaternion = qpos[:-4], qpos[-4:]
-        return np.concatenate([head, quaternion[[1, 2, 3, 0]]])
-    return qpos

@@ -1,5 +1,6 @@
 """From tables to motion: rates given or fitted, poses whole or partial, states in q, v, a."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,16 +38,6 @@ def motions(
     with open_table(path, block_rows=block_rows) as table:
         layout = read_layout(table.columns, robot, motors=motors, base=base, file=str(path))
         return list(read_motions(table, layout))
-
-
-def refusal(
-    tmp_path: Path, columns: dict[str, np.ndarray], words: str, place: dict[str, object], **options: Any
-) -> None:
-    """Check that a table is refused with some words, and with row or column."""
-    refused(
-        lambda: motions(tmp_path, columns, **options), TrajectoryError, words, file=str(tmp_path / "t.csv"),
-        **place,
-    )  # fmt: skip
 
 
 def pose_columns(owner: str, pose: np.ndarray) -> dict[str, np.ndarray]:
@@ -187,49 +178,53 @@ def test_the_base_gets_local_velocities_and_spatial_accelerations(tmp_path: Path
     assert a[1:-1, :6] == pytest.approx((v[2:, :6] - v[:-2, :6]) / 0.02, abs=1e-3)  # h^2 of plain differences
 
 
-def test_time_must_increase_within_and_across_blocks(tmp_path: Path) -> None:
-    for block_rows in (2000, 5):
-        time = TIME[:12].copy()
-        time[5] = time[4]
-        columns = {"time": time, "lift/position": time, "spin/position": time}
-        refusal(tmp_path, columns, "", {"row": 6, "column": "time"}, block_rows=block_rows)
-
-
-@pytest.mark.parametrize("factor", [1.0 + 2e-6, 0.0, 1e300])
-def test_quaternions_must_have_length_one(tmp_path: Path, factor: float) -> None:
-    pose = poses_of(TIME[:20])
-    pose[7, 3:] *= factor
-    columns = {"time": TIME[:20], **pose_columns("tool", pose)}
-    refusal(tmp_path, columns, "length", {"row": 8, "column": "tool/pose/qx"})
-
-
 def test_rounded_quaternions_pass_and_are_normalised(tmp_path: Path) -> None:
     pose = np.round(poses_of(TIME[:20]), 7)
     (motion,) = motions(tmp_path, {"time": TIME[:20], **pose_columns("tool", pose)})
     assert np.linalg.norm(motion.platforms["tool"][0][:, 3:], axis=1) == pytest.approx(np.ones(20), abs=1e-15)
 
 
-def test_too_few_rows_for_a_fit(tmp_path: Path) -> None:
-    five, six = ({"time": TIME[:n], "lift/position": TIME[:n], "spin/position": TIME[:n]} for n in (5, 6))
-    refusal(tmp_path, five, "too few", {})
-    assert len(motions(tmp_path, six)) == 1
+def of_joints(time: np.ndarray, lift: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    return {"time": time, "lift/position": time if lift is None else lift, "spin/position": time}
 
 
-@pytest.mark.parametrize("block_rows", [2000, 8])
-def test_half_turns_between_rows_are_not_guessed(tmp_path: Path, block_rows: int) -> None:
+def turned(first: int, last: int | None, change: Callable[[np.ndarray], Any]) -> dict[str, np.ndarray]:
+    """Return a table of poses, some of whose quaternions are changed."""
     pose = poses_of(TIME[:20])
-    pose[10:, 3:] = [1.0, 0.0, 0.0, 0.0]
-    columns = {"time": TIME[:20], **pose_columns("tool", pose)}
-    refusal(tmp_path, columns, "degrees", {"row": 11, "column": "tool/pose/qx"}, block_rows=block_rows)
+    pose[first:last, 3:] = change(pose[first:last, 3:])
+    return {"time": TIME[:20], **pose_columns("tool", pose)}
 
 
-def test_numbers_that_no_spline_can_pass_are_refused(tmp_path: Path) -> None:
-    columns = {
-        "time": TIME[:20],
-        "lift/position": 1e308 * (-1.0) ** np.arange(20),
-        "spin/position": TIME[:20],
-    }
-    refusal(tmp_path, columns, "'lift'", {"row": 1})
-    time = np.concatenate([5e-324 * np.arange(6), np.arange(1.0, 6.0)])
-    columns = {"time": time, "lift/position": time, "spin/position": time}
-    refusal(tmp_path, columns, "too close", {"column": "time"})
+HALF_TURN = turned(10, None, lambda x: [1.0, 0.0, 0.0, 0.0])
+STANDS_STILL = of_joints(TIME[[0, 1, 2, 3, 4, 4, 6, 7, 8, 9, 10, 11]])
+NO_SPLINE = of_joints(TIME[:20], 1e308 * (-1.0) ** np.arange(20))
+TOO_CLOSE = of_joints(np.concatenate([5e-324 * np.arange(6), np.arange(1.0, 6.0)]))
+
+
+@pytest.mark.parametrize(
+    ("columns", "words", "place", "block_rows"),
+    [
+        (STANDS_STILL, "", {"row": 6, "column": "time"}, 2000),
+        (STANDS_STILL, "", {"row": 6, "column": "time"}, 5),
+        *(
+            (turned(7, 8, lambda x, by=by: by * x), "length", {"row": 8, "column": "tool/pose/qx"}, 2000)
+            for by in (1.0 + 2e-6, 0.0, 1e300)
+        ),
+        (HALF_TURN, "degrees", {"row": 11, "column": "tool/pose/qx"}, 2000),
+        (HALF_TURN, "degrees", {"row": 11, "column": "tool/pose/qx"}, 8),
+        (of_joints(TIME[:5]), "too few", {}, 2000),
+        (NO_SPLINE, "'lift'", {"row": 1}, 2000),
+        (TOO_CLOSE, "too close", {"column": "time"}, 2000),
+    ],
+)
+def test_what_no_motion_passes_is_named_with_its_place(
+    tmp_path: Path, columns: dict[str, np.ndarray], words: str, place: dict[str, Any], block_rows: int
+) -> None:
+    refused(
+        lambda: motions(tmp_path, columns, block_rows=block_rows), TrajectoryError, words,
+        file=str(tmp_path / "t.csv"), **place,
+    )  # fmt: skip
+
+
+def test_six_rows_are_enough_for_a_fit(tmp_path: Path) -> None:
+    assert len(motions(tmp_path, of_joints(TIME[:6]))) == 1
