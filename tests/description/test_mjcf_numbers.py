@@ -91,7 +91,7 @@ def test_the_home_of_the_file_closes_the_loops(tmp_path: Path) -> None:
 
 
 def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (example,) = blocks(ROOT / "docs" / "mjcf.md", "xml")
+    example, _ = blocks(ROOT / "docs" / "formats.md", "xml")
     file, motion = tmp_path / "five_bar.xml", tmp_path / "motion.csv"
     file.write_text(example.text)
     time = np.linspace(0, 1, 20)

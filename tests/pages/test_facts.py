@@ -67,8 +67,8 @@ def test_the_scene_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert (result.status, len(result.t)) == ("finished", 51)
 
 
-#: First column of the table of what is read, by page of a format.
-FORMATS = {"mjcf": "MJCF", "sdf": "SDF", "usd": "USD", "pinocchio": "Pinocchio", "describing-loops": "`type`"}
+#: First column of the table of what is read, by page; `test_formats.py` reads that of the formats.
+FORMATS = {"pinocchio": "Pinocchio", "describing-loops": "`type`"}
 
 
 @pytest.mark.parametrize("page", FORMATS)

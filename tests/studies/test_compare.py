@@ -35,7 +35,7 @@ WHEEL = (
     '<child link="wheel"/><axis xyz="0 1 0"/><mimic joint="drive" multiplier="-3"/></joint>'
 )
 TWO_BARS = robot(BALL, WHEEL, MOTOR)
-FIVE_BAR = next(block.text for block in blocks(ROOT / "docs" / "mjcf.md", "xml"))
+FIVE_BAR = blocks(ROOT / "docs" / "formats.md", "xml")[0].text
 
 
 @pytest.fixture(scope="module")
