@@ -36,17 +36,21 @@ def rod_body(s: Sketch, link: str, along: np.ndarray, length: float, *, thin: bo
     s.links[at] = Link(link, mass, length / 2 * d, (inertia + inertia.T) / 2)
 
 
+def footed(s: Sketch, base: str, at: np.ndarray, d: np.ndarray, foot: Foot, stem: str) -> str:
+    """Draw a link along d on a ball, or on a universal joint; give it."""
+    if foot == "ball":
+        return s.joint("spherical", base, at, stem=stem)
+    x = s.perpendicular(d)
+    cross = s.joint("revolute", base, at, x, massless=True, stem="cross")
+    return s.joint("revolute", cross, at, np.cross(d, x), stem=stem)
+
+
 def rod(
     s: Sketch, arm: str, E: np.ndarray, platform: str | None, P: np.ndarray, foot: Foot, *, thin: bool = False
 ) -> str:
     """Draw a rod from E on an arm to P on the platform, which the rod carries if there is none; give it."""
     d = unit(P - E)
-    if foot == "ball":
-        link = s.joint("spherical", arm, E, stem="rod")
-    else:
-        x = s.perpendicular(d)
-        cross = s.joint("revolute", arm, E, x, massless=True, stem="cross")
-        link = s.joint("revolute", cross, E, np.cross(d, x), stem="rod")
+    link = footed(s, arm, E, d, foot, "rod")
     rod_body(s, link, d, float(np.linalg.norm(P - E)), thin=thin)
     if platform is None:
         return s.joint("spherical", link, P, stem="platform")
@@ -99,12 +103,7 @@ def ball_gough(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Des
     p, platform = s.place(), None
     for B, P in six_legs(s, p):
         d = unit(P - B)
-        if foot == "ball":
-            lower = s.joint("spherical", "base", B, stem="lower")
-        else:
-            x = s.perpendicular(d)
-            cross = s.joint("revolute", "base", B, x, massless=True, stem="cross")
-            lower = s.joint("revolute", cross, B, np.cross(d, x), stem="lower")
+        lower = footed(s, "base", B, d, foot, "lower")
         rod_body(s, lower, d, 0.4, thin=thin)
         upper = s.joint("prismatic", lower, B + 0.3 * d, d, motor=True, stem="slide")
         rod_body(s, upper, d, 0.4, thin=thin)
@@ -180,11 +179,7 @@ def swings(robot: hybridyn.HybridRobot, samples: int, size: float) -> dict[str, 
     """Return positions, rates and accelerations of motors that swing by a part of their unit."""
     rng, t, motors = np.random.default_rng(samples), np.linspace(0.0, 6.0, samples), {}
     for name in robot.motors:
-        start, unit, phase = (
-            robot.home[robot.q_slices[robot.joint_index[name]]][0],
-            1.0,
-            rng.uniform(0.0, 6.0),
-        )
+        start, phase = robot.home[robot.q_slices[robot.joint_index[name]]][0], rng.uniform(0.0, 6.0)
         unit = size * robot.unit[robot.v_slices[robot.joint_index[name]].start]
         swing = np.sin(t + phase) - np.sin(phase), np.cos(t + phase), -np.sin(t + phase)
         motors[name] = (start + unit * swing[0], unit * swing[1], unit * swing[2])
@@ -204,6 +199,3 @@ def spin(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array | None, rng: 
         rates = (own, None) if a is None else (v[:, at], own)
         m.wrists.recover(q[:, state.module.q_index], *rates, target)
         changed[:, at] = own
-
-
-__all__ = ["ball_delta", "ball_gough", "crank", "moved", "slides", "stack", "swings", "with_balls"]

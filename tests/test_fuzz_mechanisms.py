@@ -18,7 +18,7 @@ from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from tests.any_mechanism import any_mechanism
 from tests.oracle import Base, Oracle
-from tests.samples import slow
+from tests.samples import fuzz, slow
 from tests.waiting import outcome
 from tests.written_out import Interpreted
 
@@ -100,27 +100,22 @@ def test_a_motion_without_inertia_is_no_rounding_over_rounding(what: str) -> Non
     assert went_through(53, what) == "through"
 
 
+MANY = [("models", 700), ("compile", 100), ("simulate", 200)]
+
+
 @pytest.mark.parametrize(
-    ("what", "count"),
+    ("what", "count", "first"),
     [
-        ("models", 16),
-        ("compile", 2),
-        ("simulate", 4),
-        slow("models", 160),
-        slow("compile", 35),
-        slow("simulate", 40),
+        ("models", 16, 0),
+        ("compile", 2, 0),
+        ("simulate", 4, 0),
+        slow("models", 160, 0),
+        slow("compile", 35, 0),
+        slow("simulate", 40, 0),
+        *(fuzz(*case, 1000 * part) for case in MANY for part in range(1, 101)),
     ],
 )
-def test_generated_mechanisms(what: str, count: int) -> None:
-    came = Counter(went_through(seed, what) for seed in range(count))
-    assert came["through"] > count / 4, came
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("part", range(100))
-@pytest.mark.parametrize(("what", "count"), [("models", 700), ("compile", 100), ("simulate", 200)])
-def test_many_generated_mechanisms(what: str, count: int, part: int) -> None:
-    first = 1000 * (part + 1)
+def test_generated_mechanisms(what: str, count: int, first: int) -> None:
     came = Counter(went_through(seed, what) for seed in range(first, first + count))
     assert came["through"] > count / 4, came
 

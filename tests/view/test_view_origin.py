@@ -4,6 +4,7 @@ import contextlib
 import io
 import socket
 from collections.abc import Iterator
+from unittest.mock import Mock
 
 import pytest
 
@@ -96,17 +97,9 @@ def test_the_server_asks(port: int) -> None:
 def test_a_server_that_is_not_guarded_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     from websockets.asyncio import server
 
-    class Other:
-        stopped = 0
-
-        def __init__(self, **options: object) -> None:
-            pass
-
-        def stop(self) -> None:
-            Other.stopped += 1
-
+    other = Mock()
     before = server.serve
-    monkeypatch.setattr(viser, "ViserServer", Other)
+    monkeypatch.setattr(viser, "ViserServer", Mock(return_value=other))
     refused(lambda: start_server(HOME, 0, "test"), HybridynError, "cannot guard")
-    assert Other.stopped == 1
+    other.stop.assert_called_once()
     assert server.serve is before
