@@ -81,7 +81,7 @@ def run(engine: str, workers: int, designs: int, postures: int) -> Run:
             "study.toml",
             "-o",
             "out",
-            "--engine",
+            "--pool",
             engine,
             "--jobs",
             str(workers),

@@ -13,12 +13,12 @@ from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..studies.sweep.best import Best
-    from ..studies.sweep.engines import Engine
+    from ..studies.sweep.engines import PoolName
     from ..studies.sweep.sensitivity import Index
     from ..studies.sweep.sweep import Swept
 
-#: Engines of `hybridyn.studies.sweep.engines`, which is imported when it is used.
-ENGINES = ("loky", "dask", "ray")
+#: Pools of `hybridyn.studies.sweep.engines`, which is imported when it is used.
+POOLS = ("loky", "dask", "ray")
 #: Designs of the Pareto front that are printed; the others are counted.
 MOST_PRINTED = 50
 
@@ -27,7 +27,7 @@ MOST_PRINTED = 50
 @click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
 @click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
 @click.option(
-    "--engine", type=click.Choice(ENGINES), default="loky", show_default=True,
+    "--pool", type=click.Choice(POOLS), default="loky", show_default=True,
     help="Processes of this machine (loky), or Dask or Ray: of this machine, or of a cluster.",
 )  # fmt: skip
 @click.option(
@@ -63,7 +63,7 @@ MOST_PRINTED = 50
 def command(
     study: str | None,
     output: str,
-    engine: Engine,
+    pool: PoolName,
     scheduler: str | None,
     jobs: int | None,
     resume: bool,
@@ -81,7 +81,7 @@ def command(
 
     A study names a robot, parameters with their values, tasks, and what is measured; docs/sweeps.md explains
     its keys. The results are written to FOLDER, one file (shard) per second of work; a shard is complete or
-    does not exist. The rows are the same, bit for bit, for every engine and number of processes. Designs
+    does not exist. The rows are the same, bit for bit, for every pool and number of processes. Designs
     that do not load, and postures that are out of reach or singular, are counted and listed. Without STUDY,
     --best and --plot use the results of an earlier run:
 
@@ -94,7 +94,7 @@ def command(
     if where is not None and best is None and plot is None:
         raise click.UsageError("--where belongs to --best or --plot")
     if study is not None:
-        _run(study, output, engine, scheduler, jobs, resume, allow_python, format, no_compile)
+        _run(study, output, pool, scheduler, jobs, resume, allow_python, format, no_compile)
     if best is not None:
         from ..studies.sweep.best import find_best
 
@@ -114,7 +114,7 @@ def command(
 
 
 def _run(
-    study: str, output: str, engine: Engine, scheduler: str | None, jobs: int | None, resume: bool,
+    study: str, output: str, pool: PoolName, scheduler: str | None, jobs: int | None, resume: bool,
     allow_python: bool, format: str | None, no_compile: bool,
 ) -> None:  # fmt: skip
     """Evaluate a study, and print what became of its designs."""
@@ -131,7 +131,7 @@ def _run(
                 bar.show(state.now, state.now / open_before)
 
             state = sweep(
-                study, output, engine=engine, jobs=jobs, scheduler=scheduler,
+                study, output, pool=pool, jobs=jobs, scheduler=scheduler,
                 resume=resume, allow_python=allow_python, format=format, compiled=not no_compile,
                 progress=show,
             )  # fmt: skip

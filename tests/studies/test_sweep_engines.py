@@ -52,7 +52,7 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
         text = re.sub(r"Path\(.*\).write_text.*", "pass", text.replace("6.5 / 39) and", "38.5 / 39) and"))
     Path("killer.py").write_text(text)
     path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
-    state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
+    state = hybridyn.sweep(path, "out", pool=engine, jobs=2, allow_python=True, format="csv")
     rows = rows_of("out")
     assert Path("killed").exists() != always
     assert rows["design"] == list(range(40))
@@ -86,7 +86,7 @@ def test_a_cluster_that_stands_is_used(folder: Path) -> None:
     distributed = needs("dask")
     path = written("method = 'grid'")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        hybridyn.sweep(path, "out", engine="dask", scheduler=cluster.scheduler_address, format="csv")
+        hybridyn.sweep(path, "out", pool="dask", scheduler=cluster.scheduler_address, format="csv")
     hybridyn.sweep(path, "alone", jobs=1, format="csv")
     assert rows_of("out") == rows_of("alone")
 
@@ -103,14 +103,14 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
         deaf.listen()
         address = f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
         refused(
-            lambda: hybridyn.sweep(path, "out", engine="dask", scheduler=address, format="csv"),
+            lambda: hybridyn.sweep(path, "out", pool="dask", scheduler=address, format="csv"),
             hybridyn.HybridynError,
             f"the scheduler {address} does not answer within 0.2 s",
         )
     refused(
         lambda: hybridyn.sweep(path, "out2", scheduler=address, format="csv"),
         hybridyn.HybridynError,
-        "belongs to the engine 'dask' or 'ray'",
+        "belongs to the pool 'dask' or 'ray'",
     )
 
 

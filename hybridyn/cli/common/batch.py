@@ -24,7 +24,7 @@ from .progress import Progress
 from .text import counted
 
 if TYPE_CHECKING:
-    from ...studies.sweep.engines import Engine
+    from ...studies.sweep.engines import PoolName
 
 #: The file that says what the shards of a folder are: a digest of the command, then for each table that was
 #: computed a line with the digests of table and shard.
@@ -65,7 +65,7 @@ def takes_many(
         bodies[function.__module__] = function
 
         @functools.wraps(function)
-        def body(resume: bool, pool: Engine | None, scheduler: str | None, **rest: Any) -> Any:
+        def body(resume: bool, pool: PoolName | None, scheduler: str | None, **rest: Any) -> Any:
             """Call the function, once for each table."""
             context = click.get_current_context()
             if several(rest["source"]):
@@ -96,7 +96,7 @@ class _Batch:
     status: int = 0
     done: int = 0
 
-    def run(self, engine: Engine, scheduler: str | None, *, resume: bool) -> int:
+    def run(self, pool: PoolName, scheduler: str | None, *, resume: bool) -> int:
         """Compute every table that has no shard, and return the exit status.
 
         Raises:
@@ -104,13 +104,13 @@ class _Batch:
                 scheduler does not answer.
             OSError: The disk is full; the shards so far are complete.
         """
-        from ...studies.sweep.engines import check_engine, open_pool
+        from ...studies.sweep.engines import check_pool, open_pool
 
         started = time.perf_counter()
         for name in ("plot", "reactions"):
             if self.options.get(name):
                 raise click.UsageError(f"--{name} belongs to a single table")
-        check_engine(engine, scheduler)
+        check_pool(pool, scheduler)
         shards = self._shards()
         folder = Path(self.options["output"])
         self.options["load"]()  # a robot that does not load is one error, and not one for each table
@@ -120,10 +120,10 @@ class _Batch:
             try:
                 if left:
                     with (
-                        open_pool(engine, self.options["jobs"], scheduler) as pool,
+                        open_pool(pool, self.options["jobs"], scheduler) as processes,
                         Progress("tables") as bar,
                     ):
-                        for outcome in outcomes(pool, self.module, tasks):
+                        for outcome in outcomes(processes, self.module, tasks):
                             self._take(outcome, folder, left[outcome.source], shards[outcome.source])
                             bar.show(self.done, self.done / len(left))
             finally:

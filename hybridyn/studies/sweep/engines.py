@@ -13,9 +13,9 @@ from ...errors import HybridynError, install_advice
 from .loky_pool import LokyPool
 from .pool import Pool
 
-Engine = Literal["loky", "dask", "ray"]
-ENGINES: tuple[Engine, ...] = ("loky", "dask", "ray")
-#: Address of a scheduler by engine, and an example.
+PoolName = Literal["loky", "dask", "ray"]
+POOLS: tuple[PoolName, ...] = ("loky", "dask", "ray")
+#: Address of a scheduler by pool, and an example.
 ADDRESSES = {
     "dask": (re.compile(r"(tcp|tls|ucx|wss?)://\S+:\d+(/\S*)?"), "tcp://host:8786"),
     "ray": (re.compile(r"(ray://)?[^\s:/]+:\d+|auto"), "host:6379"),
@@ -23,22 +23,22 @@ ADDRESSES = {
 
 
 @contextlib.contextmanager
-def open_pool(engine: Engine, jobs: int | None, scheduler: str | None) -> Iterator[Pool]:
+def open_pool(pool: PoolName, jobs: int | None, scheduler: str | None) -> Iterator[Pool]:
     """Start processes, or connect to a cluster.
 
     Args:
-        engine: "loky", "dask" or "ray".
+        pool: "loky", "dask" or "ray".
         jobs: Number of processes; one per core by default. A cluster has its own number.
         scheduler: Address of a running cluster: of Dask, "tcp://host:8786", or of Ray, "host:6379".
 
     Raises:
         HybridynError: A package is missing, or the scheduler does not answer.
     """
-    check_engine(engine, scheduler)
-    if engine == "loky":
+    check_pool(pool, scheduler)
+    if pool == "loky":
         yield LokyPool(jobs or cores(), _package("joblib", "sweep"))
         return
-    if engine == "ray":
+    if pool == "ray":
         _package("ray", "ray")
         from .ray_pool import open_ray
 
@@ -48,23 +48,23 @@ def open_pool(engine: Engine, jobs: int | None, scheduler: str | None) -> Iterat
     _package("distributed", "dask")
     from .dask_pool import open_dask
 
-    with open_dask(jobs or cores(), scheduler) as pool:
-        yield pool
+    with open_dask(jobs or cores(), scheduler) as cluster:
+        yield cluster
 
 
-def check_engine(engine: str, scheduler: str | None) -> None:
-    """Check the choice of an engine before any work is done.
+def check_pool(pool: str, scheduler: str | None) -> None:
+    """Check the choice of processes before any work is done.
 
     Raises:
-        HybridynError: There is no such engine, or the scheduler's address is wrong.
+        HybridynError: There is no such pool, or the scheduler's address is wrong.
     """
-    if engine not in ENGINES:
-        raise HybridynError(f"there is no engine '{engine}'; the engines are {', '.join(ENGINES)}")
+    if pool not in POOLS:
+        raise HybridynError(f"there is no pool '{pool}'; the pools are {', '.join(POOLS)}")
     if scheduler is None:
         return
-    if engine not in ADDRESSES:
-        raise HybridynError("a scheduler belongs to the engine 'dask' or 'ray'")
-    form, example = ADDRESSES[engine]
+    if pool not in ADDRESSES:
+        raise HybridynError("a scheduler belongs to the pool 'dask' or 'ray'")
+    form, example = ADDRESSES[pool]
     if not form.fullmatch(scheduler):
         raise HybridynError(f"'{scheduler}' is no address of a scheduler, like {example}")
 

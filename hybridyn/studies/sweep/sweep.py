@@ -17,7 +17,7 @@ from ...spatial import Index
 from .compiled_chunks import evaluate_chunk, plan_for
 from .compiled_designs import Plan
 from .designs import Designs
-from .engines import Engine, check_engine, open_pool
+from .engines import PoolName, check_pool, open_pool
 from .evaluation import Chunk, Designer, Evaluated, Row
 from .identity import identity
 from .pool import Pool, WorkerDiedError
@@ -83,7 +83,7 @@ def sweep(
     study: str | PathLike[str],
     output: str | PathLike[str] = "results",
     *,
-    engine: Engine = "loky",
+    pool: PoolName = "loky",
     jobs: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
@@ -94,13 +94,13 @@ def sweep(
 ) -> Swept:
     """Evaluate every design of a study: one row per design, in shards in a folder.
 
-    The designs and their rows are the same, bit for bit, for every engine, number of processes and division
+    The designs and their rows are the same, bit for bit, for every pool, number of processes and division
     into shards.
 
     Args:
         study: The study's TOML file, see docs/sweeps.md.
         output: Folder of the results.
-        engine: "loky" (processes on this machine), "dask" or "ray".
+        pool: "loky" (processes on this machine), "dask" or "ray".
         jobs: Number of processes; one per core by default.
         scheduler: Address of a running cluster: of Dask, "tcp://host:8786", or of Ray, "host:6379". Its
             workers need the same files.
@@ -121,7 +121,7 @@ def sweep(
         OSError: The disk is full; the shards written so far are complete.
     """
     started = time.perf_counter()
-    check_engine(engine, scheduler)
+    check_pool(pool, scheduler)
     source = read_study(Path(study), allow_python=allow_python)
     designs = Designs(source)
     state, pace, plan = Swept(Path(output), designs.count), CHUNK_SECONDS, None
@@ -138,9 +138,9 @@ def sweep(
         _count_rows(state)
         if shards.gaps():
             plan = _plan_of(shards, plan, source, designs)
-            with open_pool(engine, jobs, scheduler) as pool:
-                state.workers = pool.workers
-                _Run(source, designs, shards, state, pool, plan, pace, progress, started).all()
+            with open_pool(pool, jobs, scheduler) as processes:
+                state.workers = processes.workers
+                _Run(source, designs, shards, state, processes, plan, pace, progress, started).all()
     state.seconds = time.perf_counter() - started
     return state
 
