@@ -62,28 +62,12 @@ def test_no_error_is_longer_than_a_few_lines(tmp_path: Path, capsys: pytest.Capt
     assert len(call(capsys, "info", "x" * 5000, status=2).err) < LONGEST + 20
 
 
-@pytest.mark.slow
-def test_maps_of_a_workspace_have_units() -> None:
-    from hybridyn.figures.workspace import figure_of_workspace
-    from hybridyn.studies.workspace.workspace import workspace
-
-    found = workspace(hybridyn.load("delta"), steps={"x": 0.2, "y": 0.2, "z": 0.15})
-    labels = [ax.get_ylabel() for ax in figure_of_workspace(found, unit="N m").axes]
-    shown = [label for label in labels if "effort" in label or "conditioning" in label]
-    assert shown
-    assert all("[" in label for label in shown)
-    assert any("[(N m)/(N)]" in label for label in shown)
-
-
 def test_a_film_knows_how_many_pictures_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
     from hybridyn.view import film
     from hybridyn.view.run import Run
 
-    monkeypatch.setattr(film, "render", lambda *_, **__: None)
-    monkeypatch.setattr(film, "labelled", lambda *_: None)
-    monkeypatch.setattr(film, "camera_around", lambda *_, **__: None)
-    monkeypatch.setattr(film, "corners_of", lambda *_: None)
-    monkeypatch.setattr(film, "place_bodies", lambda *_: None)
+    for name in ("render", "labelled", "camera_around", "corners_of", "place_bodies"):
+        monkeypatch.setattr(film, name, lambda *_, **__: None)
     run = Run(np.linspace(0.0, 2.5, 11), np.zeros((11, 1)), None, "")
     count, speed = film.pictures_of(run)
     assert (count, speed) == (round(2.5 * film.RATE), 1.0)

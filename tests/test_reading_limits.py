@@ -59,15 +59,11 @@ def test_dots_in_texts_and_comments_are_no_parts(text: str) -> None:
     assert parse_toml(text.encode(), "f.toml")[1] == tomllib.loads(text)
 
 
-def test_texts_that_do_not_end_are_refused_at_once() -> None:
+def test_texts_that_do_not_end_or_are_large_are_refused_at_once() -> None:
+    large = partial(parse_toml, b"#" * (LARGEST_TOML + 1), "f.toml")
+    refused(large, hybridyn.ModelError, "is larger than 1 MiB")
     for text in ('"""' + '\\"""' * 50_000, "'''" + "''" * 50_000 + "'", '"' * 100_001, "a" * LARGEST_TOML):
         refused(partial(parse_toml, text.encode(), "f.toml"), hybridyn.ModelError, "not readable as TOML")
-
-
-def test_a_large_toml_file_is_refused() -> None:
-    refused(
-        lambda: parse_toml(b"#" * (LARGEST_TOML + 1), "f.toml"), hybridyn.ModelError, "is larger than 1 MiB"
-    )
 
 
 def test_a_line_without_an_assignment_is_soon_passed() -> None:

@@ -227,6 +227,9 @@ def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
 
     coarse = {"z": 0.1, "roll": 0.5, "pitch": 0.5} if name == "rps3" else {"x": 0.15, "y": 0.15, "z": 0.1}
     found = workspace(hybridyn.load(name), steps=coarse)
-    figure = figure_of_workspace(found)
+    figure = figure_of_workspace(found, unit="N m" if name == "delta" else "N")
     assert len(figure.axes) >= 3 * 2
     figure.savefig(tmp_path / "maps.svg")
+    labels = [ax.get_ylabel() for ax in figure.axes]
+    assert all("[" in label for label in labels if "effort" in label or "conditioning" in label)
+    assert ("[(N m)/(N)]" in " ".join(labels)) == (name == "delta")
