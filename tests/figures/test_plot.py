@@ -11,14 +11,13 @@ from hybridyn.cli import main
 from hybridyn.description import read
 from hybridyn.errors import TrajectoryError, install_advice
 from hybridyn.figures.envelope import Envelope
-from hybridyn.figures.motion import MOST_GROUPS, chart_of_rows
+from hybridyn.figures.motion import chart_of_rows
 from hybridyn.figures.panels import Chart
 from hybridyn.figures.plot import figure_of_efforts, figure_of_table
 from hybridyn.figures.table import chart_of_table
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
-from tests.files import save
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])
@@ -32,12 +31,6 @@ def test_motors_energies_and_residual_have_a_panel_each() -> None:
     assert [line.get_label() for line in energy.lines] == ["kinetic", "total"]
     assert residual.get_yscale() == "log"
     assert residual.get_xlabel() == "time [s]"
-
-
-def test_a_trajectory_without_efforts_draws_every_joint() -> None:
-    figure = figure_of_table(COLUMNS[:3], ROWS[:, :3], kinds=dict.fromkeys("ab", "revolute"))
-    (axes,) = figure.axes
-    assert [line.get_label() for line in axes.lines] == ["a", "b"]
 
 
 MIXED = ["time", "a/effort", "b/effort", "c/effort", "a/position", "b/position", "c/position"]
@@ -64,13 +57,6 @@ def test_joints_of_unknown_kind_share_no_axis() -> None:
     assert {panel.label for panel in panels} == {"position [m or rad]", "effort [N or N m]"}
     known = chart_of_table(MIXED, np.column_stack(SAME), kinds={"a": "prismatic", "b": "prismatic"}).panels
     assert [panel.label for panel in known[2:]] == ["effort [N]", "effort [N or N m]"]
-
-
-def test_a_crowd_of_unknown_joints_stays_legible() -> None:
-    columns = [f"j{i}/effort" for i in range(MOST_GROUPS + 5)]
-    panels = chart_of_table(columns, np.ones((2, len(columns)))).panels
-    assert len(panels) == MOST_GROUPS
-    assert panels[-1].title == f"j{MOST_GROUPS - 1} (5 more panels are not drawn)"
 
 
 @pytest.mark.parametrize(
@@ -110,12 +96,6 @@ def test_the_command_draws_a_file(tmp_path: Path, ending: str, head: bytes) -> N
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.csv", f"run.{ending}"]
 
 
-def test_another_ending_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "run.csv").write_text("time,a/position\n0,1\n")
-    assert main(["plot", str(tmp_path / "run.csv"), "-o", str(tmp_path / "run.gif")]) == 2
-    assert ".png, .svg, .pdf" in capsys.readouterr().err
-
-
 def chart(robot: hybridyn.HybridRobot, tau: np.ndarray) -> Chart:
     columns = [f"{motor}/effort" for motor in robot.motors]
     return chart_of_rows(robot, columns, np.linspace(0, 1, len(tau)), tau)
@@ -128,18 +108,6 @@ def test_motors_are_grouped_by_module_and_serial_ones_together() -> None:
     assert [panel.unit for panel in panels] == ["N", "N m"]
     assert panels[1].title == "shoulder_link ... wrist_3_link"
     assert tuple(line.name for panel in panels for line in panel.lines) == robot.motors
-
-
-def test_branches_are_drawn_apart(tmp_path: Path) -> None:
-    links = "".join(f'<link name="{name}"/>' for name in ("trunk", "a", "b", "c"))
-    joints = "".join(
-        f'<joint name="{name}_joint" type="revolute"><parent link="{parent}"/><child link="{name}"/>'
-        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for name, parent in (("a", "trunk"), ("b", "a"), ("c", "trunk"))
-    )
-    path = save(tmp_path, f'<robot name="tree">{links}{joints}</robot>', "tree.urdf")
-    robot = hybridyn.load(path)
-    assert [panel.title for panel in chart(robot, np.ones((3, 3))).panels] == ["a ... b", "c"]
 
 
 def test_limits_are_drawn_where_efforts_come_near_and_told_where_not() -> None:
@@ -175,16 +143,6 @@ def test_the_power_is_that_of_the_motors() -> None:
     power = chart_of_rows(robot, columns, np.arange(2.0), rows).panels[-1]
     assert power.title == "power of the motors"
     assert power.lines[0].y.tolist() == [11.0, -6.0]
-
-
-def test_an_envelope_keeps_short_tables_as_they_are() -> None:
-    kept = Envelope(most=10)
-    rows = np.arange(24.0).reshape(12, 2)
-    kept.add(np.arange(5.0), rows[:5])
-    kept.add(np.arange(5.0, 12.0), rows[5:])
-    x, y = kept.lines()
-    assert x.tolist() == list(range(12))
-    assert (y == rows).all()
 
 
 @pytest.mark.parametrize("block", [1, 7, 1000])

@@ -76,18 +76,6 @@ def test_the_same_bits_for_a_robot_of_many_modules(run, tmp_path: Path, monkeypa
     assert one == two
 
 
-@pytest.mark.slow
-def test_fitted_rates_and_efforts_too(run, tmp_path: Path, small_blocks) -> None:
-    path = tmp_path / "states.csv"
-    rows = long_table(path, 1)
-    names = ("m1_left_drive", "m1_right_drive")
-    header = ["time", *(f"{n}/position" for n in names), *(f"{n}/effort" for n in names)]
-    path.write_text(table_text(header, np.column_stack([rows[:, [0, 1, 4]], np.sin(rows[:, [1, 4]])])))
-    one, two = (run("ddm", FIVE_BAR, path, "-j", jobs).out for jobs in (1, 2))
-    assert one.count("\n") == 1 + len(rows)
-    assert one == two
-
-
 @pytest.mark.parametrize(
     ("row", "jobs"),
     [(1, 1), (131, 1), (1000, 1), (500, 2), slow(1, 2), slow(131, 2), slow(1000, 2), slow(500, 1)],
