@@ -50,7 +50,8 @@ def ddm(
 ) -> Array | tuple[Array, Reactions]:
     """Compute the accelerations of a robot under motor efforts.
 
-    The equation u_dot = A_t^-1 (Q_0 - E V_dot_base) is solved for one module after another, Eqs. (40), (51).
+    Take q and v from `hybridyn.assemble`, or state them for every joint. The modules are computed one after
+    another, from the outermost to the base and back, Eqs. (40), (51).
 
     Args:
         robot: The robot.

@@ -55,8 +55,8 @@ def idm(
 ) -> Array | tuple[Array, Reactions]:
     """Compute the motor efforts for a prescribed motion of a robot.
 
-    The equation B tau = Psi^T H + sum_o a_o^T W_o is solved for one module after another, the outermost
-    modules first, Eqs. (16), (31)-(33).
+    Take q, v, a from `hybridyn.assemble`, or state them for every joint. The modules are computed one after
+    another, the outermost first, Eqs. (16), (31)-(33).
 
     Args:
         robot: The robot.

@@ -35,7 +35,7 @@ LEAST_OF_STRUCTURE = 100
 #: Most structures that have compiled models; bounds the time until a process evaluates its first design.
 MOST_STRUCTURES = 16
 #: Further designs that are read to find structures: one in this many, and at most so many in all. Their
-#: multiples of the golden ratio keep step with no grid.
+#: numbers are multiples of the golden ratio, so that they do not repeat the pattern of a grid of designs.
 READ_SHARE, MOST_READ, GOLDEN = 20, 64, (5**0.5 - 1) / 2
 #: Designs of a structure that are tried until one can make its motions, whose robot is compiled.
 TRIED_OF_STRUCTURE = 16
