@@ -2,9 +2,9 @@
 
     python -m benchmarks.sweeps [--designs 24]
 
-runs sweeps of the five-bar in programs of their own, writes `results/sweeps.csv`, and prints the table of
-docs/sweeps.md. Times are processor times with all child processes, in which a busy machine shows little;
-wall times are given beside them.
+runs sweeps of the five-bar in programs of their own, and writes `results/sweeps.csv` and `sweeps.md`.
+Times are processor times with all child processes, in which a busy machine shows little; wall times are
+given beside them.
 """
 
 from __future__ import annotations
@@ -25,6 +25,13 @@ import numpy as np
 from benchmarks.cases import ROOT
 
 TARGET = ROOT / "benchmarks" / "results" / "sweeps.csv"
+PAGE = ROOT / "benchmarks" / "sweeps.md"
+HEAD = """# What a sweep costs
+
+Written by `python -m benchmarks.sweeps` from sweeps of the five-bar by the general path (`--no-compile`).
+Times are processor times of all child processes; Ray's processes are not among them. With one process, loky
+computes in the program itself.
+"""
 #: Engines, the package that each needs, and its numbers of processes; one process of loky is the program.
 ENGINES = (("loky", "joblib", (1, 2)), ("dask", "distributed", (1, 2)), ("ray", "ray", (1, 2)))
 #: Postures of a design; a table with fewer rows takes longer, because steps between its rows are divided.
@@ -132,8 +139,13 @@ def cost(runs: list[Run]) -> Cost:
     return Cost(start, 1e3 * design, 1e3 * posture)
 
 
+def page(runs: list[Run]) -> str:
+    """Return the page of the costs."""
+    return f"{HEAD}\n{table(runs)}\n"
+
+
 def table(runs: list[Run]) -> str:
-    """Return the table of docs/sweeps.md."""
+    """Return the costs of a design, and those of the engines."""
     found = cost(runs)
     most = [one for one in runs if one.designs == max(one.designs for one in runs)]
     most = [one for one in most if one.postures == POSTURES[0]]
@@ -173,13 +185,13 @@ def read() -> list[Run]:
 
 
 def main() -> None:
-    """Measure, keep the runs, and print the table."""
+    """Measure, keep the runs, and write the page."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--designs", type=int, default=24, help="designs of a long sweep")
     keep([run(*one) for one in planned(parser.parse_args().designs)])
-    print(table(read()))
+    PAGE.write_text(page(read()))
 
 
 if __name__ == "__main__":
