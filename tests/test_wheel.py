@@ -95,7 +95,7 @@ def test_the_sdist_holds_what_a_clone_has(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "told"),
     [
-        ("hybridyn robots", "four stacked 6-UPS platforms"),
+        ("hybridyn --robots", "four stacked 6-UPS platforms"),
         ("hybridyn info tanev", "nothing looks wrong"),
         ("hybridyn idm lx4 -o efforts.csv && head -n 1 efforts.csv", "m4_leg6_slide/effort"),
         ("hybridyn simulate five_bar --until 0.02 -q -o s.csv; tail -n 1 s.csv", "0.02,"),
@@ -124,7 +124,7 @@ def by_name(command: str, data: Path) -> str:
 
 def run_readme(programs: Path, folder: Path) -> None:
     """Run every command and the Python of the README where there is no clone."""
-    listed = json.loads(run(programs, folder, "hybridyn robots --json").stdout)
+    listed = json.loads(run(programs, folder, "hybridyn --robots=json").stdout)
     data = Path(listed[0]["file"]).parents[1]
     assert programs.parent in data.parents
     consoles = "".join(block.text for block in blocks(ROOT / "README.md", "console"))

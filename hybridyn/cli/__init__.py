@@ -25,8 +25,11 @@ from ..threads import start_none
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "convert", "plot", "view", "info", "check",
-    "home", "compare", "workspace", "size", "sweep", "map", "robots", "completion",
+    "home", "compare", "workspace", "size", "sweep", "map",
 )  # fmt: skip
+
+#: What stands in the place of commands that were.
+INSTEAD = {"robots": "hybridyn --robots", "completion": "hybridyn --completion"}
 
 #: Options that replace the library's arguments in its advice.
 OPTIONS = {
@@ -66,6 +69,7 @@ class Commands(click.Group):
             from ..description.names import did_you_mean
 
             hint = did_you_mean(args[0], COMMANDS)
+            hint = f" (it is '{INSTEAD[args[0]]}' now)" if args[0] in INSTEAD else hint
             ctx.fail(f"there is no command '{args[0]}'{hint}; the commands are {', '.join(COMMANDS)}")
         return super().resolve_command(ctx, args)
 
@@ -86,10 +90,32 @@ class Commands(click.Group):
 )
 @click.version_option(__version__, message="%(prog)s %(version)s")
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+@click.option(
+    "--robots",
+    is_flag=False,
+    flag_value="text",
+    type=click.Choice(["text", "json"]),
+    help="List the robots that come with hybridyn, whose names all commands take for files.",
+)
+@click.option(
+    "--completion",
+    is_flag=False,
+    flag_value="",
+    metavar="SHELL",
+    help="Print the script with which bash, zsh or fish complete commands, options and robots.",
+)
 @click.pass_context
-def commands(ctx: click.Context, debug: bool) -> None:
+def commands(ctx: click.Context, debug: bool, robots: str | None, completion: str | None) -> None:
     """Dynamics of hybrid robots: parallel modules stacked in series, in URDF, MJCF, SDF or USD."""
-    if ctx.invoked_subcommand is None:
+    if robots is not None:
+        from .robots import show_robots
+
+        show_robots(robots)
+    elif completion is not None:
+        from .completion import show_completion
+
+        show_completion(completion)
+    elif ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
 
 

@@ -1,4 +1,4 @@
-"""`hybridyn completion`: print the script with which a shell completes commands, options and robots."""
+"""`hybridyn --completion`: print the script with which a shell completes commands, options and robots."""
 
 from __future__ import annotations
 
@@ -9,22 +9,18 @@ import click
 VARIABLE = "_HYBRIDYN_COMPLETE"
 SHELLS = ("bash", "zsh", "fish")
 WHERE = {
-    "bash": 'eval "$(hybridyn completion bash)" in ~/.bashrc',
-    "zsh": 'eval "$(hybridyn completion zsh)" in ~/.zshrc, after compinit',
-    "fish": "hybridyn completion fish > ~/.config/fish/completions/hybridyn.fish",
+    "bash": 'eval "$(hybridyn --completion bash)" in ~/.bashrc',
+    "zsh": 'eval "$(hybridyn --completion zsh)" in ~/.zshrc, after compinit',
+    "fish": "hybridyn --completion fish > ~/.config/fish/completions/hybridyn.fish",
 }
 
 
-@click.command("completion", short_help="Print the script for completion in your shell.")
-@click.argument("shell", type=click.Choice(SHELLS), required=False)
-def command(shell: str | None) -> None:
-    """Print the completion script for SHELL: bash, zsh or fish; by default that of $SHELL.
+def show_completion(shell: str) -> None:
+    """Print the completion script of a shell, "" for that of $SHELL.
 
-    \b
-    bash  eval "$(hybridyn completion bash)" in ~/.bashrc
-    zsh   eval "$(hybridyn completion zsh)" in ~/.zshrc, after compinit
-    fish  hybridyn completion fish > ~/.config/fish/completions/hybridyn.fish
-    """  # noqa: D301 - click does not wrap the lines after this mark
+    Raises:
+        click.UsageError: It has none.
+    """
     from click.shell_completion import get_completion_class
 
     from . import commands

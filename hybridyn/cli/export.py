@@ -52,7 +52,7 @@ def command(
 
     The files are a header, a source, a test with reference values, a Makefile and a README. There is one
     function per model; the code allocates no memory and uses only <math.h> of the C library. ROBOT may be
-    the name of a shipped robot ('hybridyn robots').
+    the name of a shipped robot ('hybridyn --robots').
     """
     from ..compiled.needs import needs_casadi
 

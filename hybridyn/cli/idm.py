@@ -64,7 +64,7 @@ def command(
 ) -> None:
     """Compute the motor efforts that move ROBOT (URDF, MJCF, SDF, USD) along TRAJECTORY (CSV or Parquet).
 
-    ROBOT may be the name of a shipped robot ('hybridyn robots'), which has a trajectory of its own.
+    ROBOT may be the name of a shipped robot ('hybridyn --robots'), which has a trajectory of its own.
 
     The table has named columns, in SI units: 'time', '<joint>/position|velocity|acceleration',
     '<link>/pose/x|y|z|qx|qy|qz|qw' or any of 'x|y|z|roll|pitch|yaw' relative to the root link

@@ -1,4 +1,4 @@
-"""`hybridyn robots`: list the robots that come with hybridyn."""
+"""`hybridyn --robots`: list the robots that come with hybridyn."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ import json
 import click
 
 
-@click.command("robots", short_help="List the robots that come with hybridyn.")
-@click.option("--json", "as_json", is_flag=True, help="As JSON, with the paths of their files.")
-def command(as_json: bool) -> None:
-    """List the shipped robots. All commands accept their names instead of a robot's file.
+def show_robots(form: str) -> None:
+    """Print the shipped robots, as "text" or, with the paths of their files, as "json".
 
-    'hybridyn idm lx4' moves the robot lx4 along its own trajectory. Commands that read a table or a scene
-    also accept 'lx4/traj.csv' and 'lx4/sag.toml'.
+    Raises:
+        ModelError: This installation has none.
     """
     from ..description.shipped import shipped_robots, shown
     from ..errors import ModelError
@@ -22,7 +20,7 @@ def command(as_json: bool) -> None:
     robots = shipped_robots().values()
     if not robots:
         raise ModelError("this installation has no robots: urdf/ and models/ are missing")
-    if as_json:
+    if form == "json":
         facts = [
             {
                 "name": robot.name,

@@ -24,7 +24,7 @@ def asked(line: str) -> dict[str, str]:
 
 @pytest.mark.parametrize("shell", SHELLS)
 def test_a_script_per_shell(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
-    said = call(capsys, "completion", shell)
+    said = call(capsys, "--completion", shell)
     assert f"{VARIABLE}={shell}_complete" in said.out
     program = shutil.which(shell)
     if program:  # the shell itself finds nothing wrong with it
@@ -35,9 +35,9 @@ def test_the_shell_is_that_of_the_user(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SHELL", "/bin/zsh")
-    assert "zsh_complete" in call(capsys, "completion").out
+    assert "zsh_complete" in call(capsys, "--completion").out
     monkeypatch.setenv("SHELL", "/bin/tcsh")
-    call(capsys, "completion", status=2)
+    call(capsys, "--completion", status=2)
 
 
 def test_commands_options_and_robots_are_offered(
@@ -61,7 +61,7 @@ def test_commands_options_and_robots_are_offered(
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
 def test_bash_completes_by_the_script(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Source the script in bash and call the function that it registers, as a press of the tab key does."""
-    script = save(tmp_path, call(capsys, "completion", "bash").out, "completion.bash")
+    script = save(tmp_path, call(capsys, "--completion", "bash").out, "completion.bash")
     program = save(
         tmp_path, f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m hybridyn "$@"\n', "hybridyn"
     )

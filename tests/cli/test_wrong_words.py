@@ -20,6 +20,7 @@ ENDLESS = ANKLE.replace("ankle", "endless")
 #: Status 2: usage errors, which name the help.
 USAGE = [
     ("ids", "there is no command 'ids'"),
+    ("robots", "there is no command 'robots' (it is 'hybridyn --robots' now)"),
     ("idm", "Missing argument"),
     ("idm arm.urdf", "Missing argument"),
     ("idm mine.urdf", "Missing argument 'TRAJECTORY'"),  # a robot of one's own has none

@@ -75,9 +75,9 @@ def test_a_scene_by_its_robots_name(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
-    said = call(capsys, "robots")
+    said = call(capsys, "--robots")
     assert [line.split()[0] for line in said.out.splitlines()[1 : len(main_names()) + 1]] == main_names()
-    facts = json.loads(call(capsys, "robots", "--json").out)
+    facts = json.loads(call(capsys, "--robots=json").out)
     assert [fact["name"] for fact in facts] == list(shipped_robots())
     assert all(Path(fact["file"]).is_file() for fact in facts)
 
@@ -94,7 +94,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
 
 @pytest.mark.usefixtures("elsewhere")
 def test_without_data_the_list_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    call(capsys, "robots", status=1, says="urdf/ and models/ are missing")
+    call(capsys, "--robots", status=1, says="urdf/ and models/ are missing")
     refused(lambda: hybridyn.load("lx4"), hybridyn.ModelError, "no shipped robot of that name")
 
 
@@ -103,5 +103,5 @@ def test_benchmark_mechanisms_are_listed_apart(elsewhere: Path, capsys: pytest.C
     text = '<!-- A link\n that rests. Not more. --><robot name="rest"><link name="a"/></robot>'
     save_all(elsewhere, {"urdf/benchmarks/rest.urdf": text, "models/robots.toml": ""})
     assert hybridyn.load("rest").name == "rest"
-    last = call(capsys, "robots").out.splitlines()[-2:]
+    last = call(capsys, "--robots").out.splitlines()[-2:]
     assert last == ["benchmark mechanisms:", "rest  A link that rests"]
