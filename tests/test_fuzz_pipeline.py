@@ -1,9 +1,8 @@
-"""No mutation of a robot's files or of its table ends in a traceback, a hang or a silently wrong effort.
+"""No mutation of a robot's files or of its table ends in a traceback, a hang or a wrong posture.
 
 Seeded mutations of shipped robots as URDF, of the files beside it, and of a short trajectory go the whole
-way: read, load, assemble, inverse model. What comes through is judged by the oracle, built from the same
-description: the loops are closed by its own residual, the motors stand where the table says, and the efforts
-do the work that it finds.
+way: read, load, assemble, inverse model. What comes through has finite efforts, loops that the oracle finds
+closed, and motors where the table says; efforts of odd robots are judged in `test_fuzz_mechanisms`.
 """
 
 import random
@@ -29,7 +28,6 @@ from tests.samples import fuzz, slow
 from tests.waiting import outcome
 
 CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size
-WORK = 1e-7  # of the largest term: what closed states of that quality leave of agreement
 FOLLOWED = 1e-7  # m or rad: a table that closures contradict within their tolerance is bent
 ROWS = 8
 
@@ -118,7 +116,7 @@ def went_through(folder: Path, texts: Texts | dict[str, bytes], case: str) -> bo
         return False
     assert np.isfinite(result[-1]).all(), case
     with np.errstate(all="ignore"):
-        judge(*result, case)
+        judge(*result[:2], case)
     return True
 
 
@@ -131,11 +129,11 @@ def efforts(folder: Path) -> tuple[hybridyn.HybridRobot, Any, np.ndarray]:
     return robot, block, hybridyn.idm(robot, block.q, block.v, block.a)
 
 
-def judge(robot: hybridyn.HybridRobot, block, tau: np.ndarray, case: str) -> None:
-    """Compare the first and the last row with the oracle."""
+def judge(robot: hybridyn.HybridRobot, block, case: str) -> None:
+    """Check loops and motors of the first and the last row."""
     oracle = Oracle(robot.description)
     for t in (0, -1):
-        q, v, a = block.q[t], block.v[t], block.a[t]
+        q = block.q[t]
         assert np.abs(oracle.residual(q)).max(initial=0.0) <= CLOSED * max(
             robot.modules[0].mechanism.length, 1.0
         ), case
@@ -147,26 +145,6 @@ def judge(robot: hybridyn.HybridRobot, block, tau: np.ndarray, case: str) -> Non
                 else 0
             )
             assert abs(off) <= FOLLOWED, case
-        posture = oracle.posture(q)
-        expected, _ = oracle.idm_and_missing(q, v, a)
-        B = oracle.motor_map(posture)
-        assert B.shape[0] == robot.mobility, case
-        size = np.abs(B) @ (np.abs(expected) + np.abs(tau[t]))
-        forces = terms(robot, v, a) * np.abs(posture.Z).sum(axis=0)
-        assert (
-            np.abs(B @ (tau[t] - expected)) <= WORK * (size.max(initial=0.0) + forces.max(initial=0.0))
-        ).all(), case
-
-
-def terms(robot: hybridyn.HybridRobot, v: np.ndarray, a: np.ndarray) -> float:
-    """Return the size of what is added up to efforts, of which much may cancel [N m]."""
-    reach = 1.0 + sum(np.abs(joint.placement[:3, 3]).max() for joint in robot.description.joints)
-    rates = (np.abs(v).max() ** 2 + np.abs(a).max()) * reach
-    total = 0.0
-    for link in robot.description.links:
-        arm = reach + np.abs(link.com).max()
-        total += link.mass * arm * (9.81 + arm * rates) + np.abs(link.inertia).max() * rates
-    return total
 
 
 CASES = [
