@@ -5,6 +5,7 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hybridyn
@@ -47,18 +48,33 @@ def test_python_of_a_page_prints_what_is_shown(
 
 
 def examples() -> list[Block]:
-    return [block for block in blocks(LOOPS) if "robot" not in block.facts]
+    return [block for block in blocks(LOOPS) if not {"robot", "whole"} & block.facts.keys()]
 
 
 def load(folder: Path, example: Block) -> hybridyn.HybridRobot:
     """Load the page's four-bar with an example in its place: in the robot, or in a file beside it."""
-    robot, pin = blocks(LOOPS)[:2]
+    robot, pin = [block for block in blocks(LOOPS) if "whole" not in block.facts][:2]
     closure = {"xml": example.text, "toml": pin.text, "yaml": ""}[example.language]
     path = save(folder, robot.text.replace("<!-- the loop -->", closure), "four_bar.urdf")
     if example.language != "xml":
         name = {"yaml": "robot.yaml", "toml": "four_bar.model.toml"}[example.language]
         (folder / example.facts.get("file", name)).write_text(example.text)
     return hybridyn.load(path)
+
+
+@pytest.mark.parametrize("example", [b for b in blocks(LOOPS) if "whole" in b.facts], ids=str)
+def test_robot_at_the_head_of_the_page_moves_as_it_says(example: Block, tmp_path: Path) -> None:
+    """Both models compute it: what its motors need for a motion gives this motion."""
+    robot = hybridyn.load(save(tmp_path, example.text, example.facts["whole"]))
+    assert (robot.mobility, len(robot.motors)) == (
+        int(example.facts["mobility"]),
+        int(example.facts["motors"]),
+    )
+    assert float(hybridyn.closure_residual(robot, robot.home)) < 1e-12
+    assert robot.description.notes == ()
+    q, v, a = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, (0.05, 0.1, 0.3)))
+    found = hybridyn.ddm(robot, q, v, hybridyn.idm(robot, q, v, a))
+    np.testing.assert_allclose(found, a, atol=1e-9 * np.abs(a).max())
 
 
 def rows(description: Description) -> int:
