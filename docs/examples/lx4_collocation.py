@@ -40,8 +40,6 @@ class Dynamics:
         self.derivatives = Derivatives(
             robot, "ddm", coordinates="motors"
         )  # as hybridyn.ddm_jacobian prepares
-        self.columns = [robot.v_slices[robot.joint_index[m]].start for m in robot.motors]
-        self.at = [robot.q_slices[robot.joint_index[m]].start for m in robot.motors]
 
     def states(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Close the loops: q, v and the forces."""
@@ -56,7 +54,7 @@ class Dynamics:
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Compute accelerations, shape (T, 24)."""
-        return self.compiled.ddm(*self.states(x))[:, self.columns]
+        return self.compiled.ddm(*self.states(x))[:, self.robot.motor_v]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Compute their derivatives, shape (T, 24, 72), along motions that keep the loops closed."""
@@ -79,7 +77,7 @@ class Dynamics:
         """Compute accelerations of one state near another posture, shape (24,)."""
         m, u, tau = np.split(x, 3)
         q, v, _ = self.compiled.close(m, u, last=last)
-        return self.compiled.ddm(q, v, tau)[self.columns]
+        return self.compiled.ddm(q, v, tau)[self.robot.motor_v]
 
     def _differences(self, x: np.ndarray, model: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Compute central differences of accelerations, shape (T, 24, 72)."""

@@ -27,13 +27,11 @@ class Platform:
 
     def __init__(self, robot: hybridyn.HybridRobot, posture: np.ndarray) -> None:
         self.robot, self.compiled, self.posture = robot, hybridyn.compile(robot), posture
-        self.columns = [robot.v_slices[robot.joint_index[m]].start for m in robot.motors]
-        self.at = [robot.q_slices[robot.joint_index[m]].start for m in robot.motors]
 
     def accelerations(self, m: np.ndarray, u: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Compute u_dot, shape (T, 6), closing the loops from the motors."""
         q, v, _ = self.compiled.close(m, u, last=self.posture)
-        return self.compiled.ddm(q, v, tau)[..., self.columns]
+        return self.compiled.ddm(q, v, tau)[..., self.robot.motor_v]
 
     def linear(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compute A and B of x_dot = A x + B tau about the posture at rest, x = (m, u)."""
@@ -58,7 +56,7 @@ class Platform:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Compute A and B by central differences of accelerations."""
         steps = np.vstack([np.eye(18), -np.eye(18)]) * np.repeat([STEP, STEP, 1.0], 6)
-        x = np.concatenate([self.posture[self.at], np.zeros(6), tau]) + steps
+        x = np.concatenate([self.posture[self.robot.motor_q], np.zeros(6), tau]) + steps
         values = model(x[:, :6], x[:, 6:12], x[:, 12:])
         rows = ((values[:18] - values[18:]).T / 2) / np.repeat([STEP, STEP, 1.0], 6)
         return np.vstack([np.eye(12)[6:], rows[:, :12]]), np.vstack([np.zeros((6, 6)), rows[:, 12:]])

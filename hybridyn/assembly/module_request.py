@@ -146,7 +146,12 @@ def place_bodies(robot: HybridRobot, module: Module, motion: Motion, bodies: dic
 
 
 def module_request(
-    requests: Requests, robot: HybridRobot, number: int, bodies: Mapping[int, Motion]
+    requests: Requests,
+    robot: HybridRobot,
+    number: int,
+    bodies: Mapping[int, Motion],
+    *,
+    followers: bool = True,
 ) -> ModuleRequest:
     """Build the request for one module.
 
@@ -155,6 +160,7 @@ def module_request(
         number: Index of the module.
         bodies: Motions of the bodies assembled so far, in the root body; those that carry the module or
             another pose's reference are needed only for a pose relative to another body than its base.
+        followers: Whether joints that couplings determine from given ones are given, too.
 
     Raises:
         AssemblyError: A joint or a pose cannot be prescribed.
@@ -188,7 +194,8 @@ def module_request(
         else:
             motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
             request.give_pose(pose.link, place, motion)
-    request.give_followers()
+    if followers:
+        request.give_followers()
     return request
 
 

@@ -92,16 +92,15 @@ def motors_by_name(robot: HybridRobot, motors: Any) -> Mapping[str, object]:
     if motors is None or is_table(motors) or isinstance(motors, Mapping):
         return by_name(motors)
     levels = isinstance(motors, tuple) and any(np.ndim(part) for part in motors)
-    parts = [
-        as_numbers(part, "motors") for part in _triple(motors if levels else (motors,)) if part is not None
-    ]
-    n = len(robot.motors)
-    for part in parts:
+    n, parts = len(robot.motors), []
+    for level in _triple(motors if levels else (motors,)):
+        part = as_numbers(np.zeros(n) if level is None else level, "motors")
         if part.ndim not in (1, 2) or part.shape[-1] != n:
             raise TrajectoryError(
                 f"motors has shape {part.shape}; wanted ({n},) or (T, {n}), as robot.motors, or a mapping "
                 f"such as {{{robot.motors[0] if n else 'name'!r}: 0.1}}"
             )
+        parts.append(part)
     return {name: tuple(part[..., i] for part in parts) for i, name in enumerate(robot.motors)}
 
 

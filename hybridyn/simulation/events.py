@@ -132,7 +132,6 @@ def near_singularity(
         terminal: Whether the event ends the run.
     """
     manifold = Manifold(robot)
-    at = [robot.v_slices[robot.joints.index(name)].start for name in robot.motors]
 
     def closures(t: float, q: Array, v: Array) -> float:
         """Return how far the least singular value of the closures is above the threshold."""
@@ -141,7 +140,7 @@ def near_singularity(
     def motors(t: float, q: Array, v: Array) -> float:
         """Return how far that of the motions of the motors is above it."""
         chart = manifold.chart(q)
-        rows = (chart.at_origin(np.eye(chart.size)) / manifold.unit[:, None])[at]
+        rows = (chart.at_origin(np.eye(chart.size)) / manifold.unit[:, None])[robot.motor_v]
         s = np.linalg.svd(rows, compute_uv=False)
         return float(s[-1] / s[0]) - threshold if len(s) and s[0] > 0 else 1.0
 

@@ -297,8 +297,7 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     states = tuple(np.empty(size) for size in (robot.nq, robot.nv, robot.nv))
     assert called(bar.bar_close, q[0], v[0], a[0], design, *states, work) <= 1.0
     close_to(states, (q[0], v[0], a[0]), 1e-9)
-    driven = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
-    last = q[0] + np.where(np.isin(np.arange(robot.nq), driven), 0.0, 1e-3)  # the last tick's posture
+    last = q[0] + np.where(np.isin(np.arange(robot.nq), robot.motor_q), 0.0, 1e-3)  # the last tick's posture
 
     def step(last: np.ndarray, v: np.ndarray) -> bool:
         """Make a control step, and tell whether it may be trusted."""
@@ -311,7 +310,7 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     refused = 0
     for angles in itertools.product((-2.5, -1.5, 1.5, 2.5), repeat=2):  # some are out of reach
         far = q[0].copy()
-        far[driven] = angles
+        far[robot.motor_q] = angles
         trusted = step(far, v[0])
         refused += not trusted
         assert not trusted or hybridyn.closure_residual(other, states[0][None]).max() <= 1e-12

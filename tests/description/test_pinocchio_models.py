@@ -37,12 +37,11 @@ def close(a: np.ndarray, b: np.ndarray) -> None:
     close_to(a, b, EQUAL, 1.0)
 
 
-def driven(robot: HybridRobot, rng: np.random.Generator) -> tuple[list[int], np.ndarray]:
-    """Return the column in v of each motor, and efforts of all joints that only motors have."""
-    at = [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+def driven(robot: HybridRobot, rng: np.random.Generator) -> np.ndarray:
+    """Return efforts of all joints that only motors have."""
     tau = np.zeros(robot.nv)
-    tau[at] = rng.normal(size=len(at))
-    return at, tau
+    tau[robot.motor_v] = rng.normal(size=len(robot.motors))
+    return tau
 
 
 def compare(case: Drawn, rng: np.random.Generator) -> None:
@@ -50,8 +49,8 @@ def compare(case: Drawn, rng: np.random.Generator) -> None:
     robot = hybridyn.from_pinocchio(case.model, case.constraints, home=case.q, motors=single(case))
     assert (robot.nq, robot.nv) == (case.model.nq, case.model.nv)
     assert np.allclose(robot.home, case.q, atol=1e-15)
-    v, (at, tau) = case.velocity(rng), driven(robot, rng)
-    close(hybridyn.ddm(robot, case.q, v, tau[at], effects=ROTORS), case.acceleration(v, tau))
+    v, tau = case.velocity(rng), driven(robot, rng)
+    close(hybridyn.ddm(robot, case.q, v, tau[robot.motor_v], effects=ROTORS), case.acceleration(v, tau))
     assert np.abs(hybridyn.closure_residual(robot, case.q)).max(initial=0.0) < 1e-12
     assert robot.mobility == case.model.nv - np.linalg.matrix_rank(case.rows(), tol=1e-9)
 
@@ -72,11 +71,11 @@ def test_every_joint_of_a_tree(floating: bool) -> None:
     case = drawn(rng, [*JOINTS], branch=5, floating=floating)
     model, robot = case.model, hybridyn.from_pinocchio(case.model)
     assert robot.base == ("floating" if floating else "fixed")
-    v, (at, tau) = rng.normal(size=model.nv), driven(robot, rng)
+    v, tau = rng.normal(size=model.nv), driven(robot, rng)
     data, own = model.createData(), robot.model.createData()
     a = pin.aba(model, data, case.q, v, tau)
-    close(hybridyn.ddm(robot, case.q, v, tau[at]), a)
-    close(hybridyn.idm(robot, case.q, v, a), tau[at])
+    close(hybridyn.ddm(robot, case.q, v, tau[robot.motor_v]), a)
+    close(hybridyn.idm(robot, case.q, v, a), tau[robot.motor_v])
     close(pin.rnea(robot.model, own, case.q, v, v), pin.rnea(model, data, case.q, v, v))
     close(pin.crba(robot.model, own, case.q), pin.crba(model, data, case.q))
     pin.framesForwardKinematics(model, data, case.q)
@@ -96,9 +95,9 @@ def test_efforts_of_a_closed_loop_give_back_its_accelerations() -> None:
     rng = seeded(5)
     case = drawn(rng, ["RX", "R", "P", "RUBZ", "R", "RX", "R"], ["3D"], branch=3)
     robot = hybridyn.from_pinocchio(case.model, case.constraints, home=case.q, motors=single(case)[:4])
-    v, (at, tau) = case.velocity(rng), driven(robot, rng)
+    v, tau = case.velocity(rng), driven(robot, rng)
     a = case.acceleration(v, tau)
-    close(hybridyn.idm(robot, case.q, v, a), tau[at])
+    close(hybridyn.idm(robot, case.q, v, a), tau[robot.motor_v])
 
 
 MIMIC = """<robot name="mimic"><link name="a"/><link name="b">{0}</link><link name="c">{0}</link>

@@ -133,11 +133,6 @@ def change(robot: HybridRobot, states: States, effect: Any) -> np.ndarray:
     return idm(robot, q, v, a, effects=["default", effect], time=0.7) - idm(robot, q, v, a)
 
 
-def motor_rates(robot: HybridRobot, x: np.ndarray) -> np.ndarray:
-    """Return the motors' entries of rates or accelerations."""
-    return x[:, [robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]]
-
-
 #: For each law the effort that motors must add, from the motors' positions, rates and accelerations.
 BY_HAND: dict[str, tuple[Callable[[dict[str, float]], Any], Callable[..., np.ndarray]]] = {
     "rotor_inertia": (fx.RotorInertia, lambda c, q, v, a: c * a),
@@ -163,8 +158,7 @@ def test_laws_by_hand(name: str) -> None:
     robot, (q, v, a) = prepared("scara_delta")
     numbers = np.linspace(3, 9, len(robot.motors))
     unit, law = BY_HAND[name]
-    at = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
-    expected = law(numbers, q[:, at], motor_rates(robot, v), motor_rates(robot, a))
+    expected = law(numbers, q[:, robot.motor_q], v[:, robot.motor_v], a[:, robot.motor_v])
     actual = change(robot, (q, v, a), unit(dict(zip(robot.motors, numbers, strict=True))))
     close_to(actual, expected, 1e-11)  # a difference of efforts ten times as large
 
@@ -176,9 +170,7 @@ def test_numbers_of_the_files() -> None:
     J = np.array([joint.rotor_inertia * joint.gear_ratio**2 for joint in records])
     c, f = np.array([(joint.damping, joint.friction) for joint in records]).T
     assert np.all([J, c, f])
-    expected = (
-        J * motor_rates(robot, a) + c * motor_rates(robot, v) + f * np.tanh(motor_rates(robot, v) / 1e-2)
-    )
+    expected = J * a[:, robot.motor_v] + c * v[:, robot.motor_v] + f * np.tanh(v[:, robot.motor_v] / 1e-2)
     actual = idm(robot, q, v, a, effects="model") - idm(robot, q, v, a)
     close_to(actual, expected, 1e-11)
 
@@ -192,11 +184,6 @@ def test_an_endless_joint_is_wound_up_from_the_nearest_side() -> None:
 
 
 # -------------------------------------------------------------------- statics, velocity terms, massless legs
-
-
-def motor_positions(robot: HybridRobot, q: np.ndarray) -> np.ndarray:
-    """Return the motors' positions, shape (motors,)."""
-    return q[[robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]]
 
 
 def test_statics_is_the_model_at_rest_and_the_direct_model_refuses_it() -> None:
@@ -223,11 +210,8 @@ def test_velocity_terms_off_keeps_the_drift_of_the_closures(name: str) -> None:
 
 def accelerations_at_rest(robot: HybridRobot, q: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return accelerations that close the loops at rest, the motors' those of a."""
-    rows = []
-    for x, x_ddot in zip(q, motor_rates(robot, a), strict=True):
-        at = zip(motor_positions(robot, x), 0 * x_ddot, x_ddot, strict=True)
-        rows.append(hybridyn.assemble(robot, motors=dict(zip(robot.motors, at, strict=True)), guess=x)[2])
-    return np.array(rows)
+    given = [(x[robot.motor_q], None, x_ddot[robot.motor_v]) for x, x_ddot in zip(q, a, strict=True)]
+    return np.array([hybridyn.assemble(robot, motors=m, guess=x)[2] for m, x in zip(given, q, strict=True)])
 
 
 def test_velocity_terms_of_one_platform_by_hand() -> None:
@@ -247,7 +231,7 @@ def test_velocity_terms_of_one_platform_by_hand() -> None:
         momentum = pin.Inertia(body.mass, body.com, body.inertia) * pin.Motion(V)
         wrench = pin.Motion(V).cross(momentum)
         # Virtual work: the efforts times the motors' rates are the wrench times the platform's twist.
-        assert gyroscopic[t] @ motor_rates(robot, v[t : t + 1])[0] == pytest.approx(
+        assert gyroscopic[t] @ v[t : t + 1][:, robot.motor_v][0] == pytest.approx(
             wrench.linear @ V[:3] + wrench.angular @ V[3:], abs=1e-9
         )
     assert np.abs(gyroscopic).max() > 1e-3
@@ -432,7 +416,7 @@ def test_a_joint_with_an_effect_is_not_cut_away() -> None:
     at = held.v_slices[held.joint_index[joint]].start
     x = q[:, held.q_slices[held.joint_index[joint]].start]
     # Virtual work: what the motors add is what spring and damper take.
-    added = np.sum((tau - idm(held, q, v, a)) * motor_rates(held, v), axis=1)
+    added = np.sum((tau - idm(held, q, v, a)) * v[:, held.motor_v], axis=1)
     close_to(added, (50.0 * (x - 0.2) + 3.0 * v[:, at]) * v[:, at], 1e-9)
 
 

@@ -104,8 +104,7 @@ def test_motors_that_lose_a_direction_do_not_tell_a_motion(place: str, lost: str
     """At a parallel or a constraint singularity `assemble` from motors' rates fails in the same words."""
     description, q = posture(place, 0.0)
     robot = build_robot(description)
-    at = [robot.v_slices[robot.joints.index(motor)].start for motor in robot.motors]
-    motors = {motor: (q[i], 1.0, 0.0) for motor, i in zip(robot.motors, at, strict=True)}
+    motors = {motor: (q[i], 1.0, 0.0) for motor, i in zip(robot.motors, robot.motor_v, strict=True)}
     refused(
         lambda: assemble(robot, motors=motors, guess=q),
         SingularityError,

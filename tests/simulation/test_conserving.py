@@ -102,8 +102,7 @@ def test_forces_change_energy_by_their_discrete_work() -> None:
     h = 1e-3
     result = simulate(robot, q, v, (0, 60 * h), method="conserving", step=h, effects=friction)
     assert result.energy[-1] < result.energy[0]
-    at = [robot.v_slices[robot.joints.index(m)].start for m in robot.motors]
-    power = -0.3 * np.sum(result.v[:, at] ** 2, axis=1)
+    power = -0.3 * np.sum(result.v[:, robot.motor_v] ** 2, axis=1)
     work = np.concatenate([[0], np.cumsum((power[1:] + power[:-1]) / 2 * h)])
     lost = result.energy[-1] - result.energy[0]
     assert np.abs(result.energy - result.energy[0] - work).max() < 1e-3 * abs(lost)  # the trapezium's error

@@ -202,12 +202,9 @@ def test_a_robot_without_motors_has_no_efforts() -> None:
 def test_a_spline_is_not_compared_with_its_own_rates() -> None:
     robot = hybridyn.load("five_bar")
     some = motion(robot)
-    at = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
-    rates = derivatives(some.time, some.q[:, at], slice(0, len(some.q)))
-    motors = {
-        m: (some.q[:, k], rates[0][:, i], rates[1][:, i])
-        for i, (m, k) in enumerate(zip(robot.motors, at, strict=True))
-    }
+    x = some.q[:, robot.motor_q]
+    rates = derivatives(some.time, x, slice(0, len(some.q)))
+    motors = (x, rates[0], rates[1])
     q, v, a = hybridyn.assemble(robot, motors=motors, guess=some.q[0])
     close = partial(hybridyn.assemble, robot)
     spline, differences = by_rates(robot, some.time, q, v, a, choose(robot, None), close)

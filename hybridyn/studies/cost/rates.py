@@ -42,8 +42,7 @@ def by_rates(
     if obstacle or time is None:
         yield Point(LINE, "spline, differences", np.inf, np.inf, "", obstacle)
         return
-    at = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
-    p = q[:, at]
+    p = q[:, robot.motor_q]
     inner = slice(EDGE, len(time) - EDGE)
     wanted = idm(robot, q[inner], v[inner], a[inner], effects=effects)
     peak = np.abs(wanted).max(axis=0)
