@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +12,10 @@ from ..description.names import did_you_mean
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
-from ..spatial import LARGEST, Array, quaternion_from_rotation, rotation_from_quaternion
+from ..spatial import LARGEST, Array, rotation_from_quaternion
+from ..structure.given import by_name, motors_by_name, pose_numbers, triple
 from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT, as_numbers
-from ..tables.named_columns import is_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,34 +73,6 @@ class Requests:
             None if self.base_quaternion is None else self.base_quaternion[start:stop],
             self.strict,
         )
-
-
-def by_name(wanted: Any) -> Mapping[str, object]:
-    """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
-    if not is_table(wanted):
-        return wanted or {}
-    return {str(name): wanted[name] for name in wanted.columns}
-
-
-def motors_by_name(robot: HybridRobot, motors: Any) -> Mapping[str, object]:
-    """Return the positions of motors by name, also of arrays in the order of the motors, see `assemble`.
-
-    Raises:
-        TrajectoryError: An array has another number of columns than the robot has motors.
-    """
-    if motors is None or is_table(motors) or isinstance(motors, Mapping):
-        return by_name(motors)
-    levels = isinstance(motors, tuple) and any(np.ndim(part) for part in motors)
-    n, parts = len(robot.motors), []
-    for level in _triple(motors if levels else (motors,)):
-        part = as_numbers(np.zeros(n) if level is None else level, "motors")
-        if part.ndim not in (1, 2) or part.shape[-1] != n:
-            raise TrajectoryError(
-                f"motors has shape {part.shape}; wanted ({n},) or (T, {n}), as robot.motors, or a mapping "
-                f"such as {{{robot.motors[0] if n else 'name'!r}: 0.1}}"
-            )
-        parts.append(part)
-    return {name: tuple(part[..., i] for part in parts) for i, name in enumerate(robot.motors)}
 
 
 def gather_requests(
@@ -167,18 +138,9 @@ def _link_and_reference(robot: HybridRobot, key: str) -> tuple[str, str]:
     return link, other
 
 
-def _triple(value: object) -> tuple[object, object, object]:
-    """Return (position, rate, acceleration), None where omitted."""
-    parts = list(value) if isinstance(value, (tuple, list)) else [value]
-    if not 1 <= len(parts) <= 3:
-        raise TrajectoryError("give (position, rate, acceleration), of which the last two may be left out")
-    parts += [None] * (3 - len(parts))
-    return parts[0], parts[1], parts[2]
-
-
 def _three(value: object, what: str, column: str) -> list[Array]:
     """Return position, rate and acceleration of a coordinate, shape () or (T,) each, zero where omitted."""
-    parts = [as_numbers(0.0 if x is None else x, what) for x in _triple(value)]
+    parts = [as_numbers(0.0 if x is None else x, what) for x in triple(value)]
     for x in parts:
         if x.ndim > 1 or not np.isfinite(x).all():
             raise TrajectoryError(f"{what} needs finite numbers of shape () or (T,)", column=column)
@@ -192,10 +154,10 @@ def _for_all(triples: Mapping[str, list[Array]], T: int) -> dict[str, Array]:
 
 def _pose(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
     """Return pose, twist and acceleration, shape (width,) or (T, width), or the triples of a partial pose."""
-    numbers = isinstance(value, list | tuple) and all(isinstance(x, int | float) for x in value)
-    parts = _triple((value,) if numbers else value)
+    one = isinstance(value, list | tuple) and all(isinstance(x, int | float) for x in value)
+    parts = triple((value,) if one else value)
     if not isinstance(parts[0], Mapping):
-        parts = (_pose_numbers(key, parts[0]), *parts[1:])
+        parts = (pose_numbers(key, parts[0]), *parts[1:])
         return [_array(key, part, width) for part, width in zip(parts, (7, 6, 6), strict=True)]
     out = {}
     for name in parts[0]:
@@ -209,26 +171,16 @@ def _pose(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
     return out
 
 
-def _pose_numbers(key: str, pose: object) -> Array:
-    """Return a pose as x, y, z, qx, qy, qz, qw; it may be a matrix, shape (..., 4, 4), or a `pin.SE3`."""
-    out = as_numbers(getattr(pose, "homogeneous", pose), f"the pose of '{key}'")
-    if out.shape[-2:] != (4, 4):
-        return out
-    R = out[..., :3, :3]
-    off = R @ R.swapaxes(-1, -2) - np.eye(3)
-    if not (np.abs(off) <= UNIT).all() or not (np.linalg.det(R) > 0).all():
-        raise TrajectoryError("the axes of its matrix are not those of a right-handed frame", column=key)
-    return np.concatenate([out[..., :3, 3], quaternion_from_rotation(R)], axis=-1)
-
-
 def _array(key: str, value: object, width: int) -> Array:
     """Return one part of a pose, shape (width,) or (T, width), zero where omitted."""
     out = as_numbers(np.zeros(width) if value is None else value, f"the pose of '{key}'")
     if out.shape[-1:] != (width,) or out.ndim > 2 or not np.isfinite(out).all():
-        wanted = f"shape ({width},) or (T, {width})"
-        if width == 7:
-            wanted += f" or a matrix or pin.SE3, such as {{{key!r}: [0, 0, 0.5, 0, 0, 0, 1]}}"
-        raise TrajectoryError(f"needs finite numbers of {wanted}, not {out.shape}", column=key)
+        raise TrajectoryError(
+            f"needs finite numbers of shape ({width},) or (T, {width})"
+            + (f" or a matrix or pin.SE3, such as {{{key!r}: [0, 0, 0.5, 0, 0, 0, 1]}}" if width == 7 else "")
+            + f", not {out.shape}",
+            column=key,
+        )
     return out
 
 

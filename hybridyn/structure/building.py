@@ -261,14 +261,14 @@ def build_robot(
 def _far_frame(description: Description) -> str:
     """Return the question about the unit of a closure's frame that is far beyond all joints, or ""."""
     size = max((float(np.linalg.norm(joint.placement[:3, 3])) for joint in description.joints), default=0.0)
-    for closure in description.closures:
-        for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
-            if (far := float(np.linalg.norm(frame[:3, 3]))) > FAR * size > 0:
-                return (
-                    f". The frame of '{closure.name}' on '{link}' is {far:g} m from its link, and no "
-                    f"joint is more than {size:.3g} m from the one before it: millimetres?"
-                )
-    return ""
+    asked = (
+        f". The frame of '{closure.name}' on '{link}' is {far:g} m from its link, and no joint is more than "
+        f"{size:.3g} m from the one before it: millimetres?"
+        for closure in description.closures
+        for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b))
+        if (far := float(np.linalg.norm(frame[:3, 3]))) > FAR * size > 0
+    )
+    return next(asked, "")
 
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:

@@ -10,17 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.posture import holding, posture_at
-from ...assembly.requests import (
-    Requests,
-    by_name,
-    check_guess,
-    first_guess,
-    gather_requests,
-    motors_by_name,
-)
+from ...assembly.requests import Requests, check_guess, first_guess, gather_requests
 from ...effects.choice import Effects
 from ...errors import TrajectoryError
 from ...spatial import Array
+from ...structure.given import by_name, motors_by_name
 from ...structure.robot import HybridRobot
 from ..library.closed_rows import ClosedRows
 from ..library.current import Current
