@@ -52,11 +52,12 @@ def pose_numbers(key: str, pose: object) -> Array:
     if out.shape[-2:] != (4, 4):
         return out
     R, below = out[..., :3, :3], (out[..., 3, :] == [0.0, 0.0, 0.0, 1.0]).all()
-    unit = (np.abs(R @ R.swapaxes(-1, -2) - np.eye(3)) <= UNIT).all()
-    if not (unit and below and (np.linalg.det(R) > 0).all()):
+    if not (
+        below and np.allclose(R @ R.swapaxes(-1, -2), np.eye(3), 0, UNIT) and (np.linalg.det(R) > 0).all()
+    ):
         raise TrajectoryError(
-            "its matrix is no placement: three axes of a right-handed frame, the origin in the last column, and "
-            "0 0 0 1 in the last row",
+            "its matrix is no placement: three axes of a right-handed frame, the origin in the last column, "
+            "and 0 0 0 1 in the last row",
             column=key,
         )
     return np.concatenate([out[..., :3, 3], quaternion_from_rotation(R)], axis=-1)
