@@ -139,7 +139,7 @@ def guess(dynamics: Dynamics, goal: np.ndarray, t: np.ndarray) -> np.ndarray:
     shape = 10 * s**3 - 15 * s**4 + 6 * s**5
     rate = (30 * s**2 - 60 * s**3 + 30 * s**4) / DURATION
     change = (60 * s - 180 * s**2 + 120 * s**3) / DURATION**2
-    start = dynamics.robot.home[dynamics.at]
+    start = dynamics.robot.home[dynamics.robot.motor_q]
     m = start + shape[:, None] * (goal - start)
     u, a = rate[:, None] * (goal - start), change[:, None] * (goal - start)
     return np.hstack([m, u, dynamics.compiled.idm(*dynamics.compiled.close(m, u, a))])
@@ -203,7 +203,7 @@ def main(words: list[str] | None = None) -> None:
         name: (still | {"z": height, "roll": roll, "yaw": TWIST}, still)
         for name, height, roll in zip(PLATFORMS, heights, LEAN, strict=True)
     }
-    goal = hybridyn.assemble(robot, platforms=ends)[0][dynamics.at]
+    goal = hybridyn.assemble(robot, platforms=ends)[0][dynamics.robot.motor_q]
     t = np.linspace(0.0, DURATION, 5 if asked.short else NODES)
     first = guess(dynamics, goal, t)
 
@@ -229,14 +229,14 @@ def main(words: list[str] | None = None) -> None:
 
     def law(now: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         planned = np.array([np.interp(now, t, x) for x in best[:, 48:].T])
-        late, slow = reference(now) - q[dynamics.at], reference(now, 1) - v[dynamics.columns]
+        late, slow = reference(now) - q[dynamics.robot.motor_q], reference(now, 1) - v[dynamics.robot.motor_v]
         return planned + M @ (KP * late + KD * slow)
 
     run = hybridyn.simulate(
         robot, robot.home, np.zeros(robot.nv), (0.0, DURATION), effort=law, compiled=dynamics.compiled,
         output_times=np.linspace(0.0, DURATION, 101),
     )  # fmt: skip
-    missed = 1e3 * np.abs(run.q[:, dynamics.at] - reference(run.t)).max()
+    missed = 1e3 * np.abs(run.q[:, dynamics.robot.motor_q] - reference(run.t)).max()
     print(f"simulated with these forces and feedback, the motors stay within {missed:.2g} mm of the plan")
     assert asked.short or missed < 10.0
 

@@ -101,7 +101,7 @@ def main(words: list[str] | None = None) -> None:
     print(f"{ratios[1]:.0f} times as long call by call")
 
     times = np.linspace(0.0, 0.05 if asked.short else 0.6, 6 if asked.short else 121)
-    at, columns = platform.at, platform.columns
+    at, columns = platform.robot.motor_q, platform.robot.motor_v
     offset = np.array([1.0, -0.6, 0.3, -0.8, 0.5, -0.2])
     runs, linear, worst = [], [], []
     for size in OFFSETS:
