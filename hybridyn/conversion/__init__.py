@@ -1,9 +1,9 @@
 """Write robots in other formats: MJCF, URDF, USD and the files beside them, with a list of what is lost.
 
-Read `request` first (what a writer receives and returns), then `writers` (which chooses the writer by the
-ending of the file), `convert` (from a robot to files), and one format. `shapes` reads the visual shapes of a
-URDF; `losses` collects what a format cannot say; `numerals` turns numbers and rotations into text;
-`model_file` writes `model.toml`; `closed_home` closes loops that are open at home.
+Read `request` first (what a writer receives and returns, and how it lists what its format cannot say), then
+`writers` (which chooses the writer by the ending of the file), `convert` (from a robot to files), and one
+format. `shapes` reads the visual shapes of a URDF; `numerals` turns numbers and rotations into text; `home`
+closes loops that are open at home.
 
 May import: `description`, `structure`, `assembly`, and the layers below them.
 """

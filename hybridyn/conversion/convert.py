@@ -17,9 +17,8 @@ from ..description.shipped import find_robot
 from ..description.side_cars.companions import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
-from .closed_home import closed_at_home
-from .losses import Losses
-from .request import TIGHTNESS, Request, Written
+from .home import closed_at_home
+from .request import TIGHTNESS, Losses, Request, Written
 from .shapes import read_shapes
 from .writers import write, writer_of
 
@@ -92,7 +91,6 @@ def convert(
     """
     target = Path(path)
     writer_of(target)  # an unknown ending is an error before any file is read
-    _check_target(target)
     if not (isfinite(tightness) and tightness > 0):
         raise ModelError(f"the tightness is {tightness:g} m; it must be above zero and finite")
     losses, built = Losses(), None
@@ -101,25 +99,20 @@ def convert(
         _refuse_replacing(target, split_model(file)[0])
         description = read(file, xacro_args=xacro_args, package_dirs=package_dirs, strict=strict)
     else:
-        description, built = _as_loaded(robot), robot
+        built = robot
+        _refuse_replacing(target, robot.description.source)
         if robot.base == "moving" and base is None:
             losses.add("the base moves as prescribed: written as one at rest")
-        _refuse_replacing(target, description.source)
-    if base is not None:
-        description = replace(description, base=base)
+        x, y, z = (float(number) for number in robot.gravity)
+        own: StatedBase = "floating" if robot.base == "floating" else "fixed"
+        description = replace(robot.description, base=own, gravity=(x, y, z))
+    description = replace(description, base=base or description.base)
     _refuse_names(description)
     description, notes = closed_at_home(description, built)
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
     written = write(Request(description, target, shapes, tightness))
     lost = *written.losses, *losses.lines()
     return _write(target, replace(written, losses=lost, notes=(*notes, *written.notes)))
-
-
-def _as_loaded(robot: HybridRobot) -> Description:
-    """Return the description of a robot with the base and the gravity that it was loaded with."""
-    x, y, z = (float(number) for number in robot.gravity)
-    base: StatedBase = "floating" if robot.base == "floating" else "fixed"
-    return replace(robot.description, base=base, gravity=(x, y, z))
 
 
 def _refuse_names(d: Description) -> None:
@@ -133,24 +126,19 @@ def _refuse_names(d: Description) -> None:
             )
 
 
-def _check_target(target: Path) -> None:
-    """Check, before any work is done, that a file can be written."""
-    if target.exists() and not target.is_file():
-        raise ModelError("is a folder" if target.is_dir() else "is not a regular file", file=str(target))
-    if not target.parent.is_dir():
-        raise ModelError(f"the folder '{target.parent}' does not exist", file=str(target))
-
-
 def _refuse_replacing(target: Path, source: str | None) -> None:
-    """Refuse to replace the robot's own file, and files that convert did not write."""
-    if not target.exists():
-        return
-    if source is not None and os.path.exists(source) and os.path.samefile(target, source):
-        raise ModelError("is the robot's own file; write to another one", file=str(target))
-    if not target.read_bytes().endswith(_last_line(target).encode()):
-        raise ModelError(
-            "exists and is not from convert; move it away, or write to another name", file=str(target)
-        )
+    """Refuse, before any work is done, a target that is no file of convert."""
+    problem = ""
+    if not target.parent.is_dir():
+        problem = f"the folder '{target.parent}' does not exist"
+    elif target.exists() and not target.is_file():
+        problem = "is a folder" if target.is_dir() else "is not a regular file"
+    elif target.exists() and source and os.path.exists(source) and os.path.samefile(target, source):
+        problem = "is the robot's own file; write to another one"
+    elif target.exists() and not target.read_bytes().endswith(_last_line(target).encode()):
+        problem = "exists and is not from convert; move it away, or write to another name"
+    if problem:
+        raise ModelError(problem, file=str(target))
 
 
 def _write(target: Path, written: Written) -> Conversion:

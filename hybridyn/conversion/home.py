@@ -1,17 +1,23 @@
-"""Compute the poses of links in the home posture, and positions of joints as single numbers."""
+"""Close the loops of a robot at its home posture, where other programs start it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from ..description.placement import placement_from, rotation_from_quaternion
-from ..description.records import Array, Description, Joint
+from ..assembly.assemble import assemble
+from ..description.poses import angle_of, poses_at
+from ..description.records import Description, Joint
 from ..description.robot_file import ZERO
-from ..description.zero_posture import outwards
-from ..spatial import rotation_from_axis_angle
+from ..errors import HybridynError, ModelError
+from ..linkage.closures import residual_of
+from ..structure.building import build_robot
+from ..structure.robot import HybridRobot, positions
+
+#: Opening at home that is rounding in the file [rad, or of the robot's size], as in `load`.
+ROUNDING = 1e-4
 
 
 def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
@@ -22,51 +28,51 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     """
     at = d.home.get(joint.name) or ZERO[joint.kind]
     if joint.kind == "planar":
-        return (*at[:2], math.atan2(at[3], at[2]))
+        return (*at[:2], angle_of(at[2:]))
     return at if joint.kind in ("spherical", "floating") else (angle_of(at),)
 
 
-def poses_at(
-    d: Description, positions: Mapping[str, tuple[float, ...]], root: Array | None = None
-) -> dict[str, Array]:
-    """Return the pose of each link in a posture, shapes (4, 4); loops may be open.
+def closed_at_home(d: Description, robot: HybridRobot | None) -> tuple[Description, tuple[str, ...]]:
+    """Return a robot whose loops are closed at home, with its motors where they were, and notes.
 
     Args:
-        positions: Joint positions by name, as in `Description.home`; zero for those left out.
-        root: Pose of the root link, shape (4, 4); None for the identity.
+        robot: The robot that the description belongs to; None to build it where that is needed.
+
+    Raises:
+        ModelError: The loops are open at home, and no posture near it closes them.
     """
-    poses = {d.root: np.eye(4) if root is None else root}
-    for joint in outwards(d.joints, [d.root]):
-        poses[joint.child] = poses[joint.parent] @ joint.placement @ motion_of(joint, positions)
-    return poses
+    open_by, name = max(_openings(d), default=(0.0, ""))
+    if open_by <= ROUNDING:
+        return d, ()
+    opening = f"'{name}' is open at home by {open_by:.2g} (radians, or of the robot's size)"
+    try:
+        robot = robot or build_robot(d)
+        home = positions(robot, robot.home)
+        q, _, _ = assemble(robot, motors={motor: home[motor][0] for motor in robot.motors})
+    except HybridynError as error:
+        raise ModelError(
+            f"{opening}, and no posture near home closes it with the motors where they are ({error}); "
+            "state a closed home posture: [home] in model.toml, which 'hybridyn home --at MOTOR=NUMBER "
+            "--write' finds",
+            file=d.source,
+            element=name,
+        ) from error
+    return replace(d, home=positions(robot, q)), (
+        f"{opening}; written closed, with the motors where they are",
+    )
 
 
-def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array:
-    """Return the motion of a joint from position zero, shape (4, 4)."""
-    at = positions.get(joint.name)
-    if at is None or joint.kind == "fixed":
-        return np.eye(4)
-    if joint.kind == "prismatic":
-        return placement_from(np.eye(3), joint.axis * at[0])
-    if joint.kind == "spherical":
-        return placement_from(rotation_from_quaternion(*at), np.zeros(3))
-    if joint.kind == "floating":
-        return free_pose(at)
-    if joint.kind == "planar":
-        return placement_from(turn_about(joint.axis, math.atan2(at[3], at[2])), np.array([at[0], at[1], 0.0]))
-    return placement_from(turn_about(joint.axis, angle_of(at)), np.zeros(3))
-
-
-def angle_of(at: tuple[float, ...]) -> float:
-    """Return the position of a joint with one freedom [m or rad], also from cosine and sine."""
-    return math.atan2(at[1], at[0]) if len(at) == 2 else float(at[0])
-
-
-def free_pose(at: tuple[float, ...]) -> Array:
-    """Return the pose of a free body from position [m] and quaternion x, y, z, w, shape (4, 4)."""
-    return placement_from(rotation_from_quaternion(*at[3:7]), np.array(at[:3]))
-
-
-def turn_about(axis: Array, angle: float) -> Array:
-    """Return the rotation about a unit axis (3,) by an angle [rad], shape (3, 3)."""
-    return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))
+def _openings(d: Description) -> Iterator[tuple[float, str]]:
+    """Yield by how much each closure and coupling is open at home [rad, or of the robot's size]."""
+    poses = poses_at(d, d.home)
+    size = float(np.ptp([pose[:3, 3] for pose in poses.values()], axis=0).max()) or 1.0
+    for closure in d.closures:
+        ends = poses[closure.link_a] @ closure.frame_a, poses[closure.link_b] @ closure.frame_b
+        a, b = ((M[None, :3, :3], M[None, :3, 3]) for M in ends)
+        off = np.abs(residual_of(closure.translations, closure.rotation, a, b)[0])
+        off[: len(closure.translations)] /= size
+        yield float(off.max(initial=0.0)), closure.name
+    at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
+    for coupling in d.couplings:
+        error = sum(factor * at[name] for name, factor in coupling.terms) - coupling.offset
+        yield abs(error) / max(abs(factor) for _, factor in coupling.terms), coupling.name

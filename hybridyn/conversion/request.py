@@ -1,18 +1,28 @@
-"""Define what a writer receives and what it returns."""
+"""Define what a writer receives and returns, and collect what its format cannot say."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
-from ..description.records import Description
+import numpy as np
+
+from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
+from ..description.mjcf.naming import unique
+from ..description.names import listed
+from ..description.records import Array, Closure, Coupling, Description, Joint
+from ..description.robot_file import FREEDOMS
 from ..description.urdf.shapes import Shape
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.
 TIGHTNESS = 1e-4
 #: Gravity of a robot whose file states none [m/s^2].
 USUAL_GRAVITY = (0.0, 0.0, -9.81)
+#: Limits of a joint; a speed or effort of zero is none.
+LIMITS = ("lower", "upper", "speed_limit", "effort_limit")
 
 
 @dataclass(frozen=True)
@@ -41,7 +51,7 @@ class Written:
         text: The content of the file.
         notes: Remarks for the user that are no losses.
         beside: Content of the files beside it that hybridyn also reads, by their ending: ".model.toml" after
-            the file's name (see `model_file`), ".yaml" in place of its ending.
+            the file's name (see `writing_toml`), ".yaml" in place of its ending.
         losses: What the format cannot say, one line each, with the names of joints, links and closures. What
             hybridyn reads back from the files beside is not lost. `writers.write` adds them.
     """
@@ -50,3 +60,112 @@ class Written:
     notes: tuple[str, ...] = ()
     beside: Mapping[str, str] = field(default_factory=dict)
     losses: tuple[str, ...] = ()
+
+
+class Losses:
+    """Reasons in the order in which they occur, each with all names that it concerns."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, dict[str, None]] = {}
+
+    def add(self, reason: str, name: str = "") -> None:
+        """Add a loss.
+
+        Args:
+            reason: What is lost and what is written in its place, in words that fit several names.
+            name: Name of the joint, link or closure; "" if it concerns the whole robot.
+        """
+        self._names.setdefault(reason, {})[name] = None
+
+    def lines(self) -> tuple[str, ...]:
+        """Return one line for each reason: "speed limits of joints: 'elbow', 'wrist'"."""
+        named = {reason: [name for name in names if name] for reason, names in self._names.items()}
+        return tuple(f"{reason}: {listed(names)}" if names else reason for reason, names in named.items())
+
+
+def add_limits(joint: Joint, losses: Losses, words: Sequence[str] = LIMITS) -> None:
+    """List the limits of a joint with several freedoms that are lost. `words`: attributes of the joint."""
+    if FREEDOMS[joint.kind] > 1 and any(isfinite(getattr(joint, word)) for word in words):
+        losses.add("limits of joints with several freedoms", joint.name)
+
+
+def add_name(coupling: Coupling, follower: str, losses: Losses) -> None:
+    """List the name of a coupling that is written as `<mimic>`, which has that of its joint."""
+    if coupling.name != follower:
+        losses.add("names of couplings, which are read back with those of joints", coupling.name)
+
+
+def rows_of(closure: Closure, losses: Losses) -> tuple[str, Array]:
+    """Return the rows of a closure as words, and its own axes in those that the words are about.
+
+    The words are about the axes of the closure's author, in which hybridyn reports wrenches.
+
+    Args:
+        losses: Receives a closure of which the words cannot be about the author's axes.
+
+    Returns:
+        The words, and a rotation, shape (3, 3): that of `Closure.turn`, or the identity.
+    """
+    order = closure.turn.argmax(axis=0)
+    turn: Array = np.eye(3)[:, order]
+    if closure.rotation == "perpendicular" or not np.array_equal(closure.turn, turn):
+        if not np.array_equal(closure.turn, np.eye(3)):
+            losses.add("axes in which hybridyn reports the wrenches of closures", closure.name)
+        order, turn = np.arange(3), np.eye(3)
+    own = {kind + "xyz"[i]: kind + "xyz"[axis] for kind in "tr" for i, axis in enumerate(order)}
+    words = {own.get(word, word) for word in words_of_rows(closure.translations, closure.rotation)}
+    return " ".join(word for word in (*ROWS, PERPENDICULAR) if word in words), turn
+
+
+def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], str]) -> Description:
+    """Return a robot whose names a format allows: one name for one thing.
+
+    Args:
+        losses: Receives the names that are changed.
+        words: The format, for the reason.
+        change: Returns the name that stands for one in the format.
+    """
+    taken: set[str] = set()
+
+    def named(items: Sequence[Any]) -> dict[str, str]:
+        """Return a free name for the name of each item, and take it."""
+        out = {}
+        for item in items:
+            out[item.name] = unique(change(item.name), taken)
+            taken.add(out[item.name])
+        return out
+
+    joints, closures = named(d.joints), named(d.closures)
+    root = {d.root: "world"} if d.root == "world" else {}
+    links = named([link for link in d.links if link.name not in root]) | root
+    changed = [pair for names in (links, joints, closures) for pair in names.items() if pair[0] != pair[1]]
+    for old, new in changed:
+        losses.add(
+            f"names that {words} does not allow, or that two things have, are changed", f"{old} -> {new}"
+        )
+    if not changed:
+        return d
+    return replace(
+        d,
+        links=tuple(replace(link, name=links[link.name]) for link in d.links),
+        joints=tuple(
+            replace(j, name=joints[j.name], parent=links[j.parent], child=links[j.child]) for j in d.joints
+        ),
+        closures=tuple(
+            replace(c, name=closures[c.name], link_a=links[c.link_a], link_b=links[c.link_b])
+            for c in d.closures
+        ),
+        couplings=tuple(
+            replace(c, terms=tuple((joints[name], factor) for name, factor in c.terms)) for c in d.couplings
+        ),
+        motors=tuple(joints[name] for name in d.motors),
+        home={joints[name]: x for name, x in d.home.items()},
+        effects=tuple((name, _keys(numbers, joints | links)) for name, numbers in d.effects),
+    )
+
+
+def _keys(value: Any, names: Mapping[str, str]) -> Any:
+    """Return the numbers of an effect with the new names of joints and links."""
+    if isinstance(value, Mapping):
+        return {names.get(key, key): _keys(item, names) for key, item in value.items()}
+    return value

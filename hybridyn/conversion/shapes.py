@@ -13,7 +13,7 @@ from ..description.shape_files import MeshFiles, MissingMeshError, urdf_root
 from ..description.urdf.shapes import Shape, shapes_of
 from ..description.urdf.xml_node import Node
 from ..errors import ModelError
-from .losses import Losses
+from .request import Losses
 
 #: Words of files of other formats that state shapes.
 SHAPES = (b"<geom", b"<visual", b"def Mesh", b"def Cube", b"def Sphere", b"def Cylinder", b"def Capsule")

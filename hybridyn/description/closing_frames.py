@@ -16,9 +16,9 @@ from ..errors import ModelError
 from .closure_forms import FORMS
 from .names import listed
 from .placement import placement_from, rotation_to_axis
+from .poses import poses_at_zero, relative
 from .records import Array, Closure, Joint
 from .robot_file import RobotFile
-from .zero_posture import poses_at_zero, relative
 
 FRAME = re.compile(r"closing_(.+)_([12])(_z)?")
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from .motors import EVERY_JOINT
 from .names import listed
+from .poses import poses_at_zero
 from .records import Array, Description, Format, Joint
 from .robot_file import FREEDOMS
 from .weightless import Bodies
-from .zero_posture import poses_at_zero
 
 #: Frames coincide if they are closer than this fraction of the robot's size: CAD closes loops to 1e-4 of it.
 TOGETHER = 1e-3

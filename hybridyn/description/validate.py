@@ -10,9 +10,9 @@ import numpy as np
 
 from ..errors import ModelError
 from .names import did_you_mean, listed
+from .poses import outwards
 from .records import Closure, Coupling, Joint, Link
 from .robot_file import FREEDOMS, RobotFile
-from .zero_posture import outwards
 
 #: Tolerance of the triangle inequality, relative to the largest moment: CAD keeps 3 to 6 digits.
 INERTIA_SLACK = 1e-3

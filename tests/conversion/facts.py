@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from hybridyn.conversion.home import home_of, poses_at
+from hybridyn.conversion.home import home_of
 from hybridyn.description import Closure, Description
 from hybridyn.description.placement import inverse, turned
+from hybridyn.description.poses import poses_at
 
 #: A pose passes through angles, quaternions and degrees once.
 SAME = 1e-12

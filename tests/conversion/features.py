@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from hybridyn.conversion.home import poses_at
 from hybridyn.description import Closure, Coupling, Description, Joint, Link
 from hybridyn.description.placement import inverse, placement_from, turned
+from hybridyn.description.poses import poses_at
 from hybridyn.description.records import JointKind, Load
 from tests.sketch import CLOSURES
 

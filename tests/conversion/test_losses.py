@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.conversion.losses import Losses
+from hybridyn.conversion.request import Losses
 from hybridyn.conversion.sdf.posture import counted_from_home
 from tests.conversion.facts import SAME, SINGLE, changed
 from tests.conversion.features import FEATURES

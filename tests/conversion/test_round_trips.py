@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.conversion.losses import Losses
+from hybridyn.conversion.request import Losses
 from hybridyn.conversion.sdf.posture import counted_from_home
 from hybridyn.description import Description
 from hybridyn.description.robot_file import ZERO

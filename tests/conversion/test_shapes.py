@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybridyn import convert
-from hybridyn.conversion.losses import Losses
+from hybridyn.conversion.request import Losses
 from hybridyn.conversion.shapes import read_shapes
 from hybridyn.description import read
 from tests.extras import needs

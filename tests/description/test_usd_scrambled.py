@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.conversion.home import poses_at
-from hybridyn.conversion.losses import Losses
-from hybridyn.conversion.naming import allowed
+from hybridyn.conversion.request import Losses, allowed
 from hybridyn.conversion.usd.bodies import add_body
 from hybridyn.conversion.usd.closures import add_closure
 from hybridyn.conversion.usd.joints import add_ends, axis_of
@@ -21,6 +19,7 @@ from hybridyn.conversion.usd.prims import Prim
 from hybridyn.conversion.usd.usd import valid_name
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, rotation_from_rpy
+from hybridyn.description.poses import poses_at
 from tests.conversion.judge import SINGLE, same_robot, states
 from tests.extras import needs
 from tests.files import save

@@ -17,11 +17,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ...description.placement import inverse
+from ...description.poses import motion_of
 from ...description.records import Array, Description, Joint, JointKind
 from ...description.robot_file import ZERO
-from ..home import home_of, motion_of
-from ..losses import Losses
+from ..home import home_of
 from ..numerals import numeral, numerals, quaternion_of
+from ..request import Losses
 from .followers import FOLLOWER, Follower
 from .inertias import Inertias, add_inertial
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from ...description.names import listed
+from ...description.poses import outwards
 from ...description.records import Description
-from ...description.zero_posture import outwards
 from ...errors import ModelError
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...description.placement import placement_from, turned
 from ...description.records import Array, Closure
-from ..losses import Losses
+from ..request import Losses
 from .bodies import Tree, pose
 from .followers import FOLLOWER, Follower
 

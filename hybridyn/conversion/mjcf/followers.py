@@ -13,10 +13,10 @@ import numpy as np
 
 from ...description.closure_forms import SIDEWAYS
 from ...description.placement import inverse, placement_from
+from ...description.poses import turn_about
 from ...description.records import Array, Closure, Link
-from ..home import turn_about
-from ..losses import Losses
 from ..numerals import quaternion_of
+from ..request import Losses
 from .inertias import Inertias
 
 Z = np.array([0.0, 0.0, 1.0])

@@ -8,8 +8,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ...description.records import Description, Joint
-from ..losses import Losses, add_limits
 from ..numerals import numeral, numerals
+from ..request import Losses, add_limits
 from .bodies import PARTS, Tree
 
 #: Effects that stand in the file itself; the others go to model.toml.

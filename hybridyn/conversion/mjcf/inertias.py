@@ -8,8 +8,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ...description.records import Array, Description, Link
-from ..losses import Losses
 from ..numerals import numeral, numerals, principal, quaternion_of
+from ..request import Losses
 
 #: Mass and inertia of a moving link without any, relative to those of the lightest link. Smaller ones would
 #: change the robot less, but make its closures softer.

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from xml.etree import ElementTree as ET
 
+from ...description.poses import poses_at
 from ...description.records import Description
+from ...description.side_cars.model_text import model_file
 from ...description.weightless import Bodies
-from ..home import poses_at
-from ..losses import Losses
-from ..model_file import model_file
 from ..numerals import numeral, numerals
-from ..request import USUAL_GRAVITY, Request, Written
+from ..request import USUAL_GRAVITY, Losses, Request, Written
 from .bodies import Builder, Tree
 from .checks import check_depth, check_names
 from .closures import add_closures, needs_follower

@@ -7,9 +7,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from ...description.urdf.shapes import Shape
-from ..losses import Losses
 from ..numerals import numerals
-from ..request import Request
+from ..request import Losses, Request
 from .bodies import Tree, pose
 
 #: Endings of the meshes that MuJoCo reads.

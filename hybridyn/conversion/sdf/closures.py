@@ -14,7 +14,7 @@ import numpy as np
 from ...description.placement import inverse, placement_from, turned
 from ...description.records import Array, Closure, RotationKind
 from ...linkage.closures import residual_of
-from ..losses import Losses
+from ..request import Losses
 from .joints import add_axis, add_massless, add_pose, start_joint
 
 #: World poses of links by name, shapes (4, 4), in the posture of the file.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 from ...description.records import Coupling, Description
-from ..losses import Losses, add_name
+from ..request import Losses, add_name
 from .joints import add_number
 
 

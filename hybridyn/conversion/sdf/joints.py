@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ...description.records import Array, Joint
-from ..losses import Losses, add_limits
 from ..numerals import angles_of, numeral, numerals
+from ..request import Losses, add_limits
 
 #: Types of joints in SDF.
 TYPES = {

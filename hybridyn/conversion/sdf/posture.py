@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ...description.poses import angle_of, motion_of
 from ...description.records import Coupling, Description
-from ..home import angle_of, motion_of
-from ..losses import Losses
+from ..request import Losses
 
 
 def counted_from_home(d: Description, losses: Losses) -> Description:

@@ -6,14 +6,13 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 from ...description.names import listed
+from ...description.poses import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint, Link
+from ...description.side_cars.model_text import model_file
 from ...description.urdf.shapes import Shape
-from ..home import free_pose, home_of, poses_at
-from ..losses import Losses
-from ..model_file import model_file
-from ..naming import allowed
+from ..home import home_of
 from ..numerals import numeral, numerals
-from ..request import Request, Written
+from ..request import Losses, Request, Written, allowed
 from .closures import add_closure
 from .couplings import add_couplings
 from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint

@@ -9,9 +9,8 @@ import numpy as np
 from ...description.closure_forms import FORMS
 from ...description.placement import turned
 from ...description.records import Array, Closure
-from ..closure_rows import rows_of
-from ..losses import Losses
 from ..numerals import angles_of, numerals
+from ..request import Losses, rows_of
 
 
 def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:

@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 
 from ...description.records import Coupling, Description, Joint
 from ...description.urdf.loops import path_to_root
-from ..losses import Losses, add_name
 from ..numerals import numeral
+from ..request import Losses, add_name
 
 
 def add_couplings(

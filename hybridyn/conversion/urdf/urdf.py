@@ -12,11 +12,10 @@ import numpy as np
 
 from ...description.records import Array, Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
+from ...description.side_cars.model_text import model_file
 from ...description.urdf.urdf import UNLIMITED
-from ..losses import LIMITS, Losses, add_limits
-from ..model_file import model_file
 from ..numerals import angles_of, numeral, numerals
-from ..request import USUAL_GRAVITY, Request, Written
+from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits
 from .closures import add_closure
 from .couplings import add_couplings
 from .visuals import add_visual

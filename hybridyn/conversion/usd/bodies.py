@@ -6,8 +6,8 @@ import numpy as np
 
 from ...description.records import Array, Link
 from ...description.urdf.shapes import Shape
-from ..losses import Losses
 from ..numerals import numeral, principal, quaternion_of
+from ..request import Losses
 from .prims import Prim
 
 

@@ -12,8 +12,7 @@ from ...description.closure_forms import ROWS
 from ...description.placement import placement_from, turned
 from ...description.records import Array, Closure, Link
 from ...description.usd.joints import AXES
-from ..closure_rows import rows_of
-from ..losses import Losses
+from ..request import Losses, rows_of
 from .bodies import add_body
 from .joints import add_ends, lock
 from .prims import Prim

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...description.placement import rotation_to_axis
+from ...description.poses import angle_of
 from ...description.records import Array, Joint
 from ...description.usd.driving import DEGREES
 from ...description.usd.joints import AXES
-from ..home import angle_of
-from ..losses import Losses
 from ..numerals import quaternion_of
+from ..request import Losses
 from .prims import Prim
 
 #: Types of prims by kind of joint.

@@ -10,15 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...description.poses import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
+from ...description.side_cars.model_text import model_file
 from ...description.usd.driving import DEGREES
-from ..home import free_pose, poses_at
-from ..losses import Losses, add_limits
 from ..mjcf.inertias import POINT_INERTIA, inertias_of
-from ..model_file import model_file
-from ..naming import allowed
-from ..request import USUAL_GRAVITY, Request, Written
+from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed
 from .bodies import add_body, add_shape
 from .closures import add_closure
 from .joints import add_ends, add_joint, axis_of

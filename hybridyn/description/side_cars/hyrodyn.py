@@ -26,9 +26,9 @@ import numpy as np
 from ..closure_forms import ROWS, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import turned
+from ..poses import poses_at_zero, relative
 from ..records import Closure
 from ..robot_file import MotorStatement, RobotFile
-from ..zero_posture import poses_at_zero, relative
 from .yaml_file import Place, YamlFile
 
 #: Rows by the position in HyRoDyn's spatial vectors: rotations first.

@@ -11,9 +11,9 @@ import numpy as np
 from ..closure_forms import FORMS, LARGEST_COSINE
 from ..names import did_you_mean, listed
 from ..placement import placement_from, rotation_from_rpy, rotation_to_axis, turned
+from ..poses import poses_at_zero, relative
 from ..records import Array, Closure
 from ..robot_file import RobotFile
-from ..zero_posture import poses_at_zero, relative
 from .placement import SMALLEST_AXIS
 from .xml_node import Node
 

@@ -9,9 +9,9 @@ from os import PathLike
 
 import numpy as np
 
+from ...description.poses import poses_at_zero
 from ...description.records import Description, Joint, Link
 from ...description.urdf.xml_node import Node
-from ...description.zero_posture import poses_at_zero
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .finding import Finding
