@@ -40,7 +40,7 @@ sys.exit(main(sys.argv[1:]))
     ("command", "file"),
     [
         ("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("effects", "share.svg"),
-        pytest.param("export", "five_bar.h", marks=pytest.mark.slow),
+        pytest.param("convert", "five_bar.h", marks=pytest.mark.slow),
         pytest.param("cost", "points.csv", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
@@ -52,7 +52,7 @@ def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: P
     if file.endswith("parquet"):
         needs("io")
     option = "--plot" if file.endswith("svg") else "-o"
-    target = "." if command == "export" else file
+    target = "." if command == "convert" else file
     words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, target]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
@@ -63,7 +63,7 @@ def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: P
     assert [*tmp_path.iterdir()] == []
 
 
-OWN = {"effects": ["five_bar/traj.csv"]}
+OWN = {"effects": ["five_bar/traj.csv"], "convert": ["--c"]}
 
 
 def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:

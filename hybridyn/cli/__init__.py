@@ -24,12 +24,16 @@ from ..threads import start_none
 
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
-    "idm", "ddm", "simulate", "effects", "cost", "export", "convert", "plot", "view", "info", "check",
+    "idm", "ddm", "simulate", "effects", "cost", "convert", "plot", "view", "info", "check",
     "home", "compare", "workspace", "size", "sweep", "map",
 )  # fmt: skip
 
 #: What stands in the place of commands that were.
-INSTEAD = {"robots": "hybridyn --robots", "completion": "hybridyn --completion"}
+INSTEAD = {
+    "robots": "hybridyn --robots",
+    "completion": "hybridyn --completion",
+    "export": "hybridyn convert ROBOT --c -o FOLDER",
+}
 
 #: Options that replace the library's arguments in its advice.
 OPTIONS = {

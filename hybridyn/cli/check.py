@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotChoice, RobotCommand, takes_robot
+from .common.options import RobotChoice, RobotCommand
 from .common.text import counted
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
 
 
 @click.command("check", cls=RobotCommand, short_help="Find mistakes in a model, and how to correct them.")
-@takes_robot
 @click.option("--json", "as_json", is_flag=True, help="Print JSON on standard output.")
 @click.option(
     "--fail-on",

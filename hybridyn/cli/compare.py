@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.files import complete_data, existing_file
-from .common.options import RobotChoice, RobotCommand, takes_robot
+from .common.options import RobotChoice, RobotCommand
 
 if TYPE_CHECKING:
     from ..studies.compare.compare import Comparison
@@ -35,7 +35,6 @@ def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[st
 @click.command(
     "compare", cls=RobotCommand, short_help="Compare how other engines simulate a robot and its loops."
 )
-@takes_robot
 @click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
 @click.option(
     "--with",

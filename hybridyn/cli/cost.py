@@ -16,7 +16,7 @@ import click
 from ..studies.cost.points import ADVISED, SECONDS, Study, advice, cheapest, error_words, front
 from .common.figures import figure_file, save
 from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
-from .common.options import RobotChoice, RobotCommand, takes_robot_of
+from .common.options import RobotChoice, RobotCommand
 from .common.report import report_file, write_report
 from .common.text import aligned_rows
 
@@ -45,9 +45,11 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
-@click.command("cost", cls=RobotCommand, short_help="Measure what accuracy costs in time, for your robot.")
-@takes_robot_of(
-    click.argument("robot", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
+@click.command(
+    "cost",
+    cls=RobotCommand,
+    robot=click.Argument(["robot"], callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot),
+    short_help="Measure what accuracy costs in time, for your robot.",
 )
 @click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
 @click.option(

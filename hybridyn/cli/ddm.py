@@ -10,7 +10,7 @@ import click
 
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
-from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.options import RobotCommand, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 @click.command(
     "ddm", cls=RobotCommand, short_help="Compute accelerations from efforts (direct dynamic model)."
 )
-@takes_robot
 @takes_table("STATES", plot="the motors' accelerations, grouped by module")
 @takes_effects("default")
 @takes_engine("rows")

@@ -11,7 +11,7 @@ import click
 
 from .common.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
-from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.options import RobotCommand, takes_effects
 from .common.report import report_file, write_report
 from .common.summary import by_rows, effects_line
 from .common.tables import takes_source
@@ -41,7 +41,6 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.command(
     "effects", cls=RobotCommand, short_help="Compute what each physical effect adds to the efforts."
 )
-@takes_robot
 @takes_source("TRAJECTORY", own=True)
 @click.option("-o", "--output", metavar="FILE", callback=report_file, help="All numbers, .csv or .json")
 @takes_effects("model")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotCommand, takes_robot
+from .common.options import RobotCommand
 from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ..
 
 
 @click.command("home", cls=RobotCommand, short_help="Find closed home postures; write one to model.toml.")
-@takes_robot
 @click.option(
     "--at",
     metavar="NAME=NUMBER",

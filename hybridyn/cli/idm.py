@@ -10,7 +10,7 @@ import click
 
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
-from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.options import RobotCommand, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
 
@@ -35,7 +35,6 @@ takes_passive = click.option(
 @click.command(
     "idm", cls=RobotCommand, short_help="Compute motor efforts for a motion (inverse dynamic model)."
 )
-@takes_robot
 @takes_table("TRAJECTORY", own=True, plot="the efforts, motors grouped by module")
 @takes_passive
 @click.option(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.figures import drawing_file, save_structure
-from .common.options import RobotCommand, takes_robot
+from .common.options import RobotCommand
 from .common.text import counted
 
 if TYPE_CHECKING:
@@ -44,7 +44,6 @@ REMARKS = {
     metavar="STARTS",
     help="Also search the postures of each module from this many random starts, with its motors at home.",
 )
-@takes_robot
 @click.option(
     "--graph",
     metavar="FILE",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.files import check_targets, complete_data, existing_file, result_file
-from .common.options import RobotCommand, split_names, takes_robot
+from .common.options import RobotCommand, split_names
 from .common.text import counted
 
 if TYPE_CHECKING:
@@ -49,7 +49,6 @@ def _grid(
 @click.command(
     "map", cls=RobotCommand, short_help="Map output joints to motors: a parallel ankle's pitch and roll."
 )
-@takes_robot
 @click.argument(
     "source", metavar="[TRAJECTORY]", required=False, callback=existing_file, shell_complete=complete_data
 )

@@ -8,10 +8,15 @@ import click
 
 from .common.figures import chart_file, save_chart
 from .common.files import complete_robot, existing_file, robot_file
-from .common.options import RobotCommand, takes_packages, takes_xacro_arguments
+from .common.options import PACKAGES, XACRO, Command
 
 
-@click.command("plot", cls=RobotCommand, short_help="Draw a table: motors, efforts, energies over time.")
+@click.command(
+    "plot",
+    cls=Command,
+    params=[XACRO, PACKAGES],
+    short_help="Draw a table: motors, efforts, energies over time.",
+)
 @click.argument("table", callback=existing_file)
 @click.option(
     "-o",
@@ -28,8 +33,6 @@ from .common.options import RobotCommand, takes_packages, takes_xacro_arguments
     shell_complete=complete_robot,
     help="The table's robot, a file or a shipped robot: joints with the same unit share an axis.",
 )
-@takes_xacro_arguments
-@takes_packages
 def command(
     table: str, output: str, robot: str | None, xacro_args: dict[str, str], package_dirs: tuple[str, ...]
 ) -> None:

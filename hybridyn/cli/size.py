@@ -14,7 +14,7 @@ import click
 from .common.batch import takes_many
 from .common.engine import choose_engine, takes_engine, worth_of
 from .common.figures import save_sizing, takes_plot
-from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.options import RobotCommand, takes_effects
 from .common.report import report_file, write_report
 from .common.summary import by_rows, effects_line, fitted_rates
 from .common.tables import Plan, Tables, run, takes_jobs, takes_source
@@ -36,7 +36,6 @@ EXCEEDED = 1
 
 
 @click.command("size", cls=RobotCommand, short_help="Compute what a motion requires of each motor.")
-@takes_robot
 @takes_source("TRAJECTORY", own=True, many=True)
 @click.option(
     "-o", "--output", metavar="FILE", help="All numbers, .csv or .json; of several tables, a folder"

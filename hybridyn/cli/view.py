@@ -11,7 +11,7 @@ import click
 
 from ..errors import install_advice
 from .common.files import ends_in, existing_file
-from .common.options import RobotChoice, RobotCommand, takes_effects, takes_robot
+from .common.options import RobotChoice, RobotCommand, takes_effects
 from .common.progress import Progress
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
 @click.command(
     "view", cls=RobotCommand, short_help="Show a robot in 3-D: drag motors, play motions; PNG, MP4."
 )
-@takes_robot
 @click.argument("motion", required=False, callback=existing_file)
 @click.option("--png", metavar="FILE", callback=ends_in(".png"), help="Write a picture instead.")
 @click.option(

@@ -14,7 +14,7 @@ from ..streams.memory import keep_freed_memory
 from ..streams.workers import Failure, Workers
 from .common.figures import save, takes_plot
 from .common.files import result_file
-from .common.options import RobotChoice, RobotCommand, takes_robot
+from .common.options import RobotChoice, RobotCommand
 from .common.progress import Progress
 from .common.text import aligned_rows, counted
 
@@ -44,7 +44,6 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
 @click.command(
     "workspace", cls=RobotCommand, short_help="Find the poses that a module reaches, and their efforts."
 )
-@takes_robot
 @click.option(
     "-m",
     "--module",

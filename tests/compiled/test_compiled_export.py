@@ -249,13 +249,13 @@ def test_operations_are_counted_by_part_and_copies() -> None:
 
 
 def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", "five_bar", "-o", str(tmp_path / "made")]) == 0
+    assert main(["convert", "five_bar", "--c", "-o", str(tmp_path / "made")]) == 0
     out, err = capsys.readouterr()
     assert out == ""
     assert "README.md" in err
-    assert main(["export", "five_bar", "-o", str(tmp_path / "single"), "--float32"]) == 0
+    assert main(["convert", "five_bar", "--c", "-o", str(tmp_path / "single"), "--float32"]) == 0
     assert "float numbers[" in (tmp_path / "single" / "five_bar.h").read_text()
-    assert main(["export", "five_bar"]) == 2
+    assert main(["convert", "five_bar", "--c"]) == 2
     assert "'-o'" in capsys.readouterr().err
 
 
@@ -276,7 +276,17 @@ def test_a_root_link_may_be_called_world(tmp_path: Path) -> None:
 def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     """The C at another design, called through ctypes, gives the numbers of that robot."""
     robot, names = hybridyn.load("five_bar"), ["mass:m1_tool", "position:m1_left_elbow"]
-    command = ["export", "five_bar", "-o", str(tmp_path), "--name", "bar", "--parameters", ",".join(names)]
+    command = [
+        "convert",
+        "five_bar",
+        "--c",
+        "-o",
+        str(tmp_path),
+        "--name",
+        "bar",
+        "--parameters",
+        ",".join(names),
+    ]
     assert main([*command]) == 0
     header = (tmp_path / "bar.h").read_text()
     assert "0  mass of 'm1_tool' (0.4)" in header

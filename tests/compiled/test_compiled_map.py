@@ -214,7 +214,17 @@ def test_the_exported_test_judges_the_map(tmp_path: Path, robot: str) -> None:
 def test_the_command_line_exports_the_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "ankle.urdf"
     file.write_text(ankle_text())
-    words = ["export", file, "--motors", ",".join(MOTORS), "--map", ",".join(JOINTS), "-o", tmp_path / "made"]
+    words = [
+        "convert",
+        file,
+        "--c",
+        "--motors",
+        ",".join(MOTORS),
+        "--map",
+        ",".join(JOINTS),
+        "-o",
+        tmp_path / "made",
+    ]
     assert call(capsys, *words).status == 0
     header = (tmp_path / "made" / "ankle.h").read_text()
     assert "joint_position, joint_rate, joint_effort\n     0  pitch\n     1  roll" in header

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import re
 from collections.abc import Callable
@@ -17,19 +16,10 @@ if TYPE_CHECKING:
     from ...structure.robot import Base, HybridRobot
 
 XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
-
-
-class RobotCommand(click.Command):
-    """A command that also accepts xacro arguments as bare words `name:=value`, anywhere in its line."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put `--xacro` before each bare `name:=value`, then parse as usual."""
-        words: list[str] = []
-        for word in args:
-            if XACRO_WORD.fullmatch(word) and words[-1:] != ["--xacro"]:
-                words.append("--xacro")
-            words.append(word)
-        return super().parse_args(ctx, words)
+#: Letters of an option's name and value, beyond which a help explains it in the next line.
+MOST_LETTERS = 30
+#: Largest closure residual that counts as closed, of the module's size: that of `hybridyn.load`.
+CLOSED = 1e-4
 
 
 def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
@@ -77,9 +67,8 @@ def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tup
     for name in names:
         if name not in (*UNITS, *WORDS):
             hint = did_you_mean(name, (*WORDS, *UNITS))
-            raise click.BadParameter(
-                f"there is no effect '{name}'{hint}; see 'hybridyn effects --help'", ctx, param
-            )
+            known = ", ".join((*UNITS, *WORDS))
+            raise click.BadParameter(f"there is no effect '{name}'{hint}; known: {known}", ctx, param)
     return names
 
 
@@ -95,29 +84,83 @@ def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., 
         callback=_effect_names,
         default=default,
         show_default=True,
-        help="The effects that are computed: 'default' (gravity, inertia, leg_inertia, velocity), 'model' "
-        "(those and all that the robot's files state), 'none', or names of effects, also together with "
-        "these words.",
+        help="Effects that are computed: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (and "
+        "all that the robot's files state), 'none', or names (docs/effects.md).",
     )
 
 
-#: Adds `--xacro` to a command, which receives `xacro_args`: the arguments by name.
-takes_xacro_arguments = click.option(
-    "--xacro",
-    "xacro_args",
+class Shared(click.Option):
+    """An option that many commands have: a help shows it last, without its range."""
+
+    def get_help_extra(self, ctx: click.Context) -> Any:
+        """Return what the help says beside the text."""
+        extra = super().get_help_extra(ctx)
+        extra.pop("range", None)
+        return extra
+
+
+class Command(click.Command):
+    """A command whose help shows the shared options last."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the command's own options, then the shared ones."""
+        options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
+        for title, shared in (("Options", False), ("Options of the robot", True)):
+            ours = (one.get_help_record(ctx) for one in options if isinstance(one, Shared) == shared)
+            if records := [*filter(None, ours)]:
+                with formatter.section(title):
+                    formatter.write_dl(records, col_max=MOST_LETTERS)
+
+
+#: `--xacro`; the command receives `xacro_args`: the arguments by name.
+XACRO = Shared(
+    ["--xacro", "xacro_args"],
     metavar="NAME:=VALUE",
     callback=_xacro_arguments,
     multiple=True,
-    help="Argument of a xacro file; NAME:=VALUE without --xacro does the same.",
+    help="Argument of a xacro file; also without --xacro.",
 )
-#: Adds `--package-dir` to a command, which receives `package_dirs`.
-takes_packages = click.option(
-    "--package-dir",
-    "package_dirs",
+#: `--package-dir`; the command receives `package_dirs`.
+PACKAGES = Shared(
+    ["--package-dir", "package_dirs"],
     type=click.Path(exists=True, file_okay=False),
+    metavar="FOLDER",
     multiple=True,
-    help="Folder with packages for $(find ...) in xacro files, and with files that MJCF, SDF and USD name.",
+    help="Folder of packages, and of files that robots name.",
 )
+#: The options with which commands load a robot: the fields of `RobotChoice`.
+ROBOT_OPTIONS = (
+    Shared(
+        ["--base"],
+        type=click.Choice(["fixed", "moving", "floating"]),
+        help="Motion of the root link.  [default: as the file states, else fixed]",
+    ),
+    Shared(
+        ["--motors"], metavar="A,B,...", callback=split_names,
+        help="Driven joints, instead of those in the files.",
+    ),
+    Shared(
+        ["--gravity"], metavar="X,Y,Z", callback=_vector,
+        help="Gravity [m/s^2].  [default: as the file states, else 0,0,-9.81]",
+    ),
+    XACRO,
+    PACKAGES,
+    Shared(
+        ["--rank-tolerance"],
+        type=click.FloatRange(0, 1, min_open=True, max_open=True),
+        metavar="NUMBER",
+        help="Least relative singular value that counts in a rank.",
+    ),
+    Shared(
+        ["--closure-tolerance"],
+        type=click.FloatRange(0, 1, min_open=True),
+        metavar="NUMBER",
+        default=CLOSED,
+        show_default=True,
+        help="Largest residual of closed loops, of a module's size.",
+    ),
+    Shared(["--strict"], is_flag=True, help="Refuse a robot of which something was read past."),
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +186,7 @@ class RobotChoice:
     xacro_args: dict[str, str] = dataclasses.field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
     rank_tolerance: float | None = None
-    closure_tolerance: float = 1e-4
+    closure_tolerance: float = CLOSED
     strict: bool = False
 
     def __call__(self) -> HybridRobot:
@@ -154,74 +197,37 @@ class RobotChoice:
         return hybridyn.load(words.pop("robot"), **words)
 
 
-_OPTIONS = (
-    click.option(
-        "--base",
-        type=click.Choice(["fixed", "moving", "floating"]),
-        help="Motion of the root link: at rest, prescribed by the table, or free.  [default: as the file "
-        "states, else fixed]",
-    ),
-    click.option(
-        "--motors",
-        metavar="A,B,...",
-        callback=split_names,
-        help="Driven joints, instead of those in the files.",
-    ),
-    click.option(
-        "--gravity",
-        metavar="X,Y,Z",
-        callback=_vector,
-        help="Acceleration of gravity in the world [m/s^2].  [default: as the file states, else 0,0,-9.81]",
-    ),
-    takes_xacro_arguments,
-    takes_packages,
-    click.option(
-        "--rank-tolerance",
-        type=click.FloatRange(0, 1, min_open=True, max_open=True),
-        help="Relative singular value below which closure rows count as dependent.  [default: determined at "
-        "generic postures]",
-    ),
-    click.option(
-        "--closure-tolerance",
-        type=click.FloatRange(0, 1, min_open=True),
-        default=RobotChoice.closure_tolerance,
-        show_default=True,
-        help="Largest closure residual that counts as closed, relative to a module's size.",
-    ),
-    click.option(
-        "--strict",
-        is_flag=True,
-        help="Refuse a robot of which something was read past, or whose files seem to lack loops.",
-    ),
-)
+class RobotCommand(Command):
+    """A command about a robot: its first argument, and the options with which the robot is loaded.
 
-
-def takes_robot_of(
-    argument: Callable[[Callable[..., Any]], Callable[..., Any]],
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return a decorator that adds the options of a robot to a command.
-
-    The command receives `load`, a `RobotChoice`: a function that loads the robot.
-
-    Args:
-        argument: The argument that names the robot, called `robot`.
+    It accepts xacro arguments also as bare words `name:=value`, anywhere in its line. Its function receives
+    `load`, a `RobotChoice`: a function that loads the robot.
     """
 
-    def add(function: Callable[..., Any]) -> Callable[..., Any]:
-        """Add the options to the body of a command."""
+    def __init__(
+        self, *words: Any, params: list[click.Parameter], robot: click.Parameter | None = None, **more: Any
+    ) -> None:
+        """Add the robot and its options.
 
-        @functools.wraps(function)
-        def body(**words: Any) -> Any:
-            """Collect the robot's options in a `RobotChoice`, and call the function with it."""
-            own = {field.name: words.pop(field.name) for field in dataclasses.fields(RobotChoice)}
-            return function(load=RobotChoice(**own), **words)
+        Args:
+            words: As for `click.Command`, like `more`.
+            params: The command's own options.
+            robot: The parameter `robot`, where it is not an argument that names one.
+        """
+        robot = robot or click.Argument(["robot"], callback=robot_file, shell_complete=complete_robot)
+        super().__init__(*words, params=[robot, *params, *ROBOT_OPTIONS], **more)
 
-        for option in reversed((argument, *_OPTIONS)):
-            body = option(body)
-        return body
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put `--xacro` before each bare `name:=value`, then parse as usual."""
+        words: list[str] = []
+        for word in args:
+            if XACRO_WORD.fullmatch(word) and words[-1:] != ["--xacro"]:
+                words.append("--xacro")
+            words.append(word)
+        return super().parse_args(ctx, words)
 
-    return add
-
-
-#: Adds the argument ROBOT and its options to a command.
-takes_robot = takes_robot_of(click.argument("robot", callback=robot_file, shell_complete=complete_robot))
+    def invoke(self, ctx: click.Context) -> Any:
+        """Collect the robot's options, and call the function."""
+        own = {field.name: ctx.params.pop(field.name) for field in dataclasses.fields(RobotChoice)}
+        ctx.params["load"] = RobotChoice(**own)
+        return super().invoke(ctx)
