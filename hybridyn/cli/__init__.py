@@ -24,7 +24,7 @@ from ..threads import start_none
 
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
-    "idm", "ddm", "simulate", "effects", "cost", "convert", "plot", "view", "info", "check",
+    "idm", "ddm", "simulate", "effects", "cost", "convert", "plot", "view", "info",
     "home", "compare", "workspace", "size", "sweep", "map",
 )  # fmt: skip
 
@@ -32,6 +32,7 @@ COMMANDS = (
 INSTEAD = {
     "robots": "hybridyn --robots",
     "completion": "hybridyn --completion",
+    "check": "hybridyn info ROBOT --fail-on error",
     "export": "hybridyn convert ROBOT --c -o FOLDER",
 }
 

@@ -1,82 +1,146 @@
-"""`hybridyn info`: show the tree of modules, and what looks wrong."""
+"""`hybridyn info`: show the tree of modules, and what looks wrong in the files."""
 
 from __future__ import annotations
 
-import shutil
-import sys
-import textwrap
+import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from .common.figures import drawing_file, save_structure
-from .common.options import RobotCommand
-from .common.text import counted
+from .common.options import RobotChoice, RobotCommand
+from .common.text import counted, terminal_width, wrapped
 
 if TYPE_CHECKING:
-    from ..structure.module import Module
     from ..structure.robot import HybridRobot
+    from ..studies.check.check import Finding
 
-#: Limits of the width of text [characters]: terminals may be tiny, and wide text is hard to read.
-NARROWEST, WIDEST = 40, 110
-#: Width of a label such as "closures  " [characters].
-LABEL = 10
-#: A space at which lines are not broken.
-NO_BREAK = "\u00a0"
-#: Relative singular values above this that do not count in the rank show missing digits in the file.
-MISSING_DIGITS = 1e-12
-REMARKS = {
-    "passive": " has no motor",
-    "idle": " has no motor and moves no output and no centre of mass",
-    "massless": " has no inertia",
-}
+#: Exit status where a finding has the severity of --fail-on.
+FOUND = 1
+SEVERITIES = ("error", "warning", "note")
+COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
+#: Number of findings of one code that are printed; the rest are counted.
+PRINTED = 12
+
+
+def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> frozenset[str]:
+    """Split codes at commas, and check that they are known."""
+    from ..description.names import did_you_mean
+    from ..studies.check.check import CODES
+
+    names = [name.strip() for name in (value or "").split(",") if name.strip()]
+    for name in names:
+        if name not in CODES:
+            raise click.BadParameter(f"there is no finding '{name}'{did_you_mean(name, CODES)}", ctx, param)
+    return frozenset(names)
 
 
 @click.command(
-    "info", cls=RobotCommand, short_help="Show modules, legs, closures, motors, and what looks wrong."
+    "info", cls=RobotCommand, short_help="Show modules, closures, motors, and mistakes and how to mend them."
 )
+@click.option(
+    "--fail-on",
+    type=click.Choice([*SEVERITIES, "never"]),
+    default="never",
+    show_default=True,
+    help="Exit with status 1 if there is a finding of this severity or above.",
+)
+@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Codes of findings to leave out.")
+@click.option("--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code.")
+@click.option("--no-meshes", is_flag=True, help="Do not search or load mesh files.")
+@click.option("--json", "as_json", is_flag=True, help="Print the findings alone, as JSON.")
 @click.option(
     "--assemblies",
     "starts",
     type=click.IntRange(1),
     metavar="STARTS",
-    help="Also search the postures of each module from this many random starts, with its motors at home.",
+    help="Search the postures of each module from this many random starts, with its motors at home.",
 )
 @click.option(
-    "--graph",
+    "--plot",
     metavar="FILE",
     callback=drawing_file,
-    help="Also draw the tree of modules: .svg, .png, .pdf, or .dot for Graphviz",
+    help="Draw the tree of modules: .svg, .png, .pdf, or .dot for Graphviz.",
 )
-def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | None) -> None:
-    """Show ROBOT (URDF, MJCF, SDF, USD) as the tree of its modules.
+def command(
+    load: RobotChoice,
+    fail_on: str,
+    ignore: frozenset[str],
+    everything: bool,
+    no_meshes: bool,
+    as_json: bool,
+    starts: int | None,
+    plot: str | None,
+) -> int:
+    """Show ROBOT (URDF, MJCF, SDF, USD) as the tree of its modules, and what looks wrong in its files.
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
     type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
-    posture. Equal modules are described once. The last lines list what looks wrong.
-    """
-    from ..studies.check.loops import home_residuals
-    from ..studies.check.remarks import findings
-    from ..studies.home import branch
+    posture. Equal modules are described once.
 
-    robot = load()
-    if graph:
-        save_structure(robot, graph)
-    width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
-    for line in (*_head(robot), *branch(robot)):
-        click.echo("\n".join(textwrap.wrap(line, width, subsequent_indent="    ")))
+    Findings follow: each has a code, a severity, the element with its line, why it matters and how to correct
+    it. An error means that results are wrong or cannot be computed; a warning that they probably are; a note
+    informs. docs/check.md lists all codes.
+    """
+    from ..errors import HybridynError
+    from ..studies.check.check import findings, is_readable
+
+    robot, problem = None, None
+    try:
+        robot = load()
+    except HybridynError as error:
+        problem = error
+    found = findings(
+        load.robot,
+        robot,
+        motors=load.motors,
+        xacro_args=load.xacro_args or None,
+        package_dirs=load.package_dirs,
+        rank_tolerance=load.rank_tolerance,
+        closure_tolerance=load.closure_tolerance,
+        meshes=not no_meshes,
+    )
+    if problem is not None and not as_json and (load.strict or not is_readable(found)):
+        raise problem
+    found = [finding for finding in found if finding.code not in ignore]
+    if as_json:
+        facts = [asdict(one) | {"element": one.element or None, "severity": one.severity} for one in found]
+        click.echo(json.dumps(facts, indent=2))
+    else:
+        if robot is not None:
+            _show(robot, found, starts)
+        for line in _lines(found, terminal_width(), everything):
+            click.echo(line)
+        click.echo(_tally(load.robot, found))
+    if problem is not None:
+        raise problem
+    if plot and robot is not None:
+        save_structure(robot, plot)
+    failing = SEVERITIES[: SEVERITIES.index(fail_on) + 1] if fail_on != "never" else ()
+    return FOUND if any(finding.severity in failing for finding in found) else 0
+
+
+def _show(robot: HybridRobot, found: list[Finding], starts: int | None) -> None:
+    """Print the tree of modules."""
+    from ..studies.check.loops import home_residuals
+    from ..studies.home import branch
+    from .common.tree import Tree, head
+
+    width = terminal_width()
+    singular = {
+        finding.element.partition("'")[2][:-1] for finding in found if finding.code.startswith("singular")
+    }
+    for line in (*head(robot), *branch(robot)):
+        click.echo("\n".join(wrapped(line, width, "")))
     click.echo()
-    for line in _Tree(robot, home_residuals(robot), width).lines():
+    for line in Tree(robot, home_residuals(robot), singular, width).lines():
         click.echo(line)
     for line in _assemblies(robot, starts) if starts else ():
-        click.echo("\n".join(textwrap.wrap(line, width, subsequent_indent="    ")))
-    click.echo("\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor")
-    found = findings(robot)
-    click.echo("nothing looks wrong" if not found else "to look at:")
-    for text in found:
-        click.echo("\n".join(textwrap.wrap(text, width, initial_indent="  - ", subsequent_indent="    ")))
+        click.echo("\n".join(wrapped(line, width, "")))
+    click.echo("\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor\n")
 
 
 def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
@@ -99,161 +163,29 @@ def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
             yield f"  {error}"
 
 
-def _head(robot: HybridRobot) -> Iterator[str]:
-    description = robot.description
-    yield f"{robot.name} ({description.source})"
-    free = counted(robot.mobility, "freedom")
-    base = {"fixed": "fixed", "moving": "moving (prescribed)", "floating": "floating"}[robot.base]
-    yield f"base '{description.root}' {base}; {counted(len(robot.modules), 'module')}; {free}"
-    joints = sum(joint.kind != "fixed" for joint in description.joints)
-    motors = counted(len(robot.motors), "motor")
-    yield f"{counted(joints, 'movable joint')} (nq {robot.nq}, nv {robot.nv}), {motors}"
-    rule = f" (from {description.motors_from})" if description.motors_from else ""
-    yield f"motors{rule}: {', '.join(robot.motors) or 'none'}"
+def _lines(found: list[Finding], width: int, everything: bool) -> Iterator[str]:
+    """Yield the findings as lines of text, grouped by code."""
+    groups: dict[str, list[Finding]] = {}
+    for finding in found:
+        groups.setdefault(finding.code, []).append(finding)
+    for code, group in groups.items():
+        shown = group if everything else group[:PRINTED]
+        for number, finding in enumerate(shown):
+            place = f"{finding.place}: " if finding.place else ""
+            subject = f"{finding.element}: " if finding.element else ""
+            severity = click.style(finding.severity, fg=COLOURS[finding.severity], bold=True)
+            yield f"{place}{severity} [{code}]"
+            yield from wrapped(f"{subject}{finding.message}", width)
+            if number == 0:  # the reason is the same for all findings of a code
+                yield from wrapped(f"why: {finding.why}", width)
+            if number == 0 or finding.mend != shown[number - 1].mend:
+                yield from wrapped(f"mend: {finding.mend}", width)
+        if len(group) > len(shown):
+            yield f"  ... and {len(group) - len(shown)} more [{code}]: see them with --all"
+        yield ""
 
 
-class _Tree:
-    """The tree of modules as lines of text."""
-
-    def __init__(self, robot: HybridRobot, home: list[float], width: int) -> None:
-        from ..assembly.free_motions import free_motions
-        from ..studies.check.remarks import module_findings
-
-        self.free_motions = free_motions
-        self.singular = {one.element for one in module_findings(robot) if one.code.startswith("singular")}
-        self.robot, self.home, self.width = robot, home, width
-        self.kinds = {name: joint.kind for name, joint in robot.records.items()}
-        self.children = robot.children
-        self.first: dict[int, str] = {}  # the first module of each kind, by its mechanism
-        self.number = {module.name: number for number, module in enumerate(robot.modules)}
-        fancy = "utf" in (sys.stdout.encoding or "").lower()
-        self.branch, self.last, self.bar = ("├─ ", "└─ ", "│  ") if fancy else ("|- ", "`- ", "|  ")
-
-    def lines(self) -> Iterator[str]:
-        """Yield every line, from the root link outwards."""
-        yield "world" if self.robot.base == "floating" else self.robot.description.root
-        # A stack instead of recursion: chains of modules may exceed Python's recursion limit.
-        stack = [(number, "") for number in reversed(self.children.get(-1, []))]
-        while stack:
-            number, indent = stack.pop()
-            module = self.robot.modules[number]
-            chain = self._equal_chain(number)
-            below = self.children.get(chain[-1], [])
-            is_last = number == self.children[module.parent][-1]
-            title = self._title(module) if len(chain) == 1 else self._folded(chain)
-            inner = indent + ("   " if is_last else self.bar)
-            first, *rest = self._wrapped("", "", title)
-            yield f"{indent}{self.last if is_last else self.branch}{first}"
-            yield from (f"{inner}{line}" for line in rest)
-            if len(chain) == 1:
-                for label, text in self._facts(module, self.home[number]):
-                    yield from self._wrapped(inner + (self.bar if below else "   "), label, text)
-            stack += [(child, inner) for child in reversed(below)]
-
-    def _equal_chain(self, number: int) -> list[int]:
-        """Return a module and the chain of modules on it that are equal to one already shown."""
-        modules = self.robot.modules
-        chain = [number]
-        if not modules[number].closures or id(modules[number].mechanism) not in self.first:
-            return chain
-        while len(below := self.children.get(chain[-1], [])) == 1:
-            if modules[below[0]].mechanism is not modules[number].mechanism:
-                break
-            chain += below
-        return chain
-
-    def _folded(self, chain: list[int]) -> str:
-        first, last = self.robot.modules[chain[0]], self.robot.modules[chain[-1]]
-        like = self.first[id(first.mechanism)]
-        names = f"{first.label} ... {last.label}"
-        worst = max(self.home[number] for number in chain)
-        closed = "" if worst <= self.robot.closure_tolerance else ", some OPEN at home"
-        motors = sum(len(self.robot.modules[number].motors) for number in chain)
-        return (
-            f"{names}  modules {chain[0] + 1}-{chain[-1] + 1}, one on the other, like module "
-            f"{self.number[like] + 1} ({like}); {counted(motors, 'motor')} in all{closed}"
-        )
-
-    def _wrapped(self, indent: str, label: str, text: str) -> list[str]:
-        room = max(self.width - len(indent), NARROWEST)
-        lines = textwrap.wrap(
-            text,
-            room + len(indent),
-            initial_indent=indent + (label.ljust(LABEL) if indent else ""),
-            subsequent_indent=indent + " " * LABEL,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-        return [line.replace(NO_BREAK, " ") for line in lines]
-
-    def _title(self, module: Module) -> str:
-        name = module.label
-        if len(module.joints) == 1 and module.joints[0] in self.kinds:
-            joint = module.joints[0]
-            role = "" if module.motors else ", passive"
-            return f"{name}  {self.kinds[joint]} joint {self._joint(joint)}{role}"
-        if not module.closures and module.joints == ("root_joint",):
-            return f"{name}  free base, 6 freedoms"
-        motors = counted(len(module.motors), "motor")
-        number = self.number[module.name] + 1
-        return f"{name}  module {number}, {counted(module.mobility, 'freedom')}, {motors}"
-
-    def _facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
-        if len(module.joints) == 1 and not module.closures:
-            return
-        like = self.first.setdefault(id(module.mechanism), module.name)
-        yield "base", module.base
-        if len(module.outputs) > 1:
-            yield "outputs", ", ".join(module.outputs)
-        if like != module.name:
-            number = self.number[like] + 1
-            yield "like", f"module {number} ({like}); motors {', '.join(module.motors) or 'none'}"
-            return
-        for number, (name, joints) in enumerate(module.legs):
-            chain = ", ".join(f"{self._letter(joint)}{NO_BREAK}{self._joint(joint)}" for joint in joints)
-            yield "" if number else "legs", f"{name}: {chain or 'no joints of its own'}"
-        yield from self._closure_facts(module, open_by)
-        spare = len(module.motors) - module.mobility
-        if spare > 0:
-            yield "motors", f"{counted(spare, 'motor')} more than freedoms: efforts are shared"
-        elif spare < 0:
-            yield "motors", f"{-spare} fewer than freedoms: some motion is passive"
-        free = self.free_motions(module)
-        for label, names in (
-            ("passive", free.uncontrolled),
-            ("idle", free.idle),
-            ("massless", free.massless),
-        ):
-            if names:
-                yield label, f"the motion of {', '.join(dict.fromkeys(names))}{REMARKS[label]}"
-
-    def _closure_facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
-        if not module.closures:
-            return
-        mechanism = module.mechanism
-        kinds = Counter(self.robot.closure_kinds.get(name, "closure") for name in module.closures)
-        parts = [f"{count} {kind}" for kind, count in kinds.items()]
-        if mechanism.spec.wrists:
-            parts.append(f"{counted(len(mechanism.spec.wrists), 'wrist')} cut")
-        report = mechanism.reduction.report
-        spare = report.rows - report.rank
-        yield "closures", f"{', '.join(parts)}: {counted(report.rows, 'row')}, {spare or 'none'} redundant"
-        if report.dropped > MISSING_DIGITS:
-            yield (
-                "rank",
-                f"{report.rank}; relative singular values count from {report.kept:.1e} up, and not up to "
-                f"{report.dropped:.1e}: the file is rounded",
-            )
-        elif mechanism.rank_decision:
-            yield "rank", f"{report.rank}; {mechanism.rank_decision}"
-        closed = open_by <= self.robot.closure_tolerance
-        how = f"{'closed' if closed else 'OPEN'} to {open_by:.1e} of the module's size"
-        yield "at home", f"{how}; SINGULAR" if f"module '{module.name}'" in self.singular else how
-
-    def _joint(self, name: str) -> str:
-        return f"{name}*" if name in self.robot.motors else name
-
-    def _letter(self, name: str) -> str:
-        from ..linkage.joints import LETTERS
-
-        return LETTERS.get(self.kinds.get(name, "floating"), "")  # only a moving base has no kind of its own
+def _tally(robot: str, found: list[Finding]) -> str:
+    counts = Counter[str](finding.severity for finding in found)
+    parts = [counted(counts[level], level) for level in SEVERITIES if counts[level]]
+    return f"{robot}: {', '.join(parts) or 'nothing looks wrong'}"

@@ -314,8 +314,8 @@ def test_info_shows_modules_and_what_looks_wrong(run, arm, tmp_path: Path) -> No
         "light.urdf",
     )
     out = run("info", path)[1]
-    assert "to look at:\n  - link 'tool' moves and has no mass" in out
-    assert "\n  - module 'tool': none of its bodies has mass" in out
+    assert f"{path}:5: warning [missing-inertial]\n  link 'tool': " in out
+    assert "[no-mass]\n  module 'tool': none of its bodies has mass" in out
 
 
 def test_help_names_every_command(run) -> None:

@@ -51,8 +51,8 @@ def test_commands_options_and_robots_are_offered(
         return [item.partition(",")[2] for item in items if item.startswith("plain,")]
 
     assert offered("hybridyn ") == list(COMMANDS)
-    assert "--fail-on" in offered("hybridyn check --fa")
-    assert offered("hybridyn check --fail-on w") == ["warning"]
+    assert "--fail-on" in offered("hybridyn info --fa")
+    assert offered("hybridyn info --fail-on w") == ["warning"]
     assert offered("hybridyn idm sca") == ["scara_delta"]
     assert set(main_names()) <= set(offered("hybridyn info "))
     assert offered("hybridyn idm lx4 lx4/") == ["lx4/sag.toml", "lx4/traj.csv"]

@@ -1,4 +1,4 @@
-"""`load`, `info` and `check` report robots whose file lacks their loops or masses."""
+"""`load` and `info` report robots whose file lacks their loops or masses."""
 
 import logging
 from pathlib import Path
@@ -12,9 +12,9 @@ from hybridyn.description.shipped import shipped_robots
 from hybridyn.description.weightless import weightless
 from hybridyn.errors import ModelError
 from hybridyn.loading import load, of_files
-from hybridyn.studies.check.remarks import findings
 from tests.command_line import call
 from tests.comparing import refused
+from tests.remarks import findings
 from tests.robot_texts import INERTIAL, LOOP, robot, save
 
 
@@ -168,9 +168,9 @@ def test_strict_makes_notes_errors(tmp_path: Path, capsys: pytest.CaptureFixture
     assert load(save(tmp_path, robot(LOOP, driven("drive"))), strict=True).mobility == 1
 
 
-def test_convert_and_check_are_strict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_convert_and_info_are_strict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = save(tmp_path, robot("<custom_tag/>", ALL)), tmp_path / "out.xml"
     call(capsys, "convert", path, "-o", out, "--strict", status=1)
     assert not out.exists()
-    call(capsys, "check", path)
-    call(capsys, "check", path, "--strict", status=1)
+    call(capsys, "info", path)
+    call(capsys, "info", path, "--strict", status=1)

@@ -1,4 +1,4 @@
-"""`hybridyn info --graph`: the cards of a robot, where they stand, and the files that they become."""
+"""`hybridyn info --plot`: the cards of a robot, where they stand, and the files that they become."""
 
 import itertools
 import re
@@ -85,7 +85,7 @@ def test_cards_are_on_the_page_and_none_covers_another(count: int) -> None:
 
 def test_the_svg_names_every_module(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "tanev.svg"
-    answer = call(capsys, "info", "tanev", "--graph", target)
+    answer = call(capsys, "info", "tanev", "--plot", target)
     assert "nothing looks wrong" in answer.out  # the text comes as well
     words = {element.text for element in ElementTree.parse(target).iter() if element.text}
     assert {"m1_base", "m1_platform", "m2_platform", "dark: motor, R revolute, P prismatic"} <= words
@@ -94,7 +94,7 @@ def test_the_svg_names_every_module(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(("ending", "head"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("dot", b"digraph")])
 def test_other_endings(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str, head: bytes) -> None:
     target = tmp_path / f"five_bar.{ending}"
-    call(capsys, "info", "five_bar", "--graph", target)
+    call(capsys, "info", "five_bar", "--plot", target)
     assert target.read_bytes().startswith(head)
     assert [*tmp_path.iterdir()] == [target]
 

@@ -15,12 +15,12 @@ import hybridyn
 from hybridyn.assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from hybridyn.studies.check.remarks import findings, module_findings
 from tests.comparing import refused
 from tests.files import save
 from tests.hard.claims import Claim
 from tests.hard.closed_forms import changed, changed_text
 from tests.mechanisms import KINDS, random_mechanism
+from tests.remarks import findings, module_findings
 from tests.samples import some
 from tests.shipped import ROBOTS, shipped
 

@@ -18,11 +18,11 @@ from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.structure.building import build_robot
-from hybridyn.studies.check.remarks import findings
 from tests.comparing import refused
 from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge
 from tests.oracle import Base, Extended, Oracle
+from tests.remarks import findings
 from tests.shipped import shipped, states_near_home
 
 LIGHTER = 1e-25  # inertia tolerance of the reference: square roots of masses, fifty digits

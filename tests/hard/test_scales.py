@@ -18,12 +18,12 @@ from hybridyn import HybridynError, assemble, ddm, idm, simulate
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.scenes.start import _check_rates
-from hybridyn.studies.check.remarks import findings
 from tests.hard.claims import Claim, apart
 from tests.hard.scaling import Scale
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
 from tests.oracle import Base
 from tests.posing import of_joints, of_link
+from tests.remarks import findings
 from tests.samples import slow
 from tests.shipped import ROBOTS, shipped, states_near_home
 

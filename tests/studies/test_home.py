@@ -112,7 +112,7 @@ def test_commands_say_where_they_start(
     """The posture of the triangle at home, both branches; nothing where home is zero."""
     table = save(tmp_path, "time,drive/position\n" + "".join(f"{t / 10},0\n" for t in range(8)), "drive.csv")
     assert "branch: " not in call(capsys, "info", file).out
-    assert "[branch]" not in call(capsys, "check", file).out
+    assert "[branch]" not in call(capsys, "info", file).out
     for number in (1, 2):
         call(capsys, "home", file, "--choose", number, "--write")
         at = positions(robot := hybridyn.load(file), robot.home)
@@ -122,7 +122,7 @@ def test_commands_say_where_they_start(
         line = f"assembly branch: that of the home posture, {far}"
         assert line in " ".join(call(capsys, "info", file).out.split())
         assert line in call(capsys, "idm", file, table).err
-        checked = " ".join(call(capsys, "check", file).out.split())
+        checked = " ".join(call(capsys, "info", file).out.split())
         assert f"postures are assembled on the branch of the home posture, {far}" in checked
 
 

@@ -205,17 +205,17 @@ class RobotCommand(Command):
     """
 
     def __init__(
-        self, *words: Any, params: list[click.Parameter], robot: click.Parameter | None = None, **more: Any
+        self, *, params: list[click.Parameter], robot: click.Parameter | None = None, **words: Any
     ) -> None:
         """Add the robot and its options.
 
         Args:
-            words: As for `click.Command`, like `more`.
-            params: The command's own options.
+            params: The command's own arguments and options.
             robot: The parameter `robot`, where it is not an argument that names one.
+            words: As for `click.Command`.
         """
         robot = robot or click.Argument(["robot"], callback=robot_file, shell_complete=complete_robot)
-        super().__init__(*words, params=[robot, *params, *ROBOT_OPTIONS], **more)
+        super().__init__(params=[robot, *params, *ROBOT_OPTIONS], **words)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put `--xacro` before each bare `name:=value`, then parse as usual."""

@@ -65,6 +65,28 @@ def check(
     Returns:
         The findings; an empty list if there are none. If the file cannot be read, only the reasons.
     """
+    return findings(
+        path, None, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs,
+        rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance, meshes=meshes,
+    )  # fmt: skip
+
+
+def findings(
+    path: str | PathLike[str],
+    robot: HybridRobot | None,
+    *,
+    motors: Sequence[str] | None,
+    xacro_args: Mapping[str, str] | None,
+    package_dirs: Sequence[str | PathLike[str]],
+    rank_tolerance: float | None,
+    closure_tolerance: float,
+    meshes: bool,
+) -> list[Finding]:
+    """Check a robot's files as `check` does.
+
+    Args:
+        robot: The robot as loaded from the files with the options below, or None where it is to be built.
+    """
     from ...description.shipped import find_robot
 
     try:
@@ -73,13 +95,17 @@ def check(
     except ModelError as error:
         return [_unreadable(error, fspath(path))]
     found = duplicated_names(root)
-    try:
-        description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
-    except HybridynError as error:
-        return found or [_unreadable(error, file)]
+    if robot is not None:
+        description = robot.description
+    else:
+        try:
+            description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
+        except HybridynError as error:
+            return found or [_unreadable(error, file)]
     with np.errstate(all="ignore"):  # overflow and underflow are findings, not NumPy warnings
-        robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
-        found += problem
+        if robot is None:
+            robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
+            found += problem
         found += _all(root, description, robot, package_dirs, meshes)
     return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))
 
