@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
-from ..description.mjcf.naming import unique
-from ..description.names import listed
+from ..description.names import listed, unique
 from ..description.records import Array, Closure, Coupling, Description, Joint
 from ..description.robot_file import FREEDOMS
 from ..description.urdf.shapes import Shape

@@ -18,7 +18,7 @@ import numpy as np
 from ..spatial import quaternion_from_rotation
 from .closure_forms import FORMS
 from .groups import Groups
-from .mjcf.naming import unique
+from .names import unique
 from .placement import inverse, turned
 from .records import Array, Closure, Joint, JointKind, Link, RotationKind
 from .robot_file import RobotFile

@@ -1,4 +1,4 @@
-"""Find the name that a misspelt one probably means, and count and list things in messages."""
+"""Make names, find the one that a misspelt name probably means, count and list things in messages."""
 
 from __future__ import annotations
 
@@ -33,6 +33,15 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" if another known name is similar, else an empty string."""
     best = closest(name, (word for word in known if word != name))
     return f" (did you mean '{best}'?)" if best else ""
+
+
+def unique(name: str, taken: set[str]) -> str:
+    """Return a name that is not taken, and take it: the name itself, else with a number."""
+    number, out = 2, name
+    while out in taken:
+        out, number = f"{name}{number}", number + 1
+    taken.add(out)
+    return out
 
 
 def counted(number: int, thing: str) -> str:

@@ -100,6 +100,22 @@ def test_efforts_of_a_closed_loop_give_back_its_accelerations() -> None:
     close(hybridyn.idm(robot, case.q, v, a), tau[robot.motor_v])
 
 
+def test_each_part_of_a_composite_has_its_own_numbers() -> None:
+    """A ball in front of a hinge takes three numbers; the hinge has the fourth."""
+    joint = pin.JointModelComposite(2)
+    joint.addJoint(pin.JointModelSpherical(), pin.SE3.Identity())
+    joint.addJoint(pin.JointModelRX(), pin.SE3.Random())
+    model = alone(joint)
+    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    model.armature[:], model.damping[:] = [0.3, 0.3, 0.3, 2.0], [0.1, 0.1, 0.1, 0.7]
+    robot = hybridyn.from_pinocchio(model)
+    rng = seeded(2)
+    q, v = pin.integrate(model, pin.neutral(model), rng.normal(size=4)), rng.normal(size=4)
+    a = pin.aba(model, model.createData(), q, v, -model.damping * v)
+    tau = np.zeros(len(robot.motors))
+    close(hybridyn.ddm(robot, q, v, tau, effects=(*ROTORS, "viscous_friction")), a)
+
+
 MIMIC = """<robot name="mimic"><link name="a"/><link name="b">{0}</link><link name="c">{0}</link>
   <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="1 2 0"/>
     <limit lower="-1" upper="1" effort="3" velocity="2"/></joint>

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...description.mjcf.naming import unique
+from ...description.names import unique
 from ...description.records import Array
 from ..numerals import numeral, quaternion_of
 

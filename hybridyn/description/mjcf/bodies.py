@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..names import unique
 from ..placement import placement_from, rotation_from_quaternion
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import RobotFile
 from .compiling import Compiled
-from .naming import unique
 from .roots import Root
 
 #: MuJoCo's words for kinds of joints.

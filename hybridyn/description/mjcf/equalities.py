@@ -6,11 +6,11 @@ import numpy as np
 
 from ...errors import ModelError
 from ..closure_forms import FORMS
+from ..names import unique
 from ..records import Array, Closure, Coupling
 from ..robot_file import RobotFile
 from .bodies import pose
 from .compiling import Compiled
-from .naming import unique
 from .roots import tied_bodies
 from .tendons import fixed_terms
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..names import unique
+
 
 def names_of(kind: str, given: Sequence[str], made: Sequence[str] | None = None) -> list[str]:
     """Return a name for every element, each only once.
@@ -16,15 +18,5 @@ def names_of(kind: str, given: Sequence[str], made: Sequence[str] | None = None)
     taken = set(given)
     out = []
     for number, name in enumerate(given):
-        name = name or unique(made[number] if made else f"{kind}{number}", taken)
-        taken.add(name)
-        out.append(name)
-    return out
-
-
-def unique(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken: the name itself, else with a number."""
-    number, out = 2, name
-    while out in taken:
-        out, number = f"{name}{number}", number + 1
+        out.append(name or unique(made[number] if made else f"{kind}{number}", taken))
     return out

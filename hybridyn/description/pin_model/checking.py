@@ -5,7 +5,6 @@ The fields of a `pinocchio.Model` can be set to anything; Pinocchio itself may t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,21 @@ import pinocchio as pin
 
 from ...errors import ModelError
 from ..urdf.xml_node import LARGEST_NUMBER
-from .numbers import joint_error
 
-#: Fields with one number for each freedom, and whether they may be infinite.
-PER_FREEDOM = {
-    "armature": False, "damping": False, "friction": False, "rotorInertia": False, "rotorGearRatio": False,
-    "effortLimit": True, "velocityLimit": True,
+#: Fields with a number for each freedom or coordinate: which of both, and whether it may be infinite.
+NUMBERS = {
+    "armature": ("nv", False), "damping": ("nv", False), "friction": ("nv", False),
+    "rotorInertia": ("nv", False), "rotorGearRatio": ("nv", False), "effortLimit": ("nv", True),
+    "velocityLimit": ("nv", True), "lowerPositionLimit": ("nq", True), "upperPositionLimit": ("nq", True),
 }  # fmt: skip
-PER_COORDINATE = ("lowerPositionLimit", "upperPositionLimit")
 #: Largest difference of R^T R from the identity for a rotation that was rounded in single precision.
 ROTATION = 1e-5
+
+
+def joint_error(model: pin.Model, joint: int, message: str) -> ModelError:
+    """Return the error about a joint of a model."""
+    name = str(model.names[joint])
+    return ModelError(f"Pinocchio model '{model.name}': joint '{name}': {message}", element=name)
 
 
 def check_model(model: pin.Model) -> None:
@@ -33,47 +37,28 @@ def check_model(model: pin.Model) -> None:
     """
     name = f"Pinocchio model '{model.name}'"
     for joint in range(1, model.njoints):
+        inertia, problem = model.inertias[joint], ""
         if not 0 <= int(model.parents[joint]) < joint:
-            raise joint_error(
-                model, joint, f"hangs on joint {model.parents[joint]}, which does not come before it"
-            )
-        if not is_placement(model.jointPlacements[joint]):
-            raise joint_error(model, joint, "its placement is not a finite rigid motion")
-        inertia = model.inertias[joint]
-        numbers = np.array([inertia.mass, *inertia.lever, *np.ravel(inertia.inertia)])
-        if not is_finite(numbers) or inertia.mass < 0:
-            raise joint_error(
-                model, joint, "mass, lever and inertia must be finite, and the mass not negative"
-            )
+            problem = f"hangs on joint {model.parents[joint]}, which does not come before it"
+        elif not is_placement(model.jointPlacements[joint]):
+            problem = "its placement is not a finite rigid motion"
+        elif not is_finite([inertia.mass, *inertia.lever, *np.ravel(inertia.inertia)]) or inertia.mass < 0:
+            problem = "mass, lever and inertia must be finite, and the mass not negative"
+        if problem:
+            raise joint_error(model, joint, problem)
     for frame in model.frames:
         if not is_placement(frame.placement) or not 0 <= int(frame.parentJoint) < model.njoints:
             raise ModelError(
                 f"{name}: frame '{frame.name}': its placement is not a finite rigid motion on a joint"
             )
-    for word, endless in PER_FREEDOM.items():
-        _check_numbers(name, word, getattr(model, word), model.nv, endless)
-    for word in PER_COORDINATE:
-        _check_numbers(name, word, getattr(model, word), model.nq, True)
+    for word, (count, endless) in NUMBERS.items():
+        numbers = np.asarray(getattr(model, word), dtype=float)
+        good = not np.isnan(numbers).any() if endless else is_finite(numbers)
+        if numbers.shape != (getattr(model, count),) or not good:
+            what = "numbers" if endless else "finite numbers"
+            raise ModelError(f"{name}: model.{word} must have {getattr(model, count)} {what}")
     if not is_finite(model.gravity.linear):
         raise ModelError(f"{name}: its gravity is not finite")
-
-
-def check_constraint(constraint: Any, name: str, joints: int) -> None:
-    """Check the joints and placements of a constraint.
-
-    Raises:
-        ModelError: A joint does not exist, or a placement is not a finite rigid motion.
-    """
-    for side in (1, 2):
-        joint = getattr(constraint, f"joint{side}_id")
-        if not 0 <= joint < joints:
-            raise ModelError(
-                f"constraint '{name}': joint {joint} does not exist; the model has {joints}", element=name
-            )
-        if not is_placement(getattr(constraint, f"joint{side}_placement")):
-            raise ModelError(
-                f"constraint '{name}': joint{side}_placement is not a finite rigid motion", element=name
-            )
 
 
 def is_placement(placement: pin.SE3) -> bool:
@@ -87,11 +72,3 @@ def is_placement(placement: pin.SE3) -> bool:
 def is_finite(values: Any) -> bool:
     """Say whether all numbers are as small as those of a file have to be."""
     return bool((np.abs(np.asarray(values, dtype=float)) <= LARGEST_NUMBER).all())
-
-
-def _check_numbers(name: str, word: str, values: Sequence[float], count: int, endless: bool) -> None:
-    numbers = np.asarray(values, dtype=float)
-    good = not np.isnan(numbers).any() if endless else is_finite(numbers)
-    if numbers.shape != (count,) or not good:
-        what = "numbers" if endless else "finite numbers"
-        raise ModelError(f"{name}: model.{word} must have {count} {what}")

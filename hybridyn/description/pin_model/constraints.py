@@ -17,7 +17,7 @@ from ...errors import ModelError
 from ..closure_forms import FORMS
 from ..names import did_you_mean, listed
 from ..records import Closure
-from .checking import check_constraint
+from .checking import is_placement
 
 #: Kinds of closure by the names of Pinocchio's classes, those of its development branch included.
 ANCHORS = {
@@ -37,8 +37,7 @@ def plain_constraints(constraints: Any) -> list[Any]:
     """Return the constraint models of a list, one alone or lists in a tuple, taken out of their variants."""
     word = type(constraints).__name__
     if word.endswith("ConstraintModel") and not word.startswith("StdVec"):
-        one = constraints.extract() if hasattr(constraints, "extract") else constraints
-        return [one]
+        return [constraints.extract() if hasattr(constraints, "extract") else constraints]
     if constraints is None:
         return []
     if not isinstance(constraints, Iterable):
@@ -92,8 +91,8 @@ def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str],
             "alone (limits and friction are taken from the model)",
             element=name,
         )
-    _refuse_moving(constraint, name)
-    check_constraint(constraint, name, model.njoints)
+    if problem := _problem(constraint, model.njoints):
+        raise ModelError(f"constraint '{name}': {problem}", element=name)
     form = FORMS[kind or own]
     frames = (constraint.joint1_placement, constraint.joint2_placement)
     frame_a, frame_b = (np.array(frame.homogeneous) for frame in frames)
@@ -103,17 +102,21 @@ def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str],
     )  # fmt: skip
 
 
-def _refuse_moving(constraint: Any, name: str) -> None:
-    """Raise for constraints whose frames are not to coincide, or whose distance is to change."""
+def _problem(constraint: Any, joints: int) -> str:
+    """Return why a constraint does not hold two frames of the model together, "" if it does."""
     placement = getattr(constraint, "desired_contact_placement", None)
     moved = ["desired_contact_placement"] if placement is not None and not placement.isIdentity(1e-12) else []
-    for word in OFFSETS:
-        value = getattr(constraint, word, None)
-        if value is not None and np.any(np.asarray(getattr(value, "vector", value))):
-            moved.append(word)
+    values = {word: getattr(constraint, word, None) for word in OFFSETS}
+    moved += [word for word, x in values.items() if x is not None and np.any(getattr(x, "vector", x))]
     if moved:
-        raise ModelError(
-            f"constraint '{name}': {listed(moved)} is not zero, so its frames do not coincide; set it to "
-            "zero and put the offset into joint1_placement",
-            element=name,
+        return (
+            f"{listed(moved)} is not zero, so its frames do not coincide; set it to zero and put the offset "
+            "into joint1_placement"
         )
+    for side in (1, 2):
+        joint = getattr(constraint, f"joint{side}_id")
+        if not 0 <= joint < joints:
+            return f"joint {joint} does not exist; the model has {joints}"
+        if not is_placement(getattr(constraint, f"joint{side}_placement")):
+            return f"joint{side}_placement is not a finite rigid motion"
+    return ""

@@ -6,14 +6,19 @@ universal and translation joints, three angles. Coordinates stay those of Pinocc
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import accumulate
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ..records import Array, Coupling, Joint, JointKind
-from .numbers import joint_error, numbers_of, numbers_of_all
+from ..robot_file import FREEDOMS
+from .checking import joint_error
 
+#: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.
+UNLIMITED = 1e300
 #: Kinds of joint by the start of Pinocchio's name for it.
 KINDS: dict[str, JointKind] = {
     "JointModelRUB": "continuous",
@@ -27,10 +32,10 @@ WHOLE: dict[str, JointKind] = {
     "JointModelPlanar": "planar",
     "JointModelFreeFlyer": "floating",
 }
-#: Joints that become chains of revolute or prismatic joints about or along these axes, with their endings.
-CHAINS: dict[str, tuple[JointKind, tuple[tuple[str, tuple[float, float, float]], ...]]] = {
-    "JointModelTranslation": ("prismatic", (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1)))),
-    "JointModelSphericalZYX": ("revolute", (("z", (0, 0, 1)), ("y", (0, 1, 0)), ("x", (1, 0, 0)))),
+#: Joints that become chains of revolute or prismatic joints about or along the axes that their endings name.
+CHAINS: dict[str, tuple[JointKind, str]] = {
+    "JointModelTranslation": ("prismatic", "xyz"),
+    "JointModelSphericalZYX": ("revolute", "zyx"),
 }
 #: Joints that the description does not have, with the reason.
 REFUSED = {
@@ -40,50 +45,24 @@ REFUSED = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """One joint of the description that stands for a Pinocchio joint or a part of it.
-
-    Attributes:
-        ending: Ending of its name after the name of the Pinocchio joint; "" if it stands for the whole joint.
-        placement: Its placement behind the piece before, shape (4, 4).
-        axis: Unit axis, shape (3,).
-    """
-
-    kind: JointKind
-    ending: str
-    placement: Array
-    axis: Array
-
-
-def pieces_of(model: pin.Model, number: int) -> list[Piece]:
-    """Return the chain of joints that stands for a joint; the model's placement of the joint is left out.
+def joints_of(model: pin.Model, number: int) -> list[Joint]:
+    """Return the chain of joints that stands for a joint, with its numbers, but without links.
 
     Raises:
-        ModelError: The description has no such joint.
+        ModelError: The description has no such joint, or not its numbers.
     """
-    return _pieces(model, number, model.joints[number])
-
-
-def joints_of(model: pin.Model, number: int, pieces: list[Piece]) -> list[Joint]:
-    """Return the joints of a chain with their numbers; the links are those of the caller."""
-    name = str(model.names[number])
-    at = np.asarray(model.jointPlacements[number].homogeneous)
-    out: list[Joint] = []
-    freedom = 0
-    for piece in pieces:
-        ending = f"_{piece.ending}" if piece.ending else ""
-        joint = Joint(name + ending, piece.kind, "", "", at @ piece.placement, piece.axis)
-        if piece.kind in WHOLE.values():
-            numbers = numbers_of_all(model, number, piece.kind) if len(pieces) == 1 else {}
-            out.append(replace(joint, **numbers))
-        elif model.nvs[number] == 0:  # a mimicking joint has no numbers of its own
-            out.append(joint)
-        else:
-            out.append(replace(joint, **numbers_of(model, number, freedom)))
-            freedom += 1
-        at = np.eye(4)
-    return out
+    chain = _pieces(model, number, model.joints[number], str(model.names[number]))
+    placement = np.asarray(model.jointPlacements[number].homogeneous)
+    chain[0] = replace(chain[0], placement=placement @ chain[0].placement)
+    if model.nvs[number] == 0:  # a mimicking joint has no numbers of its own
+        return chain
+    firsts = accumulate((FREEDOMS[joint.kind] for joint in chain), initial=0)
+    return [
+        replace(
+            joint, **(_numbers_of if FREEDOMS[joint.kind] == 1 else _numbers_of_all)(model, number, joint, at)
+        )
+        for joint, at in zip(chain, firsts, strict=False)
+    ]
 
 
 def coupling_of(model: pin.Model, number: int, leaders: dict[int, list[Joint]]) -> Coupling | None:
@@ -99,18 +78,18 @@ def coupling_of(model: pin.Model, number: int, leaders: dict[int, list[Joint]]) 
     if not model.joints[number].shortname().startswith("JointModelMimic"):
         return None
     mimic = model.joints[number].extract()
-    leader = leaders[int(model.mimicked_joints[list(model.mimicking_joints).index(number)])]
-    if len(leader) != 1 or leader[0].kind not in ("revolute", "continuous", "prismatic"):
+    leader, *others = leaders[int(model.mimicked_joints[list(model.mimicking_joints).index(number)])]
+    if others or leader.kind not in KINDS.values():
         raise joint_error(
-            model, number, f"mimics '{leader[0].name}', which has several freedoms; mimic a single one"
+            model, number, f"mimics '{leader.name}', which has several freedoms; mimic a single one"
         )
     name = str(model.names[number])
-    return Coupling(name, ((name, 1.0), (leader[0].name, -float(mimic.scaling))), float(mimic.offset))
+    return Coupling(name, ((name, 1.0), (leader.name, -float(mimic.scaling))), float(mimic.offset))
 
 
-def _pieces(model: pin.Model, number: int, joint: pin.JointModel) -> list[Piece]:
+def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> list[Joint]:
+    """Return the joints that stand for a joint or for a part of it, each placed behind the one before."""
     word = joint.shortname()
-    eye = np.eye(4)
     for start, reason in REFUSED.items():
         if word.startswith(start):
             raise joint_error(
@@ -118,47 +97,39 @@ def _pieces(model: pin.Model, number: int, joint: pin.JointModel) -> list[Piece]
                 "prismatic joints",
             )  # fmt: skip
     if word in WHOLE:
-        return [Piece(WHOLE[word], "", eye, np.array([0.0, 0.0, 1.0]))]
+        return [_piece(name, WHOLE[word], np.array([0.0, 0.0, 1.0]))]
     if word in CHAINS:
-        kind, axes = CHAINS[word]
-        return [Piece(kind, ending, eye, np.array(axis, dtype=float)) for ending, axis in axes]
+        kind, letters = CHAINS[word]
+        return [_piece(f"{name}_{letter}", kind, np.eye(3)["xyz".index(letter)]) for letter in letters]
     if word == "JointModelUniversal":
         universal = joint.extract()
-        axes_ = (np.array(universal.axis1), np.array(universal.axis2))
-        return [Piece("revolute", str(i), eye, axis) for i, axis in enumerate(axes_, 1)]
+        axes = (np.array(universal.axis1), np.array(universal.axis2))
+        return [_piece(f"{name}_{i}", "revolute", axis) for i, axis in enumerate(axes, 1)]
     if word == "JointModelComposite":
-        return _composite(model, number, joint)
+        return _composite(model, number, joint, name)
     if word.startswith("JointModelMimic"):
-        return [_mimicking(model, number, joint)]
+        return [_mimicking(model, number, joint, name)]
     for start, kind in KINDS.items():
         if word.startswith(start):
-            return [Piece(kind, "", eye, _axis(joint, kind))]
+            return [_piece(name, kind, _axis(joint, kind))]
     raise joint_error(model, number, f"{word} is a kind of joint that hybridyn does not have")
 
 
-def _composite(model: pin.Model, number: int, joint: pin.JointModel) -> list[Piece]:
+def _piece(name: str, kind: JointKind, axis: Array) -> Joint:
+    return Joint(name, kind, "", "", np.eye(4), axis)
+
+
+def _composite(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> list[Joint]:
     """Return the joints of a composite one behind the other."""
     composite = joint.extract()
-    out: list[Piece] = []
-    parts = zip(composite.joints, composite.jointPlacements, strict=True)
-    for place, (part, placement) in enumerate(parts, 1):
-        at = np.asarray(placement.homogeneous)
-        for piece in _pieces(model, number, part):
-            ending = f"{place}{piece.ending and '_' + piece.ending}"
-            out.append(replace(piece, ending=ending, placement=at @ piece.placement))
-            at = np.eye(4)
-    if len(out) == 1:
-        return [replace(out[0], ending="")]
-    if any(piece.kind in WHOLE.values() for piece in out) and np.any(
-        np.asarray(model.damping)[int(model.idx_vs[number]) :][: int(model.nvs[number])]
-    ):
-        raise joint_error(
-            model, number, "damping of a composite with a ball in it is not read; set model.damping to 0"
-        )
-    return out
+    out: list[Joint] = []
+    for place, (part, at) in enumerate(zip(composite.joints, composite.jointPlacements, strict=True), 1):
+        first, *others = _pieces(model, number, part, f"{name}_{place}")
+        out += [replace(first, placement=np.asarray(at.homogeneous) @ first.placement), *others]
+    return out if len(out) > 1 else [replace(out[0], name=name)]
 
 
-def _mimicking(model: pin.Model, number: int, joint: pin.JointModel) -> Piece:
+def _mimicking(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> Joint:
     """Return a mimicking joint as a joint of its own; `coupling_of` ties it to its leader."""
     mimic = joint.extract()
     if mimic.scaling == 0:
@@ -171,14 +142,11 @@ def _mimicking(model: pin.Model, number: int, joint: pin.JointModel) -> Piece:
         raise joint_error(
             model, number, f"mimics by a {inner}, which has several freedoms; mimic by revolute or prismatic"
         )
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    S = np.asarray(data.joints[number].S).reshape(6) / float(mimic.scaling)
-    return Piece(kind, "", np.eye(4), _unit(S[:3] if kind == "prismatic" else S[3:]))
+    return _piece(name, kind, _subspace(model, number, kind, float(mimic.scaling)))
 
 
 def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
-    """Return the axis of a joint with one freedom, shape (3,), by its motion subspace."""
+    """Return the axis of a joint with one freedom, shape (3,)."""
     letter = joint.shortname()[-1]
     if letter in "XYZ":
         aligned: Array = np.eye(3)["XYZ".index(letter)]
@@ -188,11 +156,80 @@ def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
         return np.array(inner.axis, dtype=float).reshape(3)
     alone = pin.Model()
     alone.addJoint(0, joint, pin.SE3.Identity(), "alone")
-    data = alone.createData()
-    pin.forwardKinematics(alone, data, pin.neutral(alone))
-    S = np.asarray(data.joints[1].S).reshape(6)
-    return _unit(S[:3] if kind == "prismatic" else S[3:])
+    return _subspace(alone, 1, kind)
 
 
-def _unit(vector: Array) -> Array:
-    return vector / np.linalg.norm(vector)
+def _subspace(model: pin.Model, number: int, kind: JointKind, scaling: float = 1.0) -> Array:
+    """Return the axis of a joint by its motion subspace at the neutral posture, shape (3,)."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    S = np.asarray(data.joints[number].S).reshape(6) / scaling
+    axis: Array = S[:3] if kind == "prismatic" else S[3:]
+    return axis / np.linalg.norm(axis)
+
+
+def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dict[str, Any]:
+    """Return limits, friction and rotor of a joint or of a part of it, as arguments of `records.Joint`.
+
+    Armature is what Pinocchio's algorithms add to the mass matrix. It becomes the rotor's inertia, unless
+    rotor inertia and gear ratio of the model state the same armature.
+
+    Args:
+        freedom: Number of freedoms before this part.
+    """
+    if FREEDOMS[piece.kind] > 1:
+        return _numbers_of_all(model, joint, piece, freedom)
+    at = int(model.idx_vs[joint]) + freedom
+    inertia, ratio = float(model.rotorInertia[at]), float(model.rotorGearRatio[at])
+    armature = float(model.armature[at])
+    if armature != inertia * ratio**2 and (armature or not (inertia and ratio)):
+        inertia, ratio = armature, 1.0
+    damping, friction = float(model.damping[at]), float(model.friction[at])
+    for word, value in (("armature", inertia), ("damping", damping), ("friction", friction)):
+        if value < 0:
+            raise joint_error(model, joint, f"negative {word} {value:g}; set it to 0 or more")
+    out: dict[str, Any] = {
+        "damping": damping,
+        "friction": friction,
+        "rotor_inertia": inertia,
+        "gear_ratio": ratio or 1.0,
+        "velocity": _bound(model.velocityLimit[at]),
+        "effort": _bound(model.effortLimit[at]),
+    }
+    if int(model.nqs[joint]) == int(model.nvs[joint]):  # no cosines and sines among the coordinates
+        place = int(model.idx_qs[joint]) + freedom
+        lower, upper = (float(x[place]) for x in (model.lowerPositionLimit, model.upperPositionLimit))
+        if lower < upper:
+            out |= {"lower": -_bound(-lower), "upper": _bound(upper)}
+    return out
+
+
+def _numbers_of_all(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dict[str, Any]:
+    """Return damping and, of a ball, rotor of a joint with several freedoms; refuse what it cannot have here.
+
+    The joint may be a part of a composite, behind other freedoms.
+
+    Raises:
+        ModelError: Its freedoms differ in damping or armature, or have dry friction, rotors or, unless it is
+            a ball, armature.
+    """
+    first = int(model.idx_vs[joint]) + freedom
+    numbers = {
+        word: np.asarray(getattr(model, word))[first : first + FREEDOMS[piece.kind]]
+        for word in ("friction", "rotorInertia", "armature", "damping")
+    }
+    for word in ("friction", "rotorInertia", *(["armature"] if piece.kind != "spherical" else [])):
+        if numbers[word].any():
+            raise joint_error(
+                model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
+            )
+    for word in ("damping", "armature"):
+        if np.ptp(numbers[word]) or numbers[word][0] < 0:
+            message = f"the freedoms of one joint have different {word}; set model.{word} to one value"
+            raise joint_error(model, joint, message)
+    return {"damping": float(numbers["damping"][0]), "rotor_inertia": float(numbers["armature"][0])}
+
+
+def _bound(value: float) -> float:
+    """Return a limit, infinite where the model states none."""
+    return np.inf if value >= UNLIMITED else float(value)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from ..mjcf.naming import unique
-from ..names import counted, listed
+from ..names import counted, listed, unique
+from ..poses import angle_of
 from ..records import Array, Joint, Link
-from ..robot_file import RobotFile
+from ..robot_file import ZERO, RobotFile
 from .checking import check_model, is_finite
 from .constraints import closures_of, plain_constraints
-from .joints import coupling_of, joints_of, pieces_of
+from .joints import coupling_of, joints_of
 
 #: Frames that become links; frames of joints and of welds are not links.
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
@@ -56,8 +57,8 @@ def read_model(
     robot.base = "floating" if first else "fixed"
     names = _link_names(model)
     taken = {*names, *(str(frame.name) for frame in model.frames if frame.type in LINKS)}
-    chains: dict[int, list[Joint]] = {}
     robot.links.append(_link(names[first], model.inertias[first]))
+    chains: dict[int, list[Joint]] = {}
     for number in range(first + 1, model.njoints):
         chains[number] = _chain(robot, model, number, names, taken)
         if coupling := coupling_of(model, number, chains):
@@ -90,20 +91,13 @@ def _floats(model: pin.Model, tied: set[int]) -> bool:
 
 def _link_names(model: pin.Model) -> list[str]:
     """Return the name of the link of each joint: that of the body frame at its origin, else the joint's."""
-    out = [""] * model.njoints
-    for frame in model.frames:
-        if (
-            frame.type == pin.FrameType.BODY
-            and not out[frame.parentJoint]
-            and frame.placement.isIdentity(0.0)
-        ):
-            out[frame.parentJoint] = str(frame.name)
-    taken = {str(frame.name) for frame in model.frames if frame.type in LINKS}
-    for number, name in enumerate(out):
-        if not name:
-            out[number] = unique(str(model.names[number]), taken)
-        taken.add(out[number])
-    return out
+    bodies = {
+        frame.parentJoint: str(frame.name)
+        for frame in reversed([*model.frames])
+        if frame.type == pin.FrameType.BODY and frame.name and frame.placement.isIdentity(0.0)
+    }
+    taken = {str(frame.name) for frame in model.frames if frame.type in LINKS} | {*bodies.values()}
+    return [bodies.get(number) or unique(str(name), taken) for number, name in enumerate(model.names)]
 
 
 def _link(name: str, inertia: pin.Inertia) -> Link:
@@ -114,16 +108,11 @@ def _chain(
     robot: RobotFile, model: pin.Model, number: int, names: Sequence[str], taken: set[str]
 ) -> list[Joint]:
     """Add the joints and links from a joint's parent to its body, and return the joints."""
-    parent = names[model.parents[number]]
-    chain = joints_of(model, number, pieces_of(model, number))
-    for place, joint in enumerate(chain):
-        last = place == len(chain) - 1
-        child = names[number] if last else unique(f"{names[number]}_{place + 1}", taken)
-        chain[place] = replace(joint, parent=parent, child=child)
-        if not last:
-            robot.links.append(Link(child, 0.0, np.zeros(3), np.zeros((3, 3)), None, True))
-            taken.add(child)
-        parent = child
+    chain = joints_of(model, number)
+    between = [unique(f"{names[number]}_{place}", taken) for place in range(1, len(chain))]
+    ends = [names[model.parents[number]], *between, names[number]]
+    chain = [replace(joint, parent=a, child=b) for joint, (a, b) in zip(chain, pairwise(ends), strict=True)]
+    robot.links += [Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), None, True) for name in between]
     robot.links.append(_link(names[number], model.inertias[number]))
     robot.joints += chain
     return chain
@@ -133,21 +122,16 @@ def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first:
     """Add a massless link for every other body, operational and sensor frame."""
     links = {link.name for link in robot.links}
     joints = {joint.name for joint in robot.joints}
-    left_out = []
-    for frame in model.frames:
-        name = str(frame.name)
-        if frame.type not in LINKS or name == names[frame.parentJoint]:
-            continue
-        if frame.parentJoint < first:
-            left_out.append(name)
-            continue
-        name = unique(name, links)
-        joint = unique(f"{name}_frame", joints)
-        links.add(name)
-        joints.add(joint)
-        robot.links.append(Link(name, 0.0, np.zeros(3), np.zeros((3, 3))))
-        at = np.array(frame.placement.homogeneous)
-        robot.joints.append(Joint(joint, "fixed", names[frame.parentJoint], name, at, np.array([1.0, 0, 0])))
+    frames = [f for f in model.frames if f.type in LINKS and str(f.name) != names[f.parentJoint]]
+    for frame in frames:
+        if frame.parentJoint >= first:
+            name = unique(str(frame.name), links)
+            robot.links.append(Link(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+            robot.joints.append(Joint(
+                unique(f"{name}_frame", joints), "fixed", names[frame.parentJoint], name,
+                np.array(frame.placement.homogeneous), np.array([1.0, 0, 0]),
+            ))  # fmt: skip
+    left_out = [str(frame.name) for frame in frames if frame.parentJoint < first]
     if left_out:
         robot.notes.append(f"frames {listed(left_out)} stand in the world and are left out: the base floats")
 
@@ -180,19 +164,14 @@ def _add_home(
     robot: RobotFile, model: pin.Model, chains: Mapping[int, list[Joint]], q: Array, first: int
 ) -> None:
     """Set the home posture from a configuration of the model."""
-    counts = {"spherical": 4, "planar": 4, "floating": 7, "continuous": 2}
     if first:
         robot.base_home = tuple(float(x) for x in q[:7])
     for number, chain in chains.items():
         at = int(model.idx_qs[number])
-        if model.nqs[number] == 0:
-            continue
-        for joint in chain:
-            count = counts.get(joint.kind, 1)
+        for joint in chain if model.nqs[number] else ():
+            count = len(ZERO[joint.kind])
             robot.home[joint.name] = tuple(float(x) for x in q[at : at + count])
             at += count
     for coupling in robot.couplings:
         (follower, _), (leader, weight) = coupling.terms
-        value = robot.home[leader]
-        angle = value[0] if len(value) == 1 else float(np.arctan2(value[1], value[0]))
-        robot.home[follower] = (coupling.offset - weight * angle,)
+        robot.home[follower] = (coupling.offset - weight * angle_of(robot.home[leader]),)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from ..mjcf.naming import unique
+from ..names import unique
 from .stage import Prim
 
 
