@@ -92,9 +92,9 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
 
 
 def _free_joints(robot: RobotFile) -> list[Joint]:
-    """Return the joints with one freedom that mimic no other."""
-    followers = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)}
-    return [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in followers]
+    """Return the joints with one freedom that mimic no other and let no body move freely."""
+    others = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)} | robot.undriven
+    return [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in others]
 
 
 def _is_mimic(coupling: Coupling) -> bool:

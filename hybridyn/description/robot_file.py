@@ -73,6 +73,7 @@ class RobotFile:
         format: As in `Description`.
         crossed: As in `Description`.
         left_out: As in `Description`.
+        undriven: Names of joints that no rule takes for motors, because they let a body move freely.
     """
 
     name: str
@@ -91,3 +92,4 @@ class RobotFile:
     format: Format = "URDF"
     crossed: dict[str, tuple[float, float]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+    undriven: set[str] = field(default_factory=set)

@@ -12,9 +12,10 @@ from tests.description.reading import Texts, holds, refused, save_all
 from tests.extras import needs
 from tests.files import save
 from tests.mjcf_states import Pair
-from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, loops, mjcf
+from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, TWO_FLOAT, loops, mjcf
 from tests.mujoco_matrices import mass_matrix
 from tests.robot_texts import line_of
+from tests.samples import slow
 
 mujoco = needs("mjcf")
 
@@ -192,6 +193,58 @@ def test_armature_of_a_ball_is_about_each_axis(engine: str, tmp_path: Path) -> N
         found = hybridyn.compile(robot, effects="model").ddm(q, d.qvel, np.array([0.6]))
     close_to(found, d.qacc, AGAINST_MUJOCO)
     holds(robot.description, {"joints": {"ball": {"rotor_inertia": 0.03}}})
+
+
+FREE = ' type="free" armature=".3" damping=".2" name="free'
+WALKER = mjcf(
+    '<actuator><motor joint="hip"/><motor joint="knee"/></actuator>',
+    world=TWO_FLOAT.replace('<freejoint name="free', f"<joint{FREE}"),
+)
+ALONE = mjcf(world=FLOATING.replace('<freejoint name="free', f"<joint{FREE}"))
+DAMPED = ALONE.replace('armature=".3"', "")
+BOX = mjcf(world=f'<body name="box" pos="1 0 0"><joint{FREE}"/>{BAR.format(x=0.1, m=1)}</body>')
+
+
+@pytest.mark.parametrize(
+    ("content", "noted", "engine"),
+    [
+        (WALKER, "slides", "general"), (ALONE, "slides", "general"), (DAMPED, "not float", "general"),
+        slow(BOX, "slides", "compiled"), slow(WALKER, "slides", "compiled"),
+    ],
+)  # fmt: skip
+def test_armature_and_damping_of_free_joints_are_those_of_mujoco(
+    content: str, noted: str, engine: str, tmp_path: Path
+) -> None:
+    """MuJoCo's armature resists accelerations along the world's axes: slides and a ball have it."""
+    file = text(tmp_path, content)
+    robot, m = hybridyn.load(file), mujoco.MjModel.from_xml_path(str(file))
+    holds(robot.description, {"base": "fixed", "notes": {noted}})
+    assert not [motor for motor in robot.motors if motor.startswith("free")]
+    d, draw = mujoco.MjData(m), np.random.default_rng(6)
+    d.qpos[:], d.qvel[:] = draw.normal(size=m.nq), draw.normal(size=m.nv)
+    mujoco.mj_normalizeQuat(m, d.qpos)
+    for motor in robot.motors:
+        d.qfrc_applied[m.joint(motor).dofadr] = 0.6
+    mujoco.mj_forward(m, d)
+    q, v, expected = np.zeros(robot.nq), np.zeros(robot.nv), np.zeros(robot.nv)
+    for name, kind, at_q, at_v in zip(robot.joints, robot.kinds, robot.q_slices, robot.v_slices, strict=True):
+        stem, _, part = name.partition("_")
+        joint, shift = m.joint(stem), ("x", "y", "z", "turn", "").index(part) % 4
+        x = d.qpos[joint.qposadr[0] + shift :][: at_q.stop - at_q.start]
+        order = {"spherical": [1, 2, 3, 0], "floating": [0, 1, 2, 4, 5, 6, 3]}.get(kind, [0])
+        q[at_q] = x[order]
+        rates = slice(joint.dofadr[0] + shift, joint.dofadr[0] + shift + at_v.stop - at_v.start)
+        v[at_v], expected[at_v] = d.qvel[rates], d.qacc[rates]
+        if kind == "floating":  # its linear rates are along the axes of the body
+            turn = d.body(m.jnt_bodyid[joint.id]).xmat.reshape(3, 3).T
+            v[at_v][:3], linear = turn @ v[at_v][:3], turn @ expected[at_v][:3]
+            expected[at_v][:3] = linear - np.cross(v[at_v][3:], v[at_v][:3])
+    tau = np.full(len(robot.motors), 0.6)
+    if engine == "general":
+        found = hybridyn.ddm(robot, q, v, tau, effects="model")
+    else:
+        found = hybridyn.compile(robot, effects="model").ddm(q, v, tau)
+    close_to(found, expected, AGAINST_MUJOCO)
 
 
 GRIPPER = """

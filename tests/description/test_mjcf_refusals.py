@@ -75,13 +75,13 @@ CASES: dict[str, tuple[Texts, str]] = {
         mjcf('<equality><weld body1="a" body2="m"/></equality>', world=hinge() + MOCAP),
         "body 'm': a program moves a mocap body",
     ),
-    "free damping": (
-        mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" damping="1"')),
-        "joint 'free': damping of a free joint",
+    "free friction": (
+        mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" frictionloss="1"')),
+        "joint 'free': frictionloss of a joint with several freedoms.*or write <freejoint/>",
     ),
     "free spring": (
         mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" stiffness="1"')),
-        "joint 'free': stiffness of a free joint",
+        "joint 'free': a spring of a joint with several freedoms.*or write <freejoint/>",
     ),
     "plugin": (mjcf(world=hinge('/><plugin plugin="mujoco.elasticity.cable"')), "a plugin"),
     "plugin that makes mass": (

@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..names import listed
-from ..records import Coupling
+from ..records import Array, Coupling
 from ..robot_file import MotorStatement, RobotFile
 from .compiling import Compiled
-from .fields import nonzero, number
-from .tendons import fixed_terms
+from .equalities import fixed_terms
 
 WHERE = "MJCF <actuator>"
 MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..] in model.toml"
@@ -30,31 +29,20 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
     Raises:
         ModelError: A motor's damping depends on its speed.
     """
-    names: list[str] = []
     reasons: dict[str, str] = {}
-    limits: dict[str, float] = {}
-    extra: dict[str, tuple[float, float]] = {}
+    added: dict[str, Array] = {}  # by joint: limit of its effort, inertia, damping
     servos: list[str] = []
-    for actuator in range(count(compiled)):
-        driven = driven_joint(robot, compiled, actuator)
+    for actuator in range(len(compiled.model.actuator_trntype)):
+        name = compiled.name("actuator", actuator)
+        driven = _driven_joint(robot.couplings, compiled, actuator)
         if isinstance(driven, str):
-            reasons[compiled.name("actuator", actuator) or str(actuator)] = driven
+            reasons[name or str(actuator)] = driven
             continue
         joint, gear = driven
-        if nonzero(compiled.model, "actuator_dampingpoly", actuator):
-            raise compiled.error(
-                "actuator", actuator, "damping that depends on the speed is not read; keep its first number"
-            )
-        if joint not in names:
-            names.append(joint)
-        limits[joint] = limits.get(joint, 0.0) + effort_limit(compiled, actuator, gear)
-        inertia, damping = extra.get(joint, (0.0, 0.0))
-        extra[joint] = (
-            inertia + number(compiled.model, "actuator_armature", actuator) * gear**2,
-            damping + number(compiled.model, "actuator_damping", actuator) * gear**2,
-        )
-        if has_servo(compiled, actuator):
-            servos.append(compiled.name("actuator", actuator) or joint)
+        own, plain = _numbers(compiled, actuator, gear)
+        added[joint] = added.get(joint, np.zeros(3)) + own
+        if not plain:
+            servos.append(name or joint)
     if servos:
         robot.notes.append(
             f"actuators {listed(servos)} have a servo, a muscle or dynamics of their own, which are not "
@@ -64,51 +52,48 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
         stated = "; ".join(f"'{name}' {reason}" for name, reason in reasons.items())
         robot.notes.append(f"actuators that are no motors here: {stated}. {MEND}")
         robot.left_out = tuple(reasons)
-    if names or reasons:
-        robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file))
-    robot.joints = [
-        replace(
-            joint,
-            effort=min(joint.effort, limits.get(joint.name, np.inf)),
-            rotor_inertia=joint.rotor_inertia + extra.get(joint.name, (0.0, 0.0))[0],
-            damping=joint.damping + extra.get(joint.name, (0.0, 0.0))[1],
-        )
-        for joint in robot.joints
-    ]
+    if added or reasons:
+        robot.motors.append(MotorStatement("actuator", WHERE, tuple(added), robot.file))
+    for i, old in enumerate(robot.joints):
+        if old.name in added:
+            limit, inertia, damping = (float(number) for number in added[old.name])
+            robot.joints[i] = replace(
+                old,
+                effort=min(old.effort, limit),
+                rotor_inertia=old.rotor_inertia + inertia,
+                damping=old.damping + damping,
+            )
 
 
-def count(compiled: Compiled) -> int:
-    """Return the number of actuators."""
-    return len(compiled.model.actuator_trntype)
-
-
-def driven_joint(robot: RobotFile, compiled: Compiled, actuator: int) -> tuple[str, float] | str:
+def _driven_joint(
+    couplings: Sequence[Coupling], compiled: Compiled, actuator: int
+) -> tuple[str, float] | str:
     """Return the joint that an actuator drives and the gear between them, or why there is none.
 
     A tendon over joints that couplings tie to one is a gear on that joint: the power is the same.
     """
     model = compiled.model
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator][0])
-    gear = float(model.actuator_gear[actuator][0])
     if kind == compiled.code("mjTRN_TENDON"):
         terms = fixed_terms(compiled, target)
         if terms is None:
             return "pulls a spatial tendon"
-        followers = {coupling.terms[0][0] for coupling in robot.couplings}
-        joint = next((name for name in terms if name not in followers), next(iter(terms)))
-        rates = rates_along(robot.couplings, joint)
-        if set(terms) <= set(rates):
-            return joint, gear * sum(coefficient * rates[name] for name, coefficient in terms.items())
-        return "pulls a tendon of joints that move apart"
-    if kind not in (compiled.code("mjTRN_JOINT"), compiled.code("mjTRN_JOINTINPARENT")):
+    elif kind not in (compiled.code("mjTRN_JOINT"), compiled.code("mjTRN_JOINTINPARENT")):
         return "drives no joint"
-    single = (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE"))
-    if model.jnt_type[target] not in single:
+    elif model.jnt_type[target] not in (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE")):
         return f"drives joint '{compiled.joints[target]}', which has several freedoms"
-    return compiled.joints[target], gear
+    else:
+        terms = {compiled.joints[target]: 1.0}
+    followers = {coupling.terms[0][0] for coupling in couplings}
+    joint = next((name for name in terms if name not in followers), next(iter(terms)))
+    rates = _rates_along(couplings, joint)
+    if not set(terms) <= set(rates):
+        return "pulls a tendon of joints that move apart"
+    gear = float(model.actuator_gear[actuator][0])
+    return joint, gear * sum(coefficient * rates[name] for name, coefficient in terms.items())
 
 
-def rates_along(couplings: Sequence[Coupling], joint: str) -> dict[str, float]:
+def _rates_along(couplings: Sequence[Coupling], joint: str) -> dict[str, float]:
     """Return the rate of each joint that couplings of two joints tie to one, where that has the rate 1."""
     rates, waiting = {joint: 1.0}, [coupling for coupling in couplings if len(coupling.terms) == 2]
     while tied := [c for c in waiting if len({name for name, _ in c.terms} & set(rates)) == 1]:
@@ -119,28 +104,23 @@ def rates_along(couplings: Sequence[Coupling], joint: str) -> dict[str, float]:
     return rates
 
 
-def effort_limit(compiled: Compiled, actuator: int, gear: float) -> float:
-    """Return the largest effort of an actuator at its joint [N or N m], infinite where none is stated."""
-    model = compiled.model
-    force = np.inf
+def _numbers(compiled: Compiled, actuator: int, gear: float) -> tuple[Array, bool]:
+    """Return what an actuator adds to its joint, and whether its force is no more than gain x control.
+
+    Returns:
+        The largest effort [N or N m], infinite where none is stated, inertia and damping, shape (3,).
+    """
+    model, force = compiled.model, np.inf
+    if np.any(getattr(model, "actuator_dampingpoly", np.zeros(actuator + 1))[actuator]):
+        message = "damping that depends on the speed is not read; keep its first number"
+        raise compiled.error("actuator", actuator, message)
+    kinds = (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
+    plain = not any(kind[actuator] for kind in kinds)  # fixed gain, no bias, no dynamics
     if model.actuator_forcelimited[actuator]:
         force = float(np.abs(model.actuator_forcerange[actuator]).max())
-    plain = (
-        model.actuator_gaintype[actuator] == compiled.code("mjGAIN_FIXED")
-        and model.actuator_biastype[actuator] == compiled.code("mjBIAS_NONE")
-        and model.actuator_dyntype[actuator] == compiled.code("mjDYN_NONE")
-    )
     if plain and model.actuator_ctrllimited[actuator]:
         gain = abs(float(model.actuator_gainprm[actuator][0]))
         force = min(force, gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
-    return abs(gear) * force if gear else 0.0
-
-
-def has_servo(compiled: Compiled, actuator: int) -> bool:
-    """Say whether an actuator's force is more than gain x control."""
-    model = compiled.model
-    return bool(
-        model.actuator_gaintype[actuator] != compiled.code("mjGAIN_FIXED")
-        or model.actuator_biastype[actuator] != compiled.code("mjBIAS_NONE")
-        or model.actuator_dyntype[actuator] != compiled.code("mjDYN_NONE")
-    )
+    fields = ("actuator_armature", "actuator_damping")  # some versions of MuJoCo have neither
+    stated = [getattr(model, field, np.zeros(actuator + 1))[actuator] * gear**2 for field in fields]
+    return np.array([abs(gear) * force if gear else 0.0, *stated]), plain

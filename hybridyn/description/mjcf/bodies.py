@@ -1,4 +1,4 @@
-"""Bodies and joints of a compiled MJCF model as links and one-axis joints.
+"""Bodies and joints of a compiled MJCF model as links and joints, with their numbers and positions at home.
 
 The frame of a body's link is MuJoCo's frame of the body. Its joints follow one another from the parent's
 link in the order of the file, with massless links between them; each joint moves the axes of the joints
@@ -8,26 +8,49 @@ after it. The position of a joint is MuJoCo's `qpos`; `ref` is part of the place
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ..names import unique
 from ..placement import placement_from, rotation_from_quaternion
+from ..poses import motion_of
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import RobotFile
 from .compiling import Compiled
-from .roots import Root
 
-#: MuJoCo's words for kinds of joints.
-KINDS: dict[JointKind, str] = {
-    "revolute": "mjJNT_HINGE",
-    "prismatic": "mjJNT_SLIDE",
-    "spherical": "mjJNT_BALL",
-    "floating": "mjJNT_FREE",
-}
+#: Kinds of joints by MuJoCo's words.
+KINDS: dict[str, JointKind] = {
+    "mjJNT_HINGE": "revolute", "mjJNT_SLIDE": "prismatic", "mjJNT_BALL": "spherical",
+    "mjJNT_FREE": "floating",
+}  # fmt: skip
+
+#: The axis of a joint that has none.
+NO_AXIS = np.array([1.0, 0.0, 0.0])
+
+#: Endings and kinds of the joints that stand for a free joint with armature. MuJoCo adds armature to the
+#: diagonal of the mass matrix in its own rates: those of the body's origin along the axes of the world, and
+#: angular ones about the axes of the body. Slides along the world's axes and a ball have the same rates.
+FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
+    ("_x", "prismatic"), ("_y", "prismatic"), ("_z", "prismatic"), ("_turn", "spherical"),
+)  # fmt: skip
 
 #: Largest distance from a body's origin at which an axis still passes through it, relative to its offset.
 ON_AXIS = 4 * np.finfo(float).eps
+
+
+class _Step(NamedTuple):
+    """A joint of a body.
+
+    Attributes:
+        joint: The joint without its links; its placement is its motion from the reference to position zero.
+        origin: Origin of its frame in the body's frame at the reference position, shape (3,) [m].
+        q: Number of its first position among MuJoCo's.
+    """
+
+    joint: Joint
+    origin: Array
+    q: int
 
 
 def pose(position: Array, quaternion: Array) -> Array:
@@ -36,30 +59,57 @@ def pose(position: Array, quaternion: Array) -> Array:
     return placement_from(rotation_from_quaternion(x, y, z, w), np.array(position, dtype=float))
 
 
-def add_bodies(robot: RobotFile, compiled: Compiled, root: Root) -> None:
-    """Add links and joints of every body to the robot.
+def find_root(robot: RobotFile, compiled: Compiled) -> int:
+    """Return the number of the body at which the tree starts; 0 is the world.
 
-    Args:
-        robot: The robot; links, joints and their order are MuJoCo's.
-        root: Where the tree starts, and which bodies are left out.
+    It is a free body whose tree is all that moves, and that no equality ties to the world. Otherwise the
+    world is the root, and free bodies hang on it by joints.
     """
     model = compiled.model
-    links = set(compiled.bodies)
-    joints = set(compiled.joints)
-    if root.body == 0:
-        robot.links.append(Link(compiled.bodies[0], 0.0, np.zeros(3), np.zeros((3, 3))))
-    for body in range(1, model.nbody):
-        if body in root.left_out:
+    free = np.flatnonzero(model.jnt_type == compiled.code("mjJNT_FREE"))
+    if len(free) != 1:
+        return 0
+    body, dof = int(model.jnt_bodyid[free[0]]), int(model.jnt_dofadr[free[0]])
+    others = {int(number) for number in np.flatnonzero(model.body_rootid != body)}
+    moving = any(model.body_jntnum[number] or model.body_mocapid[number] >= 0 for number in others)
+    if moving or any(others & {*pair} for pair in compiled.tied_bodies.values()):
+        return 0
+    if model.dof_damping[dof] or model.dof_armature[dof]:
+        robot.notes.append(
+            f"the base does not float, because its free joint '{compiled.joints[free[0]]}' has damping or "
+            "armature: it is a joint on the world; <freejoint/> takes no defaults, and has neither"
+        )
+        return 0
+    return body
+
+
+def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> None:
+    """Add links and joints of the root's tree to the robot, with springs and home posture.
+
+    Args:
+        root: Number of the root body.
+        q: Home positions of all joints, MuJoCo's `qpos`.
+    """
+    model, links, joints = compiled.model, {*compiled.bodies}, {*compiled.joints}
+    for body in range(model.nbody):
+        if root and model.body_rootid[body] != root:
             continue
-        link = _link(compiled, body)
-        if body == root.body:
-            robot.links.append(link)
-            continue
-        chain = _chain(compiled, body, links, joints)
-        robot.joints += chain
-        for joint in chain[:-1]:
-            robot.links.append(Link(joint.child, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line, True))
-        robot.links.append(link)
+        if body != root:
+            steps = _steps(robot, compiled, body, joints)
+            robot.home |= {joint.name: _coordinates(joint.kind, q[at:]) for joint, _, at in steps}
+            chain = _chain(compiled, body, steps, links, joints)
+            robot.joints += chain
+            for joint in chain[:-1]:
+                robot.links.append(Link(joint.child, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line, True))
+        robot.links.append(_link(compiled, body))
+    if root:
+        at = int(model.jnt_qposadr[model.body_jntadr[root]])
+        robot.base, robot.base_home = "floating", _coordinates("floating", q[at:])
+    sprung = {compiled.joints[number]: number for number in np.flatnonzero(model.jnt_stiffness)}
+    if sprung:
+        stiffness = {name: float(model.jnt_stiffness[number]) for name, number in sprung.items()}
+        rest = {name: float(model.qpos_spring[model.jnt_qposadr[n]]) for name, n in sprung.items()}
+        robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
 
 
 def _link(compiled: Compiled, body: int) -> Link:
@@ -75,104 +125,94 @@ def _link(compiled: Compiled, body: int) -> Link:
     )
 
 
-def _chain(compiled: Compiled, body: int, links: set[str], joints: set[str]) -> list[Joint]:
-    """Return the joints from a body's parent to the body; add the names that are made to links and joints."""
-    model = compiled.model
-    name, parent = compiled.bodies[body], compiled.bodies[model.body_parentid[body]]
+def _steps(robot: RobotFile, compiled: Compiled, body: int, taken: set[str]) -> list[_Step]:
+    """Return the joints of a body in their order; add the names that are made to those that are taken."""
+    model, out = compiled.model, []
     first = int(model.body_jntadr[body])
-    numbers = list(range(first, first + int(model.body_jntnum[body])))
-    at = pose(model.body_pos[body], model.body_quat[body])
-    line = compiled.line("body", body)
-    if not numbers:
-        return [_weld(unique(f"{name}_fixed", joints), parent, name, at, line, joints)]
-    origins = _origins(compiled, numbers)
-    out: list[Joint] = []
-    before = np.zeros(3)
-    for number, origin in zip(numbers, origins, strict=True):
-        joint = _joint(compiled, number)
-        if joint.kind == "floating":
-            at = np.eye(4)  # its position is the pose in the world
-        turned = _at_zero(compiled, number, joint)
-        shift = placement_from(np.eye(3), origin - before)
+    numbers = range(first, first + int(model.body_jntnum[body]))
+    own = [_origin(compiled, number) for number in numbers]
+    for i, number in enumerate(numbers):
+        # A slide has no place of its own: it takes that of the next turning joint, else of the one before.
+        origin = next((x for x in (*own[i:], *own[:i][::-1]) if x is not None), np.zeros(3))
+        kind = next(kind for word, kind in KINDS.items() if compiled.code(word) == model.jnt_type[number])
+        at, dof = int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number])
+        split = kind == "floating" and bool(model.dof_armature[dof])
+        for k, (ending, part) in enumerate(FREE_PARTS if split else (("", kind),)):
+            name = compiled.joints[number]
+            if ending:
+                name = unique(name + ending, taken)
+                robot.undriven.add(name)
+            axis, reference = (np.eye(3)[k % 3], 0.0) if ending else (model.jnt_axis[number], model.qpos0[at])
+            joint = _joint(compiled, number, dof + k, name, part, axis, reference)
+            out.append(_Step(joint, origin, at + k))
+    return out
+
+
+def _joint(
+    compiled: Compiled, number: int, dof: int, name: str, kind: JointKind, axis: Array, reference: float
+) -> Joint:
+    """Return a joint with its limits and numbers, whose placement leads to position zero; it has no links."""
+    model, lower, upper = compiled.model, -np.inf, np.inf
+    bounds = [float(bound) for bound in model.jnt_range[number]]
+    single = kind in ("prismatic", "revolute")
+    if single and (model.jnt_limited[number] or bounds[0] > bounds[1]):
+        lower, upper = bounds  # crossed ones limit nothing in MuJoCo; they are dropped with a note
+    limited = model.jnt_actfrclimited[number]
+    joint = Joint(
+        name, kind, "", "", np.eye(4), np.array(axis, dtype=float) if single else NO_AXIS, lower, upper,
+        effort=float(np.abs(model.jnt_actfrcrange[number]).max()) if limited else np.inf,
+        damping=float(model.dof_damping[dof]),
+        friction=float(model.dof_frictionloss[dof]),
+        rotor_inertia=float(model.dof_armature[dof]),
+        line=compiled.line("joint", number),
+    )  # fmt: skip
+    return replace(joint, placement=motion_of(joint, {name: (-float(reference),)} if single else {}))
+
+
+def _origin(compiled: Compiled, number: int) -> Array | None:
+    """Return where a joint's frame is in the body's at the reference position, shape (3,); None for a slide.
+
+    An axis through the body's origin has it there.
+    """
+    model = compiled.model
+    kind, position = int(model.jnt_type[number]), np.array(model.jnt_pos[number], dtype=float)
+    if kind == compiled.code("mjJNT_SLIDE"):
+        return None
+    if kind == compiled.code("mjJNT_HINGE"):
+        axis = np.array(model.jnt_axis[number])
+        across = position - axis * (axis @ position)
+        if np.abs(across).max() <= ON_AXIS * np.abs(position).max():
+            return np.zeros(3)
+    return position
+
+
+def _chain(
+    compiled: Compiled, body: int, steps: list[_Step], links: set[str], joints: set[str]
+) -> list[Joint]:
+    """Return the joints from a body's parent to the body; add the names that are made to links and joints."""
+    model, name = compiled.model, compiled.bodies[body]
+    parent = compiled.bodies[model.body_parentid[body]]
+    at, before, out = pose(model.body_pos[body], model.body_quat[body]), np.zeros(3), list[Joint]()
+    if steps and model.jnt_type[model.body_jntadr[body]] == compiled.code("mjJNT_FREE"):
+        at = np.eye(4)  # its position is the pose in the world
+    for joint, origin, _ in steps:
         child = unique(f"{name}_{joint.name}", links)
-        out.append(replace(joint, parent=parent, child=child, placement=at @ shift @ turned))
-        links.add(child)
+        shift = placement_from(np.eye(3), origin - before)
+        out.append(replace(joint, parent=parent, child=child, placement=at @ shift @ joint.placement))
         parent, at, before = child, np.eye(4), origin
-    if before.any():
-        back = placement_from(np.eye(3), -before)
-        out.append(_weld(unique(f"{name}_fixed", joints), parent, name, back, line, joints))
+    if not steps or before.any():
+        fixed = unique(f"{name}_fixed", joints)
+        back = at @ placement_from(np.eye(3), -before)
+        out.append(Joint(fixed, "fixed", parent, name, back, NO_AXIS, line=compiled.line("body", body)))
     else:
         out[-1] = replace(out[-1], child=name)
     return out
 
 
-def _weld(name: str, parent: str, child: str, at: Array, line: int | None, joints: set[str]) -> Joint:
-    joints.add(name)
-    return Joint(name, "fixed", parent, child, at, np.array([1.0, 0.0, 0.0]), line=line)
-
-
-def _joint(compiled: Compiled, number: int) -> Joint:
-    """Return a joint with its limits; links and placement are those of the caller."""
-    model = compiled.model
-    kind = next(kind for kind, word in KINDS.items() if compiled.code(word) == model.jnt_type[number])
-    single = kind in ("revolute", "prismatic")
-    lower, upper = -np.inf, np.inf
-    bounds = [float(bound) for bound in model.jnt_range[number]]
-    if single and (
-        model.jnt_limited[number] or bounds[0] > bounds[1]
-    ):  # crossed ones limit nothing in MuJoCo
-        lower, upper = bounds
-    return Joint(
-        name=compiled.joints[number],
-        kind=kind,
-        parent="",
-        child="",
-        placement=np.eye(4),
-        axis=np.array(model.jnt_axis[number] if single else (1.0, 0.0, 0.0), dtype=float),
-        lower=lower,
-        upper=upper,
-        line=compiled.line("joint", number),
-    )
-
-
-def _at_zero(compiled: Compiled, number: int, joint: Joint) -> Array:
-    """Return the motion of a joint from its reference position to position zero, shape (4, 4)."""
-    if joint.kind not in ("revolute", "prismatic"):
-        return np.eye(4)
-    reference = float(compiled.model.qpos0[compiled.model.jnt_qposadr[number]])
-    if joint.kind == "prismatic":
-        return placement_from(np.eye(3), -reference * joint.axis)
-    half = -reference / 2
-    x, y, z = np.sin(half) * joint.axis
-    return placement_from(rotation_from_quaternion(x, y, z, np.cos(half)), np.zeros(3))
-
-
-def _origins(compiled: Compiled, numbers: list[int]) -> list[Array]:
-    """Return the origin of each joint's frame in the body's frame at the reference position, shape (3,).
-
-    An axis through the body's origin has it there. A slide has no place of its own: it takes that of the next
-    turning joint, else of the one before.
-    """
-    model = compiled.model
-    out: list[Array | None] = []
-    for number in numbers:
-        kind, position = int(model.jnt_type[number]), np.array(model.jnt_pos[number], dtype=float)
-        if kind == compiled.code("mjJNT_SLIDE"):
-            out.append(None)
-        elif kind == compiled.code("mjJNT_HINGE"):
-            axis = np.array(model.jnt_axis[number])
-            across = position - axis * (axis @ position)
-            on_axis = np.abs(across).max() <= ON_AXIS * np.abs(position).max()
-            out.append(np.zeros(3) if on_axis else position)
-        else:
-            out.append(position if kind == compiled.code("mjJNT_BALL") else np.zeros(3))
-    following: Array | None = None
-    for i in reversed(range(len(out))):
-        following = out[i] if out[i] is not None else following
-        out[i] = following
-    before = np.zeros(3)
-    filled: list[Array] = []
-    for origin in out:
-        before = before if origin is None else origin
-        filled.append(before)
-    return filled
+def _coordinates(kind: JointKind, q: Array) -> tuple[float, ...]:
+    """Return a joint's position as Pinocchio has it; `q` starts with MuJoCo's (quaternions w, x, y, z)."""
+    start = {"spherical": 0, "floating": 3}.get(kind)
+    if start is None:
+        return (float(q[0]),)
+    turn = q[start : start + 4] / np.linalg.norm(q[start : start + 4])
+    return tuple(float(x) for x in (*q[:start], *np.roll(turn, -1)))

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ...errors import ModelError, install_advice
-from ..records import Array
-from ..urdf.xml_node import LARGEST_NUMBER
 from .document import Document, Place
 from .naming import names_of
 
@@ -66,6 +62,19 @@ class Compiled:
         given = self._named("joint", self.model.njnt)
         made = [f"{self.bodies[body]}_joint" for body in self.model.jnt_bodyid]
         return names_of("joint", given, made)
+
+    @cached_property
+    def tied_bodies(self) -> dict[int, tuple[int, int]]:
+        """Numbers of the two bodies of every connect and weld, by its number."""
+        model, out = self.model, {}
+        kinds, sites = (self.code("mjEQ_CONNECT"), self.code("mjEQ_WELD")), self.code("mjOBJ_SITE")
+        for number in range(model.neq):
+            if model.eq_type[number] in kinds:
+                ends = model.eq_obj1id[number], model.eq_obj2id[number]
+                of_sites = model.eq_objtype[number] == sites
+                first, second = (int(model.site_bodyid[end] if of_sites else end) for end in ends)
+                out[number] = first, second
+        return out
 
     def name(self, kind: str, number: int) -> str:
         """Return the name of an element as the file gives it, "" for none.
@@ -148,9 +157,7 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
             model = spec.compile()
     except refusals as error:
         raise _refusal(str(error), file, places) from None
-    compiled = Compiled(mujoco, spec, model, file, places)
-    _refuse_unbounded(compiled)
-    return compiled
+    return Compiled(mujoco, spec, model, file, places)
 
 
 @contextlib.contextmanager
@@ -203,30 +210,3 @@ def _place_in(text: str, places: list[Place]) -> Place | None:
     """Return the place of the line that one of MuJoCo's messages names."""
     lines = [int(number) for number in _LINE.findall(text)]
     return places[lines[-1] - 1] if lines and 0 < lines[-1] <= len(places) else None
-
-
-def _refuse_unbounded(compiled: Compiled) -> None:
-    """Refuse a model with numbers that are not finite, or so large that their square is not."""
-    model = compiled.model
-    of_body: dict[str, Array] = {
-        "pos": model.body_pos, "quat": model.body_quat, "mass": model.body_mass, "com": model.body_ipos,
-        "inertia": model.body_inertia,
-    }  # fmt: skip
-    of_joint: dict[str, Array] = {
-        "pos": model.jnt_pos, "axis": model.jnt_axis, "stiffness": model.jnt_stiffness,
-    }  # fmt: skip
-    for kind, table in (("body", of_body), ("joint", of_joint)):
-        for what, values in table.items():
-            rows = np.atleast_2d(np.asarray(values, dtype=float).T).T
-            with np.errstate(invalid="ignore"):
-                wrong = np.flatnonzero(~(np.abs(rows) <= LARGEST_NUMBER).all(axis=1))
-            if wrong.size:
-                raise compiled.error(kind, int(wrong[0]), f"its {what} is not finite, or too large")
-    for number in range(model.nv):
-        row = [model.dof_damping[number], model.dof_armature[number], model.dof_frictionloss[number]]
-        if not np.isfinite(row).all() or min(row) < 0:
-            raise compiled.error(
-                "joint",
-                int(model.dof_jntid[number]),
-                "damping, armature or frictionloss is negative or not finite",
-            )

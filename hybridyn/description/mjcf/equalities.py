@@ -11,8 +11,6 @@ from ..records import Array, Closure, Coupling
 from ..robot_file import RobotFile
 from .bodies import pose
 from .compiling import Compiled
-from .roots import tied_bodies
-from .tendons import fixed_terms
 
 #: Closures by MuJoCo's word.
 KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}
@@ -34,35 +32,39 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
             file=compiled.file, element="flag",
         )  # fmt: skip
     taken = {compiled.name("equality", number) for number in range(model.neq)}
-    words = {compiled.code(f"mjEQ_{word.upper()}"): word for word in ("connect", "weld", "joint", "tendon")}
-    ties = tied_bodies(compiled)
+    words = {compiled.code(f"mjEQ_{word.upper()}"): word for word in (*KINDS, "joint", "tendon")}
     for number in range(model.neq):
-        word = words.get(int(model.eq_type[number]))
+        word, name = words.get(int(model.eq_type[number])), compiled.name("equality", number)
+        line = compiled.line("equality", number)
         if word is None:
             raise compiled.error(
                 "equality", number, "only connect, weld, joint and tendon are read; remove it"
             )
-        name = compiled.name("equality", number)
         if not model.eq_active0[number]:
             robot.notes.append(f"<{word}> '{name or number}' has active=\"false\": it is not read")
         elif word in KINDS:
-            robot.closures.append(_closure(compiled, number, word, ties[number], name, taken))
+            link_a, link_b = (compiled.bodies[body] for body in compiled.tied_bodies[number])
+            name = name or unique(f"{word}_{link_a}_{link_b}", taken)
+            frame_a, frame_b = _frames(compiled, number, word)
+            form = KINDS[word].translations, KINDS[word].rotation
+            robot.closures.append(Closure(name, word, link_a, frame_a, link_b, frame_b, *form, line))
         else:
-            robot.couplings.append(_coupling(compiled, number, word, name, taken))
+            terms, offset = _sum(compiled, number, word)
+            name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of its follower
+            robot.couplings.append(Coupling(name, tuple(terms.items()), offset, line))
 
 
-def _closure(
-    compiled: Compiled, number: int, word: str, bodies: tuple[int, int], name: str, taken: set[str]
-) -> Closure:
-    frame_a, frame_b = _frames(compiled, number, word)
-    link_a, link_b = (compiled.bodies[body] for body in bodies)
-    name = name or unique(f"{word}_{link_a}_{link_b}", taken)
-    taken.add(name)
-    form = KINDS[word]
-    return Closure(
-        name, word, link_a, frame_a, link_b, frame_b, form.translations, form.rotation,
-        compiled.line("equality", number),
-    )  # fmt: skip
+def fixed_terms(compiled: Compiled, tendon: int) -> dict[str, float] | None:
+    """Return the coefficient of each joint in a fixed tendon's length, or None for a spatial tendon."""
+    model = compiled.model
+    first = int(model.tendon_adr[tendon])
+    terms: dict[str, float] = {}
+    for wrap in range(first, first + int(model.tendon_num[tendon])):
+        if model.wrap_type[wrap] != compiled.code("mjWRAP_JOINT"):
+            return None
+        joint = compiled.joints[model.wrap_objid[wrap]]
+        terms[joint] = terms.get(joint, 0.0) + float(model.wrap_prm[wrap])
+    return terms
 
 
 def _frames(compiled: Compiled, number: int, word: str) -> tuple[Array, Array]:
@@ -76,17 +78,19 @@ def _frames(compiled: Compiled, number: int, word: str) -> tuple[Array, Array]:
     if model.eq_objtype[number] == compiled.code("mjOBJ_SITE"):
         first, second = (pose(model.site_pos[end], model.site_quat[end]) for end in ends)
         return first, second
-    data = np.array(model.eq_data[number])
-    level = np.array([1.0, 0, 0, 0])
+    data, level = np.array(model.eq_data[number]), np.array([1.0, 0.0, 0.0, 0.0])
     if word == "connect":
         return pose(data[:3], level), pose(data[3:6], level)
     return pose(data[3:6], data[6:10]), pose(data[:3], level)
 
 
-def _coupling(compiled: Compiled, number: int, word: str, name: str, taken: set[str]) -> Coupling:
-    """Return y - y0 = a0 + a1 (x - x0) as a sum; y and x are joint positions or lengths of fixed tendons."""
+def _sum(compiled: Compiled, number: int, word: str) -> tuple[dict[str, float], float]:
+    """Return y - y0 = a0 + a1 (x - x0) as coefficients of joints and the right-hand side.
+
+    y and x are positions of joints or lengths of fixed tendons, y0 and x0 those at the reference.
+    """
     model = compiled.model
-    constant, factor, *higher = (float(a) for a in model.eq_data[number][:5])
+    offset, factor, *higher = (float(a) for a in model.eq_data[number][:5])
     follower, leader = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
     if any(higher) and leader >= 0:
         raise compiled.error(
@@ -95,31 +99,23 @@ def _coupling(compiled: Compiled, number: int, word: str, name: str, taken: set[
             "keep the first two numbers of polycoef",
         )  # fmt: skip
     terms: dict[str, float] = {}
-    offset = constant
     for end, weight in ((follower, 1.0), (leader, -factor)):
         if end < 0:
             continue
-        parts, reference = _length(compiled, number, word, end)
+        if word == "joint":
+            parts: dict[str, float] | None = {compiled.joints[end]: 1.0}
+            reference = float(model.qpos0[model.jnt_qposadr[end]])
+        else:
+            parts, reference = fixed_terms(compiled, end), float(model.tendon_length0[end])
+        if parts is None:
+            raise compiled.error(
+                "equality", number,
+                f"its tendon '{compiled.name('tendon', end)}' is spatial; hybridyn has no cables: remove it",
+            )  # fmt: skip
         offset += weight * reference
         for joint, coefficient in parts.items():
             terms[joint] = terms.get(joint, 0.0) + weight * coefficient
     terms = {joint: coefficient for joint, coefficient in terms.items() if coefficient}
     if not terms:
         raise compiled.error("equality", number, "it couples nothing; remove it")
-    name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of the joint which follows
-    taken.add(name)
-    return Coupling(name, tuple(terms.items()), offset, compiled.line("equality", number))
-
-
-def _length(compiled: Compiled, number: int, word: str, end: int) -> tuple[dict[str, float], float]:
-    """Return a joint's position or a tendon's length as a sum over joints, and its value at the reference."""
-    model = compiled.model
-    if word == "joint":
-        return {compiled.joints[end]: 1.0}, float(model.qpos0[model.jnt_qposadr[end]])
-    terms = fixed_terms(compiled, end)
-    if terms is None:
-        raise compiled.error(
-            "equality", number,
-            f"its tendon '{compiled.name('tendon', end)}' is spatial; hybridyn has no cables: remove it",
-        )  # fmt: skip
-    return terms, float(model.tendon_length0[end])
+    return terms, offset

@@ -6,23 +6,25 @@ Forces and constraints that hybridyn does not have are errors. Contacts and serv
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ..names import listed
+from ..records import Array
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
 from .actuators import add_actuators
-from .bodies import add_bodies
+from .bodies import add_bodies, find_root
 from .compiling import Compiled, compile_text
 from .document import Document
 from .equalities import add_equalities
-from .keyframes import add_home
+from .forces import refuse_forces, refuse_numbers
 from .meshes import take_meshes
-from .passive import add_passive
-from .roots import find_root
 from .screening import screen
 
+#: Name of the keyframe that is home where there are several.
+HOME = "home"
 #: Parts of dynamics that `<flag>` can disable; hybridyn takes them by `effects=` instead.
 FLAGS = ("passive", "spring", "damper", "frictionloss", "limit", "actuation")
 
@@ -45,20 +47,64 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
         screen(one)
         take_meshes(one, meshes)
     compiled = compile_text(document, meshes)
+    refuse_numbers(compiled)
     if compiled.model.nbody == 1:
         raise root.error("no <body> stands in <worldbody>; a robot has at least one")
-    start = find_root(compiled)
+    refuse_forces(compiled)
     robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
-    robot.base = "fixed" if start.joint is None else "floating"
-    add_bodies(robot, compiled, start)
-    add_passive(robot, compiled, start)
+    start = find_root(robot, compiled)
+    add_bodies(robot, compiled, start, _home(robot, compiled))
     add_equalities(robot, compiled)
     add_actuators(robot, compiled)
-    add_home(robot, compiled, start)
-    robot.gravity = _gravity(compiled)
     robot.notes += [note for one in document.every() for note in one.notes]
-    robot.notes += _notes(compiled, start.note, pairs or _can_touch(compiled))
+    robot.notes += _notes(compiled, start, pairs)
+    x, y, z = (float(number) for number in compiled.model.opt.gravity)
+    off = compiled.model.opt.disableflags & compiled.code("mjDSBL_GRAVITY")
+    robot.gravity = (0.0, 0.0, 0.0) if off else (x, y, z)
     return robot
+
+
+def _home(robot: RobotFile, compiled: Compiled) -> Array:
+    """Return the home posture, MuJoCo's `qpos`: the keyframe "home", else the first, else `qpos0`."""
+    model = compiled.model
+    if not model.nkey:
+        return np.array(model.qpos0)
+    names = [compiled.name("key", number) for number in range(model.nkey)]
+    if model.nkey > 1 and HOME not in names:
+        robot.notes.append(
+            f"home is the first of {model.nkey} keyframes ('{names[0]}'); to use another one, rename it "
+            f"to 'home': {listed(names[1:])}"
+        )
+    return np.array(model.key_qpos[names.index(HOME) if HOME in names else 0])
+
+
+def _notes(compiled: Compiled, root: int, pairs: bool) -> Iterator[str]:
+    """Yield what is not read though MuJoCo computes with it; `pairs`: whether `<contact>` names geoms."""
+    model = compiled.model
+    if still := [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)]:
+        yield f"mocap bodies are read as fixed: {listed(still)}"
+    if fluid := [word for word in ("density", "viscosity") if getattr(model.opt, word)]:
+        yield f"forces of a fluid are not read: <option {' '.join(fluid)}>"
+    if model.tendon_limited.any():
+        names = (compiled.name("tendon", n) or str(n) for n in np.flatnonzero(model.tendon_limited).tolist())
+        yield f"limits of tendons are not read: {listed(names)}"
+    others = [name for name, top in zip(compiled.bodies, model.body_rootid, strict=True) if top != root]
+    if root and others[1:]:
+        yield (
+            f"bodies {listed(others[1:])} do not move and have no joint; they are left out, because the base "
+            "floats"
+        )
+    of_free = model.dof_armature[model.jnt_dofadr[model.jnt_type == compiled.code("mjJNT_FREE")]]
+    if of_free.any():
+        yield "free joints with armature are read as three slides and a ball, which have it in MuJoCo's rates"
+    if pairs or _can_touch(compiled):
+        yield (
+            "contacts between geoms are not read: the robot touches nothing (the effect ground_contact has "
+            "points on compliant ground)"
+        )
+    flags = model.opt.disableflags
+    if disabled := [word for word in FLAGS if flags & max(compiled.code(f"mjDSBL_{word.upper()}"), 0)]:
+        yield f"<flag> disables {', '.join(disabled)}; hybridyn reads them all the same, for effects="
 
 
 def _can_touch(compiled: Compiled) -> bool:
@@ -66,35 +112,9 @@ def _can_touch(compiled: Compiled) -> bool:
     model = compiled.model
     if model.opt.disableflags & compiled.code("mjDSBL_CONTACT"):
         return False
-    geoms = {*zip(model.geom_bodyid, model.geom_contype, model.geom_conaffinity, strict=True)}
-    masks: dict[tuple[int, int], set[int]] = {}
-    for body, contype, conaffinity in geoms:
-        masks.setdefault((int(contype), int(conaffinity)), set()).add(int(body))
-    return any(
-        first[0] & second[1] and len(bodies | others) > 1
-        for first, bodies in masks.items()
-        for second, others in masks.items()
-    )
-
-
-def _gravity(compiled: Compiled) -> tuple[float, float, float]:
-    """Return the acceleration of gravity that the file states [m/s^2]."""
-    if compiled.model.opt.disableflags & compiled.code("mjDSBL_GRAVITY"):
-        return 0.0, 0.0, 0.0
-    x, y, z = (float(number) for number in np.asarray(compiled.model.opt.gravity))
-    return x, y, z
-
-
-def _notes(compiled: Compiled, left_out: str, contacts: bool) -> list[str]:
-    """Return remarks on what is not read though MuJoCo computes with it."""
-    out = [left_out] if left_out else []
-    if contacts:
-        out.append(
-            "contacts between geoms are not read: the robot touches nothing (the effect ground_contact has "
-            "points on compliant ground)"
-        )
-    flags = compiled.model.opt.disableflags
-    disabled = [word for word in FLAGS if flags & max(compiled.code(f"mjDSBL_{word.upper()}"), 0)]
-    if disabled:
-        out.append(f"<flag> disables {', '.join(disabled)}; hybridyn reads them all the same, for effects=")
-    return out
+    bodies, masks = model.geom_bodyid, (model.geom_contype, model.geom_conaffinity)
+    for bit in range(32):
+        first, second = ({*bodies[(mask >> bit) & 1 == 1].tolist()} for mask in masks)
+        if first and second and len(first | second) > 1:
+            return True
+    return False
