@@ -106,7 +106,7 @@ def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
         if not os.path.realpath(file).startswith(str(ROOT / "urdf")):
             return expand(file, arguments, packages)
         given = sorted((key, str(value)) for key, value in arguments.items())
-        asked = (os.path.abspath(file), given, packages, xacro._share_dirs())
+        asked = (os.path.abspath(file), given, packages, xacro.share_dirs())
         name = hashlib.sha256(repr(asked).encode()).hexdigest()
         if os.path.basename(file).startswith("stewart_ur5") and not robots_of_others():
             skip("robots")

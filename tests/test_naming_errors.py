@@ -91,7 +91,7 @@ def test_text_that_is_no_xml_still_says_what_it_is(text: str, told: str, tmp_pat
 def test_the_extra_that_installs_a_package_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("hybridyn.description.urdf.xacro._share_dirs", list)
+    monkeypatch.setattr("hybridyn.description.urdf.xacro.share_dirs", list)
     refused(lambda: hybridyn.load("stewart_ur5"), ModelError, f", or {re.escape(install_advice('robots'))}")
     call(capsys, "info", "stewart_ur5", status=1, says="name the folder that holds it with --package-dir, or")
 

@@ -8,7 +8,7 @@ import tomllib
 import pytest
 
 import hybridyn
-from hybridyn.description.urdf.xacro import EXTRAS
+from hybridyn.description.urdf.expansion import EXTRAS
 from hybridyn.errors import install_advice
 from tests import ROOT
 

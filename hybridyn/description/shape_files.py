@@ -34,11 +34,11 @@ class MeshFiles:
         self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]], *, named: bool = False
     ) -> None:
         """Find the folders; with `named`, a package's own folder has its name."""
-        from .urdf.xacro import _share_dirs
+        from .urdf.xacro import share_dirs
 
         self.folder, self.named = folder, named
         ros = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep))
-        shares = [Path(place) for place in (*ros, *_share_dirs())]
+        shares = [Path(place) for place in (*ros, *share_dirs())]
         examples = [place / "example-robot-data" / "robots" for place in shares]
         above = [folder.resolve(), *folder.resolve().parents][:5]
         self.roots = [*(Path(place) for place in package_dirs), *shares, *examples, *above]

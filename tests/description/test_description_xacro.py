@@ -45,6 +45,10 @@ READ: dict[str, tuple[Texts, dict[str, str], list[str], dict[str, object]]] = {
         {"r.urdf": xacro('<xacro:property name="n" value="a"/><link name="${n}"/>')}, {}, [],
         {"links": ["a"]},
     ),
+    "an element whose name is evaluated": (
+        {"r.xacro": xacro('<xacro:element xacro:name="${\'link\'}" name="a"/>')},
+        {}, [], {"links": ["a"]},
+    ),
     **{
         f"a package in {place} of {dirs}": ({f"{place}/r.xacro": text} | PACKAGE, {}, dirs, {"links": ["a"]})
         for place, text, dirs in (

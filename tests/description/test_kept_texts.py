@@ -71,7 +71,11 @@ def test_an_expansion_is_kept_until_a_file_that_it_asked_for_changes(
         assert expand() == (text, False)
     (at / "part1.xacro").unlink()
     assert expand()[1]
-    assert [expand(n=3)[1] for _ in range(2)] == [True, True]  # those of a sweep are not kept
+    assert [expand(n=n)[1] for n in (3, 4)] == [True, False]  # those of a sweep are traced
+    save(at, "<robot><last/></robot>", "inner.xacro")
+    text, made = expand(n=5)
+    assert made
+    assert "<last " in text
 
 
 @pytest.mark.parametrize("harm", ["writable", "link", "cut", "open"])

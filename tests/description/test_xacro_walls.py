@@ -13,7 +13,7 @@ import pytest
 import xacro
 from simpleeval import InvalidExpression
 
-from hybridyn.description.urdf import expressions
+from hybridyn.description.urdf import expansion, expressions
 from hybridyn.description.urdf import xacro as xacro_files
 from hybridyn.description.urdf.expressions import Evaluator, RefusedError
 from hybridyn.description.urdf.robot_folders import RobotFolders
@@ -30,10 +30,11 @@ LIMITS = {"upper": 2, "items": [1, {"deep": 5}]}
 
 def evaluate(expression: str, names: dict[str, Any] | None = None) -> Any:
     """Evaluate an expression with xacro's names and the given ones."""
-    own = xacro_files._own_xacro()
+    own = expansion._own_xacro()
+    own.warning = print  # no expansion takes its notes
     symbols = {**own._global_symbols, "n": 3, **(names or {})}
     spaces = own.NameSpace, own.YamlDictWrapper, xacro.YamlDictWrapper
-    return Evaluator(xacro_files._functions(symbols), spaces)(expression, symbols)
+    return Evaluator(expansion.functions(symbols), spaces)(expression, symbols)
 
 
 WITHIN_REACH = [
@@ -302,7 +303,7 @@ ATTACKS = [
 def test_attacks_from_a_file(
     tmp_path: Path, said: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(xacro_files, "MOST_NODES", 1000)
+    monkeypatch.setattr(expansion, "MOST_NODES", 1000)
     file = save_all(tmp_path, {
         "robot/r.xacro": f"{HEAD}{said}</robot>", "secret.xacro": "<robot/>",
         "robot/python.yaml": "!!python/object/apply:os.system ['id']\n",
@@ -360,7 +361,7 @@ def test_shipped_robots_expand_as_with_xacro_alone(names: list[str]) -> None:
     if "stewart_ur5" in names and not robots_of_others():
         skip("robots")
     files = [str(ROOT / "urdf" / f"{name}.urdf.xacro") for name in names]
-    examples = [str(Path(share, "example-robot-data")) for share in xacro_files._share_dirs()]
+    examples = [str(Path(share, "example-robot-data")) for share in xacro_files.share_dirs()]
     found = next((folder for folder in examples if Path(folder).is_dir()), "")
     done = subprocess.run([sys.executable, "-c", PLAIN, found, *files], capture_output=True, check=True)
     for file, text in zip(files, done.stdout.split(b"\0"), strict=True):

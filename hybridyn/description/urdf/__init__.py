@@ -2,7 +2,8 @@
 
 Read `xml_node` (elements that know their file and line), `urdf` (links and joints), `loops` (closures and
 couplings), `transmissions` (motors), `foreign` (loops in unsupported forms, which raise errors), `xacro`
-(expansion), `expressions` (their evaluation), `robot_folders` (the files that it may read).
+(what is kept of expansions), `robot_folders` (the files that may be read), `expansion` (by the package),
+`traced` (what depends on arguments), `expressions` (their evaluation).
 
 May import: `description`'s own files.
 """

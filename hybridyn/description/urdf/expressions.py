@@ -153,6 +153,10 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     Args:
         functions: The functions that may be called by their names.
         spaces: Types of dictionaries whose elements may be written like attributes.
+
+    Attributes:
+        steps: Number of steps so far.
+        has_effects: Whether an expression changed a list, or used a namespace that may change.
     """
 
     nodes: dict[type, Callable[..., Any]]
@@ -161,7 +165,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
 
     def __init__(self, functions: dict[str, Callable[..., Any]], spaces: tuple[type, ...]) -> None:
         super().__init__(_OPERATORS, {}, {})
-        self.functions, self.spaces, self.steps = functions, spaces, 0
+        self.functions, self.spaces, self.steps, self.has_effects = functions, spaces, 0, False
         self.nodes[ast.SetComp] = lambda node: set(self._eval_comprehension(node))
         del self.nodes[ast.JoinedStr]  # of any width
         self._plain = self.nodes
@@ -209,6 +213,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         """Return a harmless method, or an element of one of xacro's dictionaries."""
         value: Any = self._eval(node.value)
         name = node.attr
+        self.has_effects |= name == "pop" or type(getattr(value, "parent", {})) is not dict
         if any(isinstance(value, kind) and name in methods for kind, methods in _METHODS.items()):
             bounded = _BOUNDED.get(name)
             return getattr(value, name) if bounded is None else functools.partial(bounded, value)

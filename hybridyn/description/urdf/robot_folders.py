@@ -7,13 +7,16 @@ points. Hidden files, and anything but regular files, are never read.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fnmatch
+import hashlib
 import os
 import re
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from ...errors import ModelError
 from ..files_read import record
@@ -23,6 +26,8 @@ MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")
 
 #: Most folders and files that a glob pattern may examine.
 MOST_LOOKED_AT = 10_000
+#: Most files, packages and patterns that one expansion may ask for; robots include a few dozen files.
+MOST_ASKED = 10_000
 
 _PACKAGE = re.compile(r"[A-Za-z][\w.-]*")
 _WILD = re.compile(r"[*?\[]")
@@ -37,6 +42,9 @@ class RobotFolders:
         share_dirs: Folders of installed packages.
         largest: Largest file that is read [bytes].
         granted: Further folders that it may read; no packages are searched in them.
+
+    Attributes:
+        replies: What was asked, and a hash of each reply.
     """
 
     def __init__(
@@ -48,11 +56,48 @@ class RobotFolders:
         granted: Sequence[str] = (),
     ) -> None:
         self.file, self.largest = file, largest
+        self.replies, self._closed = list[list[str]](), False
         self.package_dirs = [os.path.abspath(folder) for folder in package_dirs]
         self.share_dirs = list(share_dirs)
         spellings = (file, os.path.realpath(file))
         own = [_own_folder(spelling) for spelling in spellings]
         self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs, *granted)]
+
+    def ask(self, what: str, of: str) -> Any:
+        """Read a file, find a package or search a pattern ("read", "find", "glob").
+
+        Raises:
+            OSError: The system cannot open or read the file.
+            ModelError: The folders refuse it, or too much was asked.
+        """
+        self.refuse_closed()
+        if len(self.replies) >= MOST_ASKED:
+            raise ModelError(f"reads more than {MOST_ASKED:,} files")
+        reply: Any = None
+        try:
+            reply = getattr(self, what)(of)
+        except (OSError, ModelError) as error:
+            reply = str(error)
+            raise
+        finally:
+            self.replies.append([what, of, hashlib.sha256(repr(reply).encode()).hexdigest()])
+        return reply
+
+    def give(self, replies: list[list[str]]) -> bool:
+        """Return whether they give the same replies to the same questions."""
+        for what, of, _ in replies:
+            with contextlib.suppress(OSError, ModelError):
+                self.ask(what, of)
+        return self.replies == replies
+
+    def close(self) -> None:
+        """Refuse all that is asked from now on."""
+        self._closed = True
+
+    def refuse_closed(self) -> None:
+        """Raise ModelError if they are closed."""
+        if self._closed:
+            raise ModelError("asks for something after its expansion")
 
     def read(self, path: str) -> bytes:
         """Read a file.

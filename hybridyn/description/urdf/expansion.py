@@ -1,0 +1,344 @@
+"""Expand one file by the package xacro, in a copy of our own, since it keeps its state in its modules.
+
+Replaced in it are how it evaluates texts, whose values are traced (`traced`), and expressions
+(`expressions`), and how it reads files (`robot_folders`), whose elements get a `PLACE`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import itertools
+import os
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache, partial
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from xml.dom.expatbuilder import ExpatBuilderNS
+
+from ...errors import ModelError, install_advice
+from ..shipped import shown
+from .expressions import FORBIDDEN, Evaluator, bounded_range, bounded_round
+from .robot_folders import RobotFolders
+from .traced import OPEN, Names, Trace, Traced, UntracedError
+from .xml_node import PLACE, refuse_dangerous
+
+#: Extras of hybridyn that install a package of robot files, by the name of the package.
+EXTRAS = {"example-robot-data": "robots"}
+#: Longest message of xacro that is passed on [characters].
+LONGEST_MESSAGE = 400
+#: Most nodes that macros, blocks and includes may insert; a stack of 1,000 modules inserts some 5 million.
+MOST_NODES = 20_000_000
+
+
+class Expansion:
+    """One expansion, with which the functions of our copy of xacro are connected.
+
+    Attributes:
+        trace: What depends on the arguments, if the expansion is traced.
+        notes: xacro's warnings.
+        folders: The robot's folders, which know what was asked of them.
+        evaluators: Those of `${}` and `$(eval)`.
+    """
+
+    def __init__(self, folders: RobotFolders, given: Mapping[str, str], *, traced: bool) -> None:
+        """Connect xacro with an expansion.
+
+        Raises:
+            UntracedError: It cannot be traced with these arguments.
+        """
+        self.folders, self.notes, self.trace, self._traced = folders, list[str](), Trace(given), traced
+        self._given = _Arguments({name: self.trace.argument(name) for name in given} if traced else given)
+        self._nodes = 0
+        xacro = self._xacro = _own_xacro()
+        dollar, symbols, find = xacro.substitution_args, xacro._global_symbols, partial(folders.ask, "find")
+        dict.update(
+            symbols["xacro"], message=self._note, warning=self._note, error=self._note,
+            print_location=lambda *_, **__: "", arg=self._argument,
+        )  # fmt: skip
+        own = {"find": find, "env": dollar._eval_env, "optenv": dollar._eval_optenv}
+        own["arg"] = lambda name: dollar.convert_value(self._argument(name), "auto")
+        self._known = {**symbols["python"], **symbols["math"], **own, "true": True, "false": False}
+        spaces = (xacro.NameSpace, xacro.YamlDictWrapper)
+        tables = (symbols, self._known)
+        self.evaluators = [Evaluator(functions(table), spaces) for table in tables]
+        xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluators[0](text, names)
+        xacro.Table._eval_literal = staticmethod(partial(self.trace.mapped, xacro.literal))
+        xacro.get_boolean_value = lambda value, stated: self.trace.chosen(
+            lambda one: xacro.boolean(one, stated), value
+        )
+        xacro.parse, xacro.abs_filename_spec, xacro.replace_node = self._parsed, self._located, self._insert
+        xacro.open = lambda path: io.TextIOWrapper(io.BytesIO(folders.ask("read", path)), encoding="utf-8")
+        xacro.glob, xacro.root_dir = SimpleNamespace(glob=partial(folders.ask, "glob")), os.getcwd()
+        xacro.warning, xacro.print_location = self._note, lambda: None
+        dollar._eval, dollar._eval_find = self._of_dollar, find
+
+    def __call__(self, file: str) -> str:
+        """Return the text of the expansion.
+
+        Raises:
+            UntracedError: It cannot be traced.
+            ModelError: xacro reports an error, or the expansion exceeds its limits.
+        """
+        try:
+            document = self._xacro.process_file(self.folders.file, mappings=self._given, verbosity=0)
+            self._given.refuse_unused()
+            text: str = document.toprettyxml(
+                indent="", encoding="utf-8"
+            ).decode()  # each element on its own line
+        except Exception as error:
+            raise _failure(self._xacro, error, file) from None
+        finally:
+            self.folders.close()
+        if not self._traced:
+            return text
+        self.trace.finish(text)
+        return self.trace.text()
+
+    def again(self, given: Mapping[str, str]) -> str:
+        """Return the text of the expansion with other arguments of the same names.
+
+        Raises:
+            UntracedError: xacro has to expand the file.
+            Exception: Any error of an expression.
+        """
+        for evaluator in self.evaluators:
+            evaluator.steps = 0
+        return self.trace.again(given)
+
+    def _note(self, *words: Any, **_: Any) -> str:
+        """Keep a message of xacro as a note."""
+        self.folders.refuse_closed()
+        self.notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
+        return ""
+
+    def _parsed(self, _: None, filename: str) -> Any:
+        """Parse a file."""
+        try:
+            content = self.folders.ask("read", filename)
+        except OSError as error:
+            self._xacro.filestack.pop()
+            raise self._xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from None
+        refuse_dangerous(content, filename)
+        if self._traced and OPEN.encode() in content:
+            raise UntracedError
+        return _Placing("" if filename == self.folders.file else shown(Path(filename))).parseString(content)
+
+    def _located(self, stated: Any) -> str:
+        """Return the path of an included file."""
+        name = self.trace.chosen(str, stated)
+        package, _, rest = name.removeprefix("package://").partition("/")
+        is_uri = name.startswith("package://")
+        return str(
+            os.path.join(self.folders.ask("find", package), rest) if is_uri else self._xacro.absolute(name)
+        )
+
+    def _insert(self, node: Any, by: Any, content_only: bool = False) -> None:
+        """Replace a node by others, which are counted."""
+        self._nodes += 1 + _replace(node, by, content_only)
+        if self._nodes > MOST_NODES:
+            raise ModelError(f"macros, blocks and includes insert more than {MOST_NODES:,} nodes")
+
+    def _argument(self, name: str) -> str:
+        """Return the value of an argument in an expression."""
+        if OPEN in self._given[name]:
+            raise UntracedError
+        return self._given[name]
+
+    def _text(self, text: str, symbols: Any) -> Any:
+        """Return the value of a text with expressions, which is a text unless it is one expression alone."""
+        if "$" not in text:
+            return self.trace.unmarked(text)
+        found = [self._token(kind, token, symbols) for kind, token in _lexed(text)]
+        return found[0] if len(found) == 1 else self.trace.joined(found)
+
+    def _token(self, kind: int, token: str, symbols: Any) -> Any:
+        """Return the value of a part of a text."""
+        xacro, inner = self._xacro, token[2:-1]
+        if kind == xacro.LEXER.EXPR:
+            try:
+                text = self._text(inner, symbols)
+                return self._evaluated(self.evaluators[0], text, symbols.__getitem__)
+            except Exception as error:
+                suffix = f"{os.linesep}when evaluating expression '{inner}'"
+                raise xacro.XacroException(exc=error, suffix=suffix) from error
+        if kind == xacro.LEXER.EXTENSION:
+            return self.trace.unmarked(xacro.eval_extension(f"$({self._text(inner, symbols)})"))
+        return token[1:] if kind == xacro.LEXER.DOLLAR_DOLLAR_BRACE else self.trace.unmarked(token)
+
+    def _evaluated(self, evaluator: Evaluator, text: Any, find: Callable[[str], Any]) -> Any:
+        """Return the value of an expression; if it is traced, it has had no effects."""
+        before = len(self.notes), len(self.folders.replies)
+        value = self.trace.evaluated(evaluator, text, Names(find))
+        effects = evaluator.has_effects or before != (len(self.notes), len(self.folders.replies))
+        if isinstance(value, Traced) and effects:
+            raise UntracedError
+        return value
+
+    def _of_dollar(self, expression: str, _: object) -> str:
+        """Return the value of `$(eval ...)`."""
+        convert = self._xacro.substitution_args.convert_value
+
+        def find(name: str) -> Any:
+            if not dict.__contains__(self._given, name):
+                return self._known[name]
+            return self.trace.mapped(lambda one: convert(one, "auto"), self.trace.unmarked(self._given[name]))
+
+        return str(self._evaluated(self.evaluators[1], self.trace.unmarked(expression), find))
+
+
+class _Arguments(dict[str, str]):
+    """Arguments of the file; `asked` records the names that the file asks for."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.given, self.asked = list(given), list[str]()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.append(str(name))
+        return super().__contains__(name)
+
+    def refuse_unused(self) -> None:
+        """Raise ModelError for arguments that the file does not declare; xacro itself would ignore them."""
+        for name in self.given:
+            if name not in self.asked:
+                declared = ", ".join(f"'{known}'" for known in dict.fromkeys(self.asked)) or "none"
+                raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
+
+
+class _Placing(ExpatBuilderNS):
+    """Builds the document of one file; xacro's own elements, which check their attributes, get no place."""
+
+    def __init__(self, file: str) -> None:
+        """Prepare for a file, whose name stands in its elements' places."""
+        super().__init__()
+        self._file = file
+
+    def start_element_handler(self, name: str, attributes: Any) -> None:
+        """Begin an element; expat gives its name as "URI name prefix"."""
+        if not name.endswith(" xacro"):
+            attributes = [*attributes, PLACE, f"{self._file}:{self.getParser().CurrentLineNumber}"]
+        super().start_element_handler(name, attributes)
+
+
+def _spec() -> ModuleSpec:
+    """Return how a copy of the package xacro is imported, under a name of our own."""
+    found = importlib.util.find_spec("xacro")
+    assert found is not None
+    assert found.origin is not None
+    own = importlib.util.spec_from_file_location(f"{__name__}_own", found.origin)
+    assert own is not None
+    return own
+
+
+@cache
+def _own_xacro() -> Any:
+    """Return a copy of the package xacro, without the names that no robot file needs."""
+    own = _spec()
+    assert own.loader is not None
+    xacro: Any = importlib.util.module_from_spec(own)
+    sys.modules[own.name] = xacro
+    own.loader.exec_module(xacro)
+    xacro.substitution_args = importlib.import_module(f"{own.name}.substitution_args")
+    xacro.substitution_args.os = SimpleNamespace(environ={}, path=os.path)  # no environment
+    xacro.absolute, xacro.boolean = xacro.abs_filename_spec, xacro.get_boolean_value
+    xacro.literal = xacro.Table._eval_literal
+    symbols = xacro._global_symbols
+    for table in (symbols, symbols["math"], symbols["python"]):
+        for name in FORBIDDEN:
+            dict.pop(table, name, None)
+        dict.update(table, range=bounded_range, round=bounded_round)
+    return xacro
+
+
+@lru_cache(maxsize=4096)
+def _lexed(text: str) -> list[tuple[int, str]]:
+    """Return the parts of a text and their kinds, by xacro's lexer."""
+    xacro, found = _own_xacro(), []
+    lexer = xacro.QuickLexer(xacro.LEXER)
+    lexer.lex(text)
+    while lexer.peek():
+        found.append(lexer.next())
+    return found
+
+
+def functions(names: Mapping[str, Any]) -> dict[str, Callable[..., Any]]:
+    """Return the functions of a table of names."""
+    return {name: value for name, value in names.items() if callable(value)}
+
+
+def _replace(node: Any, by: Any, content_only: bool) -> int:
+    """Replace a node by other nodes, or by their children, in time linear in their number; return it.
+
+    xacro's own function inserts them one by one and searches the parent's list each time, which is quadratic:
+    with it, a stack of 100 modules takes 25 s.
+    """
+    sources = [] if by is None else by if isinstance(by, list) else [by]
+    new = [child for source in sources for child in source.childNodes] if content_only else sources
+    parent = node.parentNode
+    siblings = parent.childNodes
+    index = next(i for i, sibling in enumerate(siblings) if sibling is node)
+    chain = [node.previousSibling, *new, node.nextSibling]
+    siblings[index : index + 1] = new
+    for left, right in itertools.pairwise(chain):
+        if left is not None:
+            left.nextSibling = right
+        if right is not None:
+            right.previousSibling = left
+    for child in new:
+        child.parentNode = parent
+    node.parentNode = node.previousSibling = node.nextSibling = None
+    return len(new)
+
+
+def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
+    """Return an error as one line of text with its macros, and the file and line where it occurred."""
+    own, inner, suffix = "", error, ""
+    if isinstance(error, xacro.XacroException) and error.exc is not None:
+        own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
+        if own.startswith("<class") or isinstance(inner, OSError):
+            own = ""
+    message = "xacro: " + " ".join(" ".join([own, _described(inner), suffix]).split())
+    macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack)]
+    if macros:
+        message += f" (in macro {' < '.join(macros[:4])})"
+    for package, extra in EXTRAS.items():
+        if f"package '{package}' is not found" in message:
+            message += f", or {install_advice(extra)}"
+    if len(message) > LONGEST_MESSAGE:
+        message = message[:LONGEST_MESSAGE] + " ..."
+    stack = [name for name in xacro.filestack if name]
+    where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
+    line = getattr(error, "lineno", None)
+    if (place := _place_of(error)) is not None:
+        where, line = place[0] or file, place[1]
+    return ModelError(message, file=where, line=line)
+
+
+def _described(error: BaseException) -> str:
+    """Return the message of a Python error in words for the author of a robot file."""
+    if isinstance(error, MemoryError):
+        return "needs too much memory"
+    if isinstance(error, RecursionError):
+        return "macros or includes call themselves without end"
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.strerror}: {error.filename}"
+    if isinstance(error, ModelError | SyntaxError):
+        return error.message if isinstance(error, ModelError) else error.msg
+    return str(error) or type(error).__name__
+
+
+def _place_of(error: BaseException) -> tuple[str, int] | None:
+    """Return the place of the innermost element that xacro evaluated when it failed, or None."""
+    found = None
+    frame = error.__traceback__
+    while frame is not None:
+        node = frame.tb_frame.f_locals.get("node") if frame.tb_frame.f_code.co_name == "eval_all" else None
+        if node is not None and node.nodeType == node.ELEMENT_NODE and node.hasAttribute(PLACE):
+            file, _, line = node.getAttribute(PLACE).rpartition(":")
+            found = file, int(line)
+        frame = frame.tb_next
+    return found
