@@ -18,7 +18,7 @@ import numpy as np
 from .motors import EVERY_JOINT
 from .names import listed
 from .poses import poses_at_zero
-from .records import Array, Description, Format, Joint
+from .records import Description, Format, Joint
 from .robot_file import FREEDOMS
 from .weightless import Bodies
 
@@ -26,6 +26,8 @@ from .weightless import Bodies
 TOGETHER = 1e-3
 #: End of a name that distinguishes the two frames of a pair (a number or letter), and what may follow it.
 ENDING = re.compile(r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?")
+#: The ends of two names that make a pair.
+ENDS = ({"1", "2"}, {"0", "1"}, {"a", "b"})
 #: Words of names that suggest a loop.
 LOOP_WORDS = {
     "cl", "close", "closed", "closing", "closure", "constraint", "cut", "fermeture", "loop", "weld",
@@ -73,43 +75,71 @@ def lost_loops(description: Description) -> list[Sign]:
 def _paired_frames(description: Description) -> Iterator[Sign]:
     """Yield signs for pairs of massless frames on two bodies that coincide or are named for a loop."""
     bodies, mend = Bodies(description), STATE_THEM[description.format]
-    carriers = {joint.parent for joint in description.joints}
-    used = {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
-    weighing = {link.name for link in description.links if link.mass or link.inertia.any()}
-    frames = [
-        joint
-        for joint in description.joints
-        if joint.kind == "fixed" and joint.child not in carriers | used | weighing
-    ]
+    frames = _free_frames(description)
+    pairs = [pair for pair in _pairs(frames) if bodies.of[pair[1]] != bodies.of[pair[2]]]
+    coincident = _coincident(description, bodies, pairs)
+    reported: set[str] = set()
+    for stem, one, other in pairs:
+        if {one, other} & reported:
+            continue
+        if (one, other) in coincident or LOOP_WORDS & _words(stem) or CLOSED_LOOP.search(stem):
+            reported |= {one, other}
+            at = ", and coincide in the zero posture" if (one, other) in coincident else ""
+            message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop{at}"
+            yield Sign(f"{message}, but no closure uses them", mend, link=one)
+    lone = [joint.child for joint in frames if "closing" in _words(joint.child)]
+    if lone := [name for name in lone if name not in reported]:
+        message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
+        yield Sign(message, mend, link=lone[0])
+
+
+def _free_frames(description: Description) -> list[Joint]:
+    """Return the fixed joints of massless links that carry nothing, and that no closure uses."""
+    taken = {joint.parent for joint in description.joints}
+    taken |= {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
+    taken |= {link.name for link in description.links if link.mass or link.inertia.any()}
+    return [joint for joint in description.joints if joint.kind == "fixed" and joint.child not in taken]
+
+
+def _pairs(frames: list[Joint]) -> list[tuple[str, ...]]:
+    """Return frames whose names, or whose joints' names, differ in their ends: the stem, and two links."""
     alike: dict[str, dict[str, dict[str, None]]] = {}
     for joint in frames:
-        for name in {joint.child, joint.name}:
+        for name in (joint.child, joint.name):
             if match := ENDING.fullmatch(name):
                 ends = alike.setdefault(match[1], {})
                 ends.setdefault((match[2] or match[3]).lower(), {})[joint.child] = None
-    reported: set[str] = set()
-    places = None
-    for stem, ends in alike.items():
-        if set(ends) not in ({"1", "2"}, {"0", "1"}, {"a", "b"}):
-            continue
-        if any(len(links) != 1 for links in ends.values()):
-            continue
-        one, other = (next(iter(ends[end])) for end in sorted(ends))
-        if bodies.of[one] == bodies.of[other] or {one, other} & reported:
-            continue
-        places = places or _Places(description, bodies)
-        named = bool(LOOP_WORDS & _words(stem) or CLOSED_LOOP.search(stem))
-        coincident = places.coincide(one, other)
-        if named or coincident:
-            reported |= {one, other}
-            at = ", and coincide in the zero posture" if coincident else ""
-            message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop{at}"
-            yield Sign(f"{message}, but no closure uses them", mend, link=one)
-    named_closing = [joint.child for joint in frames if "closing" in _words(joint.child)]
-    lone = [name for name in named_closing if name not in reported]
-    if lone:
-        message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
-        yield Sign(message, mend, link=lone[0])
+    return [
+        (stem, *(link for end in sorted(ends) for link in ends[end]))
+        for stem, ends in alike.items()
+        if set(ends) in ENDS and all(len(links) == 1 for links in ends.values())
+    ]
+
+
+def _coincident(
+    description: Description, bodies: Bodies, pairs: list[tuple[str, ...]]
+) -> set[tuple[str, str]]:
+    """Return the pairs that coincide in the zero posture, but not at the joint between their bodies."""
+    if not pairs:
+        return set()
+    above = {joint.child: joint for joint in description.joints}
+    at = {description.root: np.zeros(3)}
+    at |= {link: pose[:3, 3] for link, pose in poses_at_zero(description.joints).items()}
+    near = TOGETHER * float(np.linalg.norm(np.ptp(np.array([*at.values()]), axis=0)))
+
+    def together(one: str, other: str) -> bool:
+        return bool(np.linalg.norm(at[one] - at[other]) <= near)
+
+    def at_joint(one: str, child: str, parent: str) -> bool:
+        joins = child in above and bodies.of[above[child].parent] == parent
+        return joins and together(one, child)
+
+    out = set()
+    for _, one, other in pairs:
+        ends = bodies.of[one], bodies.of[other]
+        if together(one, other) and not at_joint(one, *ends) and not at_joint(one, *ends[::-1]):
+            out.add((one, other))
+    return out
 
 
 def _words(name: str) -> set[str]:
@@ -189,29 +219,3 @@ def _entries(folder: Path) -> list[Path]:
         return sorted(itertools.islice(folder.iterdir(), MOST_FILES))
     except OSError:
         return []
-
-
-class _Places:
-    """Placements of all frames in the zero posture."""
-
-    def __init__(self, description: Description, bodies: Bodies) -> None:
-        self._bodies = bodies
-        self._above = {joint.child: joint for joint in description.joints}
-        self._frames: dict[str, Array] = {description.root: np.eye(4)} | poses_at_zero(description.joints)
-        points = np.array([frame[:3, 3] for frame in self._frames.values()])
-        self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
-
-    def coincide(self, one: str, other: str) -> bool:
-        """Check whether two frames coincide at a point other than the joint between their bodies."""
-        at = self._frames[one][:3, 3]
-        if not self._near(at, self._frames[other][:3, 3]):
-            return False
-        of = self._bodies.of
-        for child, parent in ((of[one], of[other]), (of[other], of[one])):
-            joint = self._above.get(child)
-            if joint is not None and of[joint.parent] == parent:
-                return not self._near(at, self._frames[child][:3, 3])
-        return True
-
-    def _near(self, a: Array, b: Array) -> bool:
-        return bool(np.linalg.norm(a - b) <= TOGETHER * self._size)

@@ -104,21 +104,17 @@ def _is_mimic(coupling: Coupling) -> bool:
 
 def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:
     kinds = {joint.name: joint.kind for joint in robot.joints}
+    known = [name for name, kind in kinds.items() if FREEDOMS[kind] == 1]
     for index, name in enumerate(statement.names):
+        wrong = "is stated twice" if name in statement.names[:index] else ""
         if name not in kinds:
-            known = [joint.name for joint in robot.joints if FREEDOMS[joint.kind] == 1]
             hint = did_you_mean(name, known) or f"; joints that can be driven: {listed(known)}"
-            raise _error(statement, f"motor '{name}' is not a joint of the robot{hint}", name)
-        if FREEDOMS[kinds[name]] != 1:
-            raise _error(
-                statement, f"motor '{name}' is a {kinds[name]} joint; a motor drives one freedom", name
-            )
-        if name in statement.names[:index]:
-            raise _error(statement, f"motor '{name}' is stated twice", name)
+            wrong = f"is not a joint of the robot{hint}"
+        elif name not in known:
+            wrong = f"is a {kinds[name]} joint; a motor drives one freedom"
+        if wrong:
+            raise ModelError(
+                f"motor '{name}' {wrong} (from {statement.where})",
+                file=statement.file, line=statement.line, element=name,
+            )  # fmt: skip
     return statement.names
-
-
-def _error(statement: MotorStatement, message: str, name: str) -> ModelError:
-    return ModelError(
-        f"{message} (from {statement.where})", file=statement.file, line=statement.line, element=name
-    )

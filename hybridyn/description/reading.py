@@ -6,14 +6,14 @@ Each format is one entry of `FORMATS`: the name of its root element, and the fun
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 from ..errors import ModelError
-from .closing_frames import apply_closing_frames
-from .frame_names import apply_frame_names
 from .motors import choose_motors
+from .named_frames import apply_closing_frames, apply_welded_frames
 from .names import counted
 from .opening import open_file, read_bytes, split_model
 from .records import Description, ReadFrom
@@ -21,16 +21,15 @@ from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .unread_forms import unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
-from .urdf.urdf import read_urdf
 from .urdf.xml_node import Node
 from .validate import validate
 
-#: Readers by the name of the root element.
-FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]] = {
-    "robot": lambda root, _: read_urdf(root),
-    "mujoco": lambda root, package_dirs: _read_mjcf(root, package_dirs),
-    "sdf": lambda root, package_dirs: _read_sdf(root, package_dirs),
-    "_usd": lambda root, package_dirs: _read_usd(root, package_dirs),
+#: Readers by the name of the root element: a module here, imported only for its format, and a function.
+FORMATS = {
+    "robot": ("urdf.urdf", "read_urdf"),
+    "mujoco": ("mjcf.mjcf", "read_mjcf"),
+    "sdf": ("sdf.sdf", "read_sdf"),
+    "_usd": ("usd.usd", "read_usd"),
 }
 
 
@@ -90,7 +89,14 @@ def _description(
 ) -> Description:
     """Return the description of a robot file's root element and the notes of xacro, see `read`."""
     root, notes = opened
-    robot = _reader(root)(root, package_dirs)
+    if root.tag not in FORMATS:
+        raise root.error(
+            unread_format(root.tag)
+            or "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
+        )
+    module, reader = FORMATS[root.tag]
+    content = root.file if root.tag == "_usd" else root  # USD is no XML
+    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)
     robot.notes += notes
     if root.tag == "robot":
         _read_side_cars(robot, file)
@@ -162,7 +168,7 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
 
         apply_submechanisms(robot, read_yaml(read_bytes(str(mechanisms)), str(mechanisms)))
     else:
-        apply_frame_names(robot)
+        apply_welded_frames(robot)
     apply_closing_frames(robot)
     refuse_unread_side_cars(robot, folder)
 
@@ -177,34 +183,3 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
     text = read_bytes(str(path))
     model = read_model_file(text, str(path))
     return robot.home | apply_model_file(robot, model, text.decode("utf-8"), str(path))
-
-
-def _read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
-    """Read MJCF; MuJoCo takes half a second to import, so only here."""
-    from .mjcf.mjcf import read_mjcf
-
-    return read_mjcf(root, package_dirs)
-
-
-def _read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
-    """Read SDF; imported only here, since its reader has many files."""
-    from .sdf.sdf import read_sdf
-
-    return read_sdf(root, package_dirs)
-
-
-def _read_usd(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
-    """Read USD, whose content OpenUSD reads from the file; imported only here, since few robots are USD."""
-    from .usd.usd import read_usd
-
-    return read_usd(root.file, package_dirs)
-
-
-def _reader(root: Node) -> Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]:
-    if root.tag in FORMATS:
-        return FORMATS[root.tag]
-    if message := unread_format(root.tag):
-        raise root.error(message)
-    raise root.error(
-        "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
-    )

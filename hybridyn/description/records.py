@@ -264,7 +264,12 @@ class Description:
     def __post_init__(self) -> None:
         # Cosine and sine do not count whole turns, which a coupling needs.
         geared = {name for coupling in self.couplings for name, _ in coupling.terms}
-        joints = tuple(_counting_turns(j) if j.name in geared else j for j in self.joints)
+        joints = tuple(
+            replace(joint, kind="revolute", lower=-np.inf, upper=np.inf)
+            if joint.kind == "continuous" and joint.name in geared
+            else joint
+            for joint in self.joints
+        )
         angles = {
             name: (math.atan2(x[1], x[0]),) for name, x in self.home.items() if name in geared and len(x) == 2
         }
@@ -283,13 +288,11 @@ class Description:
 
     def with_springs(self, springs: Iterable[StatedSpring]) -> Description:
         """Return the description with other springs, in one table in place of all others."""
-        every = tuple(springs)
-        rest = tuple((name, values) for name, values in self.effects if name != "spring")
-        table = {
-            "stiffness": {one.name: one.stiffness for one in every},
-            "rest": {one.name: one.rest for one in every},
-        }
-        return replace(self, effects=(*rest, ("spring", table)))
+        table: dict[str, dict[str, float]] = {"stiffness": {}, "rest": {}}
+        for spring in springs:
+            table["stiffness"][spring.name], table["rest"][spring.name] = spring.stiffness, spring.rest
+        others = (effect for effect in self.effects if effect[0] != "spring")
+        return replace(self, effects=(*others, ("spring", table)))
 
     @property
     def root(self) -> str:
@@ -313,10 +316,3 @@ class Description:
         Joints of a Pinocchio model keep its order.
         """
         return list(joints) if self.format == "Pinocchio" else sorted(joints, key=lambda joint: joint.name)
-
-
-def _counting_turns(joint: Joint) -> Joint:
-    """Return a continuous joint as a revolute one without limits; others are returned unchanged."""
-    if joint.kind != "continuous":
-        return joint
-    return replace(joint, kind="revolute", lower=-np.inf, upper=np.inf)

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from ..errors import ModelError
 
@@ -69,11 +70,9 @@ def shipped_robots() -> dict[str, ShippedRobot]:
     if folder is None:
         return {}
     stated = tomllib.loads((folder / "models" / "robots.toml").read_text(encoding="utf-8"))
-    own = {_stem(file): file for file in _robot_files(folder / "urdf")}
+    own, others = (_robot_files(folder / "urdf" / place) for place in ("", "benchmarks"))
     order = [*(name for name in stated if name in own), *sorted(own.keys() - stated.keys())]
-    files = {name: own[name] for name in order}
-    for file in _robot_files(folder / "urdf" / "benchmarks"):
-        files.setdefault(_stem(file), file)
+    files = {name: own[name] for name in order} | {name: others[name] for name in others if name not in own}
     return {name: _record(folder, name, file, stated.get(name, {})) for name, file in files.items()}
 
 
@@ -128,10 +127,8 @@ def find_data(word: str) -> str | None:
 
 def own_trajectory(file: str) -> str | None:
     """Return the path of the sample trajectory of a shipped robot, or None if there is none."""
-    for robot in shipped_robots().values():
-        if robot.trajectory is not None and os.path.realpath(file) == os.path.realpath(robot.file):
-            return shown(robot.trajectory)
-    return None
+    own = (one for one in shipped_robots().values() if os.path.realpath(file) == os.path.realpath(one.file))
+    return next((shown(robot.trajectory) for robot in own if robot.trajectory), None)
 
 
 def shown(file: Path) -> str:
@@ -142,29 +139,25 @@ def shown(file: Path) -> str:
         return str(file)
 
 
-def _robot_files(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.glob("*") if file.is_file() and file.name.endswith(ENDINGS))
+def _robot_files(folder: Path) -> dict[str, Path]:
+    """Return the robot files of a folder by name."""
+    files = (file for file in sorted(folder.glob("*")) if file.is_file() and file.name.endswith(ENDINGS))
+    return {file.name.partition(".")[0]: file for file in files}
 
 
-def _stem(file: Path) -> str:
-    return file.name.partition(".")[0]
-
-
-def _record(folder: Path, name: str, file: Path, facts: dict[str, object]) -> ShippedRobot:
+def _record(folder: Path, name: str, file: Path, facts: dict[str, Any]) -> ShippedRobot:
     """Build the record of a robot from its catalogue entry, else `what` from the file's first comment."""
     home = folder / "models" / name
     if not home.is_dir():
         home = folder / "models" / "benchmarks" / name
-    trajectory = home / "traj.csv"
-    modules, motors = facts.get("modules"), facts.get("motors")
     return ShippedRobot(
         name=name,
         file=file,
-        what=str(facts.get("what") or _first_sentence(file)),
-        modules=modules if isinstance(modules, int) else None,
-        motors=motors if isinstance(motors, int) else None,
-        source=str(facts.get("source", "")),
-        trajectory=trajectory if trajectory.is_file() else None,
+        what=facts.get("what") or _first_sentence(file),
+        modules=facts.get("modules"),
+        motors=facts.get("motors"),
+        source=facts.get("source", ""),
+        trajectory=home / "traj.csv" if (home / "traj.csv").is_file() else None,
         scenes=tuple(sorted(path for path in home.glob("*.toml") if path.name != "model.toml")),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,42 +33,46 @@ def validate(robot: RobotFile) -> None:
     """
     if not robot.links:
         raise ModelError("the robot has no link", file=robot.file)
-    _refuse_duplicates(robot, "link", robot.links)
-    _refuse_duplicates(robot, "joint", robot.joints)
-    _refuse_duplicates(robot, "closure", robot.closures)
+    for items in (robot.links, robot.joints, robot.closures):
+        _refuse_duplicates(robot, items)
+    _refuse_unknown_links(robot)
     _check_tree(robot)
-    _check_closures(robot)
     _check_couplings(robot)
     _drop_crossed(robot)
     _note_unphysical(robot)
 
 
-def _refuse_duplicates(robot: RobotFile, what: str, items: Iterable[Link | Joint | Closure]) -> None:
+def _refuse_duplicates(robot: RobotFile, items: Sequence[Link | Joint | Closure]) -> None:
     lines: dict[str, int | None] = {}
     for item in items:
         if item.name in lines:
             first = f" (first in line {lines[item.name]})" if lines[item.name] else ""
-            raise ModelError(
-                f"{what} '{item.name}' is stated twice{first}; rename one",
-                file=robot.file,
-                line=item.line,
-                element=item.name,
-            )
+            raise _error(robot, item, f" is stated twice{first}; rename one")
         lines[item.name] = item.line
 
 
-def _check_tree(robot: RobotFile) -> None:
+def _refuse_unknown_links(robot: RobotFile) -> None:
+    """Raise for joints and closures that name links which the robot does not have, or one link twice."""
     names = {link.name for link in robot.links}
+    ends: list[tuple[Joint | Closure, dict[str, str]]] = [
+        *((joint, {"parent link": joint.parent, "child link": joint.child}) for joint in robot.joints),
+        *((closure, {"link": closure.link_a, "link ": closure.link_b}) for closure in robot.closures),
+    ]
+    for item, links in ends:
+        for role, link in links.items():
+            if link not in names:
+                hint = did_you_mean(link, names)
+                raise _error(robot, item, f": unknown {role.strip()} '{link}'{hint}")
+        if len({*links.values()}) == 1:
+            raise _error(robot, item, f": joins link '{link}' to itself")
+
+
+def _check_tree(robot: RobotFile) -> None:
     parents: dict[str, Joint] = {}
     for joint in robot.joints:
-        for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in names:
-                raise _error(robot, joint, f"unknown {role} link '{link}'{did_you_mean(link, names)}")
-        if joint.parent == joint.child:
-            raise _error(robot, joint, f"joins link '{joint.child}' to itself")
         if joint.child in parents:
             other = parents[joint.child].name
-            message = f"link '{joint.child}' is already the child of joint '{other}'; {TWO_PARENTS_ADVICE}"
+            message = f": link '{joint.child}' is already the child of joint '{other}'; {TWO_PARENTS_ADVICE}"
             raise _error(robot, joint, message)
         parents[joint.child] = joint
     roots = [link.name for link in robot.links if link.name not in parents]
@@ -83,31 +87,16 @@ def _check_tree(robot: RobotFile) -> None:
             file=robot.file,
             element=roots[1],
         )
-    _refuse_cycles(robot, roots[0])
-
-
-def _refuse_cycles(robot: RobotFile, root: str) -> None:
-    """Raise for links that cannot be reached from the root: each has one parent, so they form a cycle."""
-    reached = {root, *(joint.child for joint in outwards(robot.joints, [root]))}
+    reached = {roots[0], *(joint.child for joint in outwards(robot.joints, roots))}
     lost = [link for link in robot.links if link.name not in reached]
-    if lost:
+    if lost:  # each has one parent
         raise ModelError(
             f"links {listed(link.name for link in lost)} form a cycle of joints apart from the root "
-            f"'{root}'; {TWO_PARENTS_ADVICE}",
+            f"'{roots[0]}'; {TWO_PARENTS_ADVICE}",
             file=robot.file,
             line=lost[0].line,
             element=lost[0].name,
         )
-
-
-def _check_closures(robot: RobotFile) -> None:
-    names = {link.name for link in robot.links}
-    for closure in robot.closures:
-        for link in (closure.link_a, closure.link_b):
-            if link not in names:
-                raise _error(robot, closure, f"unknown link '{link}'{did_you_mean(link, names)}")
-        if closure.link_a == closure.link_b:
-            raise _error(robot, closure, f"joins link '{closure.link_a}' to itself")
 
 
 def _check_couplings(robot: RobotFile) -> None:
@@ -121,7 +110,7 @@ def _check_couplings(robot: RobotFile) -> None:
             elif FREEDOMS[kinds[name]] != 1:
                 wrong = f"joint '{name}' is {kinds[name]}; only joints with one freedom can be coupled"
         if wrong:
-            raise _error(robot, coupling, wrong)
+            raise _error(robot, coupling, f": {wrong}")
 
 
 def _drop_crossed(robot: RobotFile) -> None:
@@ -139,7 +128,12 @@ def _drop_crossed(robot: RobotFile) -> None:
 
 def _note_unphysical(robot: RobotFile) -> None:
     """Note the links whose inertia no distribution of mass can have; the dynamics is still defined."""
-    unphysical = [link.name for link in robot.links if link.inertia.any() and not _is_physical(link)]
+    unphysical = []
+    for link in robot.links:
+        moments = np.linalg.eigvalsh(link.inertia)
+        slack = INERTIA_SLACK * float(np.abs(moments).max())
+        if moments[0] < -slack or moments[2] > moments[0] + moments[1] + slack:
+            unphysical.append(link.name)
     if unphysical:
         robot.notes.append(
             f"{len(unphysical)} of {len(robot.links)} links have an unphysical inertia "
@@ -147,13 +141,7 @@ def _note_unphysical(robot: RobotFile) -> None:
         )
 
 
-def _is_physical(link: Link) -> bool:
-    moments = np.linalg.eigvalsh(link.inertia)
-    slack = INERTIA_SLACK * float(np.abs(moments).max())
-    return bool(moments[0] >= -slack and moments[2] <= moments[0] + moments[1] + slack)
-
-
-def _error(robot: RobotFile, item: Joint | Closure | Coupling, message: str) -> ModelError:
+def _error(robot: RobotFile, item: Link | Joint | Closure | Coupling, message: str) -> ModelError:
     """Return the error of an element, with its kind, name, file and line."""
     what = f"{type(item).__name__.lower()} '{item.name}'"
-    return ModelError(f"{what}: {message}", file=robot.file, line=item.line, element=item.name)
+    return ModelError(f"{what}{message}", file=robot.file, line=item.line, element=item.name)

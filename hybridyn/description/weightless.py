@@ -6,7 +6,8 @@ from collections.abc import Container
 
 import numpy as np
 
-from .records import Array, Closure, Description, Joint
+from .poses import outwards
+from .records import Array, Description, Joint
 
 #: Axes meet if they are closer than this fraction of the robot's largest offset: files keep 5 or 6 digits.
 MEETING = 1e-5
@@ -26,21 +27,16 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
     bodies = Bodies(description)
     exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
     exempt |= {link.name for link in description.links if link.between_joints}
-    meeting = MEETING * max((float(np.abs(p).max()) for p in bodies.points()), default=0.0)
-    carries: dict[str, list[Array]] = {}
+    meeting = MEETING * max((float(np.abs(point).max()) for _, point in bodies.carried()), default=0.0)
+    farthest: dict[str, float] = {}
     for body, point in bodies.carried():
-        carries.setdefault(body, []).append(point)
-
-    def farthest(body: str) -> float:
-        """Return the distance from a body's frame to the farthest point that it carries [m]."""
-        return max((float(np.linalg.norm(point)) for point in carries.get(body, ())), default=np.inf)
-
+        farthest[body] = max(farthest.get(body, 0.0), float(np.linalg.norm(point)))
     return [
         joint
         for joint in description.joints
         if joint.kind != "fixed"
         and joint.child not in exempt
-        and (joint.child in shaped or farthest(joint.child) > meeting)
+        and (joint.child in shaped or farthest.get(joint.child, np.inf) > meeting)
     ]
 
 
@@ -63,21 +59,14 @@ class Bodies:
 
     def __init__(self, description: Description) -> None:
         self._description = description
-        above = {joint.child: joint for joint in description.joints}
-        self.of: dict[str, str] = {}
-        self.placement: dict[str, Array] = {}
-        for link in description.links:
-            chain = [link.name]
-            while chain[-1] not in self.of and chain[-1] in above and above[chain[-1]].kind == "fixed":
-                chain.append(above[chain[-1]].parent)
-            for name in reversed(chain):
-                joint = above.get(name)
-                welded = joint is not None and joint.kind == "fixed"
-                if joint is not None and welded:
-                    self.of[name] = self.of[joint.parent]
-                    self.placement[name] = self.placement[joint.parent] @ joint.placement
-                else:
-                    self.of[name], self.placement[name] = name, np.eye(4)
+        self.of = {description.root: description.root}
+        self.placement: dict[str, Array] = {description.root: np.eye(4)}
+        for joint in outwards(description.joints, [description.root]):
+            welded = joint.kind == "fixed"
+            self.of[joint.child] = self.of[joint.parent] if welded else joint.child
+            self.placement[joint.child] = (
+                self.placement[joint.parent] @ joint.placement if welded else np.eye(4)
+            )
 
     def carried(self) -> list[tuple[str, Array]]:
         """Return a pair for each movable joint and closure end that a body carries.
@@ -85,17 +74,7 @@ class Bodies:
         Returns:
             Pairs (name of the body, position in its frame, shape (3,), [m]).
         """
-        out = [
-            (self.of[joint.parent], (self.placement[joint.parent] @ joint.placement)[:3, 3])
-            for joint in self._description.joints
-            if joint.kind != "fixed"
-        ]
-        return [*out, *(end for closure in self._description.closures for end in self._ends(closure))]
-
-    def _ends(self, closure: Closure) -> list[tuple[str, Array]]:
-        pairs = ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b))
-        return [(self.of[link], (self.placement[link] @ frame)[:3, 3]) for link, frame in pairs]
-
-    def points(self) -> list[Array]:
-        """Return the positions of the joints and closure ends, each (3,), [m], in the frame of its body."""
-        return [point for _, point in self.carried()]
+        at = [(joint.parent, joint.placement) for joint in self._description.joints if joint.kind != "fixed"]
+        for closure in self._description.closures:
+            at += [(closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)]
+        return [(self.of[link], (self.placement[link] @ frame)[:3, 3]) for link, frame in at]

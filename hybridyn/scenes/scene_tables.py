@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
-from ..description.side_cars.effect_tables import EffectTables
-from ..description.side_cars.schema import Schema
+from ..description.side_cars.tables import EffectTables, Schema
 from ..errors import TrajectoryError
 from ..simulation.solver import Solver
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pydantic import ValidationError
 
 from ..description.names import did_you_mean, listed
 from ..description.opening import read_bytes
-from ..description.side_cars.schema import Schema
+from ..description.side_cars.tables import Schema, schemas_in
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError
 
@@ -109,14 +108,7 @@ def _keys_at(schema: type[Schema], place: Keys, content: Any, kinds: Kinds) -> l
     for part in place:
         content = content[part]
         if isinstance(part, str) and part in table.model_fields:
-            inner = _schemas(table.model_fields[part].annotation)
+            inner = schemas_in(table.model_fields[part].annotation)
             kind = content.get("kind") if len(inner) > 1 and isinstance(content, dict) else None
             table = kinds.get(str(kind), inner[0]) if inner else table
     return [*table.model_fields]
-
-
-def _schemas(annotation: Any) -> list[type[Schema]]:
-    """Return the schemas in an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, Schema):
-        return [annotation]
-    return [schema for part in typing.get_args(annotation) for schema in _schemas(part)]

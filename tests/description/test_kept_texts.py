@@ -107,7 +107,7 @@ def test_a_failure_is_not_kept(at: Path) -> None:
 def test_a_model_file_is_checked_once(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = b"[home]\ndrive = 1\nelbow = [0.6, 0.8]\n[effects.damper]\ncoefficient = { elbow = 2 }\n"
     first = model_toml.read_model_file(text, "m.toml")
-    monkeypatch.setitem(sys.modules, "hybridyn.description.side_cars.model_tables", None)
+    monkeypatch.setitem(sys.modules, "hybridyn.description.side_cars.tables", None)
     assert repr(model_toml.read_model_file(text, "m.toml")) == repr(first)  # a float stays a float
     assert first["home"] == {"drive": 1.0, "elbow": [0.6, 0.8]}
     monkeypatch.undo()

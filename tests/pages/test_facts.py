@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import sweeps
 from docs.extensions import tolerances
-from hybridyn.description.side_cars.effect_tables import known_keys
+from hybridyn.description.side_cars.tables import ModelFile, keys_at
 from hybridyn.scenes import scene_tables as scenes
 from hybridyn.scenes.stage import play, stage
 from hybridyn.studies.check.check import CODES
@@ -36,7 +36,7 @@ OF_SWEEPS = {
 #: Words that a page names, and the marks of which one stands before each.
 NAMED: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "scenes.md": (
-        OF_SCENES | {key for effect in OF_EFFECTS for key in known_keys(("effects", effect, ""))},
+        OF_SCENES | {key for effect in OF_EFFECTS for key in keys_at(ModelFile, ("effects", effect))},
         ("`", "effects.", "[", "{ ", "\n"),
     ),
     "sweeps.md": (

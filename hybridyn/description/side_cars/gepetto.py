@@ -15,17 +15,16 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydantic import ValidationError
 
 from ...errors import ModelError
-from ..frame_names import CLOSURE_TYPES, weld_or_point
+from ..named_frames import CLOSURE_TYPES, weld_or_point
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link
 from ..robot_file import MotorStatement, RobotFile
-from .schema import Schema, first_problem
+from .tables import Schema, first_problem
 from .yaml_file import Place, YamlFile, read_yaml
 
 #: Keys of early side-cars, which named frames by a pattern.
@@ -49,13 +48,14 @@ def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
     """Read a YAML file beside the robot if it is a side-car; note it if it is a file of another tool.
 
     Raises:
-        ModelError: As in `apply_side_car`; or the text is not strict YAML, or a key resembles `closed_loop`.
+        ModelError: The text is not strict YAML, a key resembles `closed_loop`, or a key, name or type is
+            wrong; the message names file, line and column.
     """
     own = {*SideCar.model_fields, *OLD_KEYS} - {"type"}
     if any(key.encode() in text for key in own):
         document = read_yaml(text, file)
         if isinstance(document.data, dict):
-            return apply_side_car(robot, document)
+            return _apply(robot, document)
     words = re.findall(r"^\s*[\"']?([A-Za-z_]+)[\"']?\s*:", text.decode("utf-8", "replace"), re.MULTILINE)
     if misspelt := [word for word in words if closest(word, ["closed_loop"])]:
         raise ModelError(f"unknown key '{misspelt[0]}' (did you mean 'closed_loop'?)", file=file)
@@ -65,12 +65,8 @@ def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
     return None
 
 
-def apply_side_car(robot: RobotFile, document: YamlFile) -> None:
-    """Add the closures and motors of a side-car to the robot, and retype its joints.
-
-    Raises:
-        ModelError: A key, name or type is wrong; the message names file, line and column.
-    """
+def _apply(robot: RobotFile, document: YamlFile) -> None:
+    """Add the closures and motors of a side-car to the robot, and retype its joints."""
     for key in OLD_KEYS:
         if key in document.data:
             raise document.error(
@@ -79,8 +75,7 @@ def apply_side_car(robot: RobotFile, document: YamlFile) -> None:
     try:
         side_car = SideCar.model_validate(document.data)
     except ValidationError as error:
-        place, message = first_problem(error, SideCar.model_fields)
-        raise document.error(place, message) from None
+        raise document.error(*first_problem(error, SideCar)) from None
     _retype(robot, side_car, document)
     _close(robot, side_car, document)
     if side_car.name_mot is not None:
@@ -91,69 +86,55 @@ def apply_side_car(robot: RobotFile, document: YamlFile) -> None:
 
 
 def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
-    pairs = side_car.closed_loop or []
-    types = side_car.type
-    if types is None:
-        if pairs:
-            robot.notes.append("the side-car states no closure type; every pair is taken as 6d (a weld)")
-        types = "6d"
-    if isinstance(types, str):
-        types = [types] * len(pairs)
+    """Add a closure for each pair of frames: the link of that name, or the child of the joint."""
+    pairs, types = side_car.closed_loop or [], side_car.type
+    if types is None and pairs:
+        robot.notes.append("the side-car states no closure type; every pair is taken as 6d (a weld)")
+    if types is None or isinstance(types, str):
+        types = [types or "6d"] * len(pairs)
     if len(types) != len(pairs):
         raise document.error(("type",), f"{len(types)} types for {len(pairs)} pairs of closed_loop")
+    children = {joint.name: joint.child for joint in robot.joints}
+    frames = children | {link.name: link.name for link in robot.links}
     for index, (pair, stated) in enumerate(zip(pairs, types, strict=True)):
         place: Place = ("closed_loop", index)
-        kind = stated.lower()
-        if kind not in CLOSURE_TYPES:
+        if stated.lower() not in CLOSURE_TYPES:
             raise document.error(("type", index), f"unknown type '{stated}'; known: '3d' and '6d'")
         if len(pair) != 2:
             raise document.error(place, f"{len(pair)} frames instead of a pair")
-        links = [_link_of(robot, name, document, (*place, at)) for at, name in enumerate(pair)]
-        robot.closures.append(
-            weld_or_point("-".join(pair), kind, links[0], links[1], document.lines[place][0])
-        )
-
-
-def _link_of(robot: RobotFile, name: str, document: YamlFile, place: Place) -> str:
-    """Return the link that a frame name means: the link of that name, or the child of the joint."""
-    links = {link.name for link in robot.links}
-    if name in links:
-        return name
-    children = {joint.name: joint.child for joint in robot.joints}
-    if name in children:
-        return children[name]
-    raise document.error(
-        place, f"no link or joint is called '{name}'{did_you_mean(name, [*links, *children])}"
-    )
+        for at, name in enumerate(pair):
+            if name not in frames:
+                hint = did_you_mean(name, frames)
+                raise document.error((*place, at), f"no link or joint is called '{name}'{hint}")
+        link_a, link_b = (frames[name] for name in pair)
+        line = document.lines[place][0]
+        robot.closures.append(weld_or_point("-".join(pair), stated.lower(), link_a, link_b, line))
 
 
 def _retype(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
+    """Replace the joints that the side-car retypes."""
     names, types = side_car.joint_name or [], side_car.joint_type or []
     if len(names) != len(types):
         raise document.error(("joint_type",), f"{len(types)} types for {len(names)} names in joint_name")
-    places = {name: index for index, name in enumerate(names)}
-    if len(places) != len(names):
+    if len(names) != len({*names}):
         raise document.error(("joint_name",), "a joint is named twice")
     known = [joint.name for joint in robot.joints]
-    for name, index in places.items():
+    for index, name in enumerate(names):
         if name not in known:
             raise document.error(
                 ("joint_name", index), f"no joint is called '{name}'{did_you_mean(name, known)}"
             )
+    kinds = dict(zip(names, types, strict=True))
     joints: list[Joint] = []
     for joint in robot.joints:
-        if joint.name not in places:
-            joints.append(joint)
-            continue
-        index = places[joint.name]
         try:
-            joints += retyped(joint, types[index], robot.links)
+            joints += _retyped(joint, kinds[joint.name], robot.links) if joint.name in kinds else [joint]
         except ValueError as error:
-            raise document.error(("joint_type", index), str(error)) from None
+            raise document.error(("joint_type", names.index(joint.name)), str(error)) from None
     robot.joints = joints
 
 
-def retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
+def _retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
     """Return the joints that replace a joint; a universal joint appends a massless link to `links`.
 
     This link is between the two revolutes of the universal joint.
@@ -170,30 +151,20 @@ def retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
     if match is None or match[1] == match[2]:
         known = ["SPHERICAL", "FIXED", "UJOINT_XY", "UJOINT_YZ", "UJOINT_ZX", "UJOINT_ZY"]
         raise ValueError(f"unknown type '{kind}'{did_you_mean(kind, known)}; known: {listed(known)}")
-    first, second = match[1], match[2]
-    between = f"{joint.name}_{first}"
-    links.append(Link(between, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line))
-    revolute: Literal["revolute"] = "revolute"
-    return [
-        replace(free, name=between, kind=revolute, child=between, axis=AXES[first]),
-        replace(
-            free,
-            name=f"{joint.name}_{second}",
-            kind=revolute,
-            parent=between,
-            placement=np.eye(4),
-            axis=AXES[second],
-        ),
-    ]
+    first, second = (
+        replace(free, name=f"{joint.name}_{x}", kind="revolute", axis=AXES[x]) for x in match.groups()
+    )
+    links.append(Link(first.name, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line))
+    return [replace(first, child=first.name), replace(second, parent=first.name, placement=np.eye(4))]
 
 
 def _motor_names(robot: RobotFile, stated: list[str] | str) -> tuple[str, ...]:
     """Return the driven joints; a word that names no joint means every joint whose name contains it."""
     joints = [joint.name for joint in robot.joints]
-    names: list[str] = []
+    names: dict[str, None] = {}
     for word in [stated] if isinstance(stated, str) else stated:
         found = [word] if word in joints else [name for name in joints if word and word in name] or [word]
         if found != [word]:
             robot.notes.append(f"name_mot '{word}' names no joint; it stands for {listed(found)}")
-        names += [name for name in found if name not in names]
+        names |= dict.fromkeys(found)
     return tuple(names)

@@ -10,7 +10,7 @@ For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, e
     closing_tip = "fixed"           # kind of a closure that frames state: fixed, revolute, spherical
     [joints.slide1]
     rotor_inertia = 3e-5            # and gear_ratio, damping, friction
-    [effects.spring]                # see `effect_tables`
+    [effects.spring]                # see `tables`
     stiffness = { slide1 = 40.0 }
     [couplings.differential]        # sum of coefficient x position = offset
     terms = { left = 1.0, right = 1.0, wrist = -2.0 }
@@ -22,8 +22,9 @@ from __future__ import annotations
 import importlib.util
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -32,22 +33,12 @@ from ..cache_folder import hashed
 from ..closure_forms import FORMS
 from ..kept_texts import keep, kept, state_of
 from ..names import did_you_mean
-from ..records import Closure, Coupling, Joint
-from ..robot_file import MotorStatement, RobotFile
+from ..records import Coupling, JointKind
+from ..robot_file import ZERO, MotorStatement, RobotFile
 from .toml_file import line_of
 
-#: Allowed lengths of a home position, by kind of joint.
-COORDINATES = {
-    "revolute": (1,),
-    "prismatic": (1,),
-    "continuous": (1, 2),
-    "spherical": (4,),
-    "planar": (4,),
-    "floating": (7,),
-}
-
 #: Index at which the unit vector (cosine and sine, or quaternion) of a position starts; it ends with it.
-UNIT_PART = {("continuous", 2): 0, ("spherical", 4): 0, ("planar", 4): 2, ("floating", 7): 3}
+UNIT_PART = {"continuous": 0, "spherical": 0, "planar": 2, "floating": 3}
 
 #: Largest deviation of a stated unit vector from length one that counts as rounding; beyond, it is an error.
 UNIT_SLACK = 1e-4
@@ -57,7 +48,7 @@ def read_model_file(text: bytes, file: str) -> dict[str, Any]:
     """Read the text of a model file; a text that was read before is not checked again.
 
     Returns:
-        Its content, as in `model_tables.ModelFile`; keys without a value are left out.
+        Its content, as in `tables.ModelFile`; keys without a value are left out.
 
     Raises:
         ModelError: The text is not TOML, or a key or value is wrong; the message names the line.
@@ -67,7 +58,7 @@ def read_model_file(text: bytes, file: str) -> dict[str, Any]:
     name = hashed(text.decode("latin-1"), sys.version, *map(state_of, codes))
     content: dict[str, Any] | None = kept(name)
     if content is None:
-        from .model_tables import checked  # imports pydantic: 0.1 s
+        from .tables import checked  # imports pydantic: 0.1 s
 
         content = checked(text, file)
         keep(name, content)
@@ -82,92 +73,92 @@ def apply_model_file(
     Raises:
         ModelError: A joint or closure is unknown, or a home position does not fit its joint.
     """
-    by_name = {joint.name: joint for joint in robot.joints}
-
-    def wrong(table: str, name: str, message: str) -> ModelError:
-        """Return the error of a key, with its line."""
-        line = line_of(text, (table, name))
-        return ModelError(f"[{table}] '{name}': {message}", file=file, line=line, element=name)
-
-    for table, names in (("home", model["home"]), ("joints", model["joints"])):
-        for name in names:
-            if name not in by_name:
-                raise wrong(table, name, f"no such joint{did_you_mean(name, by_name)}")
-            if by_name[name].kind == "fixed":
-                raise wrong(table, name, "the joint is fixed")
-    home: dict[str, tuple[float, ...]] = {}
-    for name, value in model["home"].items():
-        try:
-            home[name] = home_position(by_name[name], value if isinstance(value, list) else [value])
-        except ValueError as error:
-            raise wrong("home", name, str(error)) from None
-    for name, numbers in model["joints"].items():
-        if numbers.get("gear_ratio") == 0:
-            raise wrong("joints", name, "a gear ratio of 0 moves nothing")
+    if problem := next(chain(_unknown(robot, model), _wrong(robot, model)), None):
+        keys, message = problem
+        *tables, name = keys[:3]
+        message = f"[{'.'.join(tables)}] '{name}': {message}"
+        raise ModelError(message, file=file, line=line_of(text, keys), element=keys[-1])
     for name, coupling in model["couplings"].items():
-        for joint, factor in coupling["terms"].items():
-            if joint not in by_name or by_name[joint].kind == "fixed" or not factor:
-                hint = did_you_mean(joint, by_name) if joint not in by_name else ""
-                raise wrong("couplings", name, f"'{joint}' is no movable joint with a coefficient{hint}")
         line = line_of(text, ("couplings", name))
         robot.couplings.append(Coupling(name, tuple(coupling["terms"].items()), coupling["offset"], line))
-    stated = [closure.name for closure in robot.closures]
-    for name in model["closures"]:
-        if name not in stated:
-            raise wrong("closures", name, f"no such closure{did_you_mean(name, stated)}")
-    robot.closures = [_with_kind(closure, model["closures"].get(closure.name)) for closure in robot.closures]
-    _apply_effects(robot, model, text, file)
+    for number, closure in enumerate(robot.closures):
+        if kind := model["closures"].get(closure.name):
+            form = FORMS[kind]
+            robot.closures[number] = replace(
+                closure, kind=kind, translations=form.translations, rotation=form.rotation
+            )
+    own = dict(model["effects"])
+    robot.effects = (*((name, own.pop(name, values)) for name, values in robot.effects), *own.items())
     robot.joints = [replace(joint, **model["joints"].get(joint.name, {})) for joint in robot.joints]
     if "motors" in model:
         line = line_of(text, ("motors",))
         robot.motors.append(MotorStatement("model file", "model.toml", tuple(model["motors"]), file, line))
-    return home
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    return {name: _position(kinds[name], value) for name, value in model["home"].items()}
 
 
-def _apply_effects(robot: RobotFile, model: Mapping[str, Any], text: str, file: str) -> None:
-    """Set the robot's effects from the model file."""
+#: Keys that are wrong, and why.
+Problems = Iterator[tuple[tuple[str, ...], str]]
+
+
+def _unknown(robot: RobotFile, model: Mapping[str, Any]) -> Problems:
+    """Yield names of joints, closures and links that the robot does not have."""
+    joints = [joint.name for joint in robot.joints]
     movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
-    links = [link.name for link in robot.links]
-    own = dict(model["effects"])
-    wanted = [
-        (effect, key, joint, movable, "movable joint")
-        for effect, table in own.items()
-        for key, numbers in table.items()
-        if isinstance(numbers, dict) and effect != "ground_contact"
-        for joint in numbers
-    ]
-    points = own.get("ground_contact", {}).get("points", ())
-    wanted += [("ground_contact", "points", link, links, "link") for link in points]
-    for effect, key, name, known, what in wanted:
-        if name not in known:
-            raise ModelError(
-                f"[effects.{effect}] '{key}': no such {what} '{name}'{did_you_mean(name, known)}",
-                file=file, line=line_of(text, ("effects", effect, key, name)), element=name,
-            )  # fmt: skip
-    robot.effects = (*((name, own.pop(name, values)) for name, values in robot.effects), *own.items())
+    closures = [closure.name for closure in robot.closures]
+    for table, what, names in (
+        ("home", "joint", joints), ("joints", "joint", joints), ("closures", "closure", closures)
+    ):  # fmt: skip
+        for name in model[table]:
+            if name not in names:
+                yield (table, name), f"no such {what}{did_you_mean(name, names)}"
+    for effect, table in model["effects"].items():
+        on_links = effect == "ground_contact"
+        what, names = (
+            ("link", [link.name for link in robot.links]) if on_links else ("movable joint", movable)
+        )
+        for key, name in ((key, name) for key, x in table.items() if isinstance(x, dict) for name in x):
+            if name not in names:
+                hint = did_you_mean(name, names)
+                yield ("effects", effect, key, name), f"no such {what} '{name}'{hint}"
 
 
-def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
+def _wrong(robot: RobotFile, model: Mapping[str, Any]) -> Problems:
+    """Yield joints that do not move, positions that do not fit their joints, and numbers without effect."""
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    for keys in ((table, name) for table in ("home", "joints") for name in model[table]):
+        if kinds[keys[1]] == "fixed":
+            yield keys, "the joint is fixed"
+    for name, value in model["home"].items():
+        try:
+            _position(kinds[name], value)
+        except ValueError as error:
+            yield ("home", name), str(error)
+    for name, numbers in model["joints"].items():
+        if numbers.get("gear_ratio") == 0:
+            yield ("joints", name), "a gear ratio of 0 moves nothing"
+    for name, coupling in model["couplings"].items():
+        for joint, factor in coupling["terms"].items():
+            if kinds.get(joint, "fixed") == "fixed" or not factor:
+                hint = "" if joint in kinds else did_you_mean(joint, kinds)
+                yield ("couplings", name), f"'{joint}' is no movable joint with a coefficient{hint}"
+
+
+def _position(kind: JointKind, value: float | list[float]) -> tuple[float, ...]:
     """Check a home position against its joint, and normalise its unit vector.
 
     Raises:
         ValueError: The number of values is wrong, or the unit vector does not have length one.
     """
-    counts = COORDINATES[joint.kind]
+    values = value if isinstance(value, list) else [value]
+    counts = (1, 2) if kind == "continuous" else (len(ZERO[kind]),)
     if len(values) not in counts:
         wanted = " or ".join(str(count) for count in counts)
-        raise ValueError(f"{len(values)} numbers for a {joint.kind} joint, which has {wanted}")
-    start = UNIT_PART.get((joint.kind, len(values)))
-    if start is None:
+        raise ValueError(f"{len(values)} numbers for a {kind} joint, which has {wanted}")
+    if len(values) == 1:
         return tuple(values)
+    start = UNIT_PART[kind]
     length = math.hypot(*values[start:])
     if abs(length - 1) > UNIT_SLACK:
         raise ValueError(f"its last {len(values) - start} numbers have length {length:g} instead of 1")
     return (*values[:start], *(value / length for value in values[start:]))
-
-
-def _with_kind(closure: Closure, kind: str | None) -> Closure:
-    """Return a closure with the kind that model.toml states for its frames."""
-    if kind is None:
-        return closure
-    return replace(closure, kind=kind, translations=FORMS[kind].translations, rotation=FORMS[kind].rotation)

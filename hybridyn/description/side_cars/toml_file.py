@@ -16,17 +16,18 @@ LARGEST_TOML = 2**20
 #: Most parts of a dotted key; Python's reader keeps a table for each prefix of the key.
 MOST_PARTS = 16
 
-#: A text (of any kind, closed or not), a comment, a part of a bare key, spaces, or any other character.
+#: A part of a dotted key: a bare word, or a text.
+_PART = r"""(?:[\w-]++|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+')"""
+
+#: A text of several lines (closed or not), a comment, a key of too many parts, or a part of another key.
 _TOKEN = re.compile(
-    r'''(?P<long>"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z))'''
-    r"""|(?P<part>"(?:\\.|[^"\\\n])*"|'[^'\n]*'|[\w-]+)"""
-    r"|(?P<comment>#[^\n]*)|(?P<space>[ \t]+)|.",
+    r'''"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|#[^\n]*'''
+    rf"|(?P<key>{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_PARTS}}})|{_PART}",
     re.DOTALL,
 )
 
-
-_PART = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
-_ASSIGNMENT = re.compile(rf"\s*({_PART}(?:\s*\.\s*{_PART})*)\s*=")
+#: The head of a table or of a table in an array, or the key of an assignment.
+_KEY = re.compile(rf"\s*(\[?\[?)\s*({_PART}(?:\s*\.\s*{_PART})*)\s*(?:\]\]?\s*(?:#|$)|=)")
 
 
 def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
@@ -41,7 +42,9 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
         raise ModelError(f"is larger than {LARGEST_TOML // 2**20} MiB", file=file)
     try:
         text = data.decode("utf-8")
-        _refuse_long_keys(text, file)
+        if long := next((token for token in _TOKEN.finditer(text) if token["key"]), None):
+            line = text.count("\n", 0, long.start()) + 1
+            raise ModelError(f"a key has more than {MOST_PARTS} parts", file=file, line=line)
         return text, tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
@@ -54,22 +57,6 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
         raise ModelError("not readable as TOML: nested too deeply, or a number too long", file=file) from None
 
 
-def _refuse_long_keys(text: str, file: str) -> None:
-    """Raise ModelError for keys of more than `MOST_PARTS` parts, before they are parsed."""
-    parts, after_dot = 0, False
-    for token in _TOKEN.finditer(text):
-        if token.lastgroup == "space":
-            continue
-        if token.lastgroup == "part":
-            parts = parts + 1 if after_dot else 1
-            after_dot = False
-            if parts > MOST_PARTS:
-                line = text.count("\n", 0, token.start()) + 1
-                raise ModelError(f"a key has more than {MOST_PARTS} parts", file=file, line=line)
-        else:
-            after_dot = parts > 0 and token[0] == "."
-
-
 def line_of(text: str, keys: Keys) -> int | None:
     """Return the line (from 1) that defines a key of a TOML text, else that of the innermost table around it.
 
@@ -80,19 +67,15 @@ def line_of(text: str, keys: Keys) -> int | None:
     counts: dict[Keys, int] = {}
     best: tuple[int, int | None] = (0, None)
     for number, line in enumerate(text.splitlines(), start=1):
-        if header := re.match(r"\s*\[\[\s*([^\[\]]+?)\s*\]\]", line):
-            name = _dotted(header[1], counts)
-            counts[name] = counts.get(name, -1) + 1
-            defined: Keys = (*name, counts[name])
-            table = defined
-        elif header := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(#|$)", line):
-            defined = table = _dotted(header[1], counts)
-        elif assignment := _ASSIGNMENT.match(line):
-            defined = (*table, *_dotted(assignment[1], {}))
-        else:
+        if not (found := _KEY.match(line)):
             continue
-        if isinstance(defined[-1], int) and defined[:-1] == keys:  # an array is defined where it begins
-            defined = keys
+        defined = _dotted(found[2], counts) if found[1] else (*table, *_dotted(found[2], {}))
+        if found[1] == "[[":
+            counts[defined] = counts.get(defined, -1) + 1
+            table = (*defined, counts[defined])
+            defined = defined if defined == keys else table  # an array is defined where it begins
+        elif found[1]:
+            table = defined
         shared = len(defined)
         if defined == keys[:shared] and shared > best[0]:
             best = (shared, number)
@@ -102,7 +85,7 @@ def line_of(text: str, keys: Keys) -> int | None:
 def _dotted(text: str, counts: dict[Keys, int]) -> Keys:
     """Split a dotted key; after the name of an array of tables, insert the index of its last table."""
     out: Keys = ()
-    parts = [part.strip("\"'") for part in re.findall(r"""[\w-]+|"[^"]*"|'[^']*'""", text)]
+    parts = [part.strip("\"'") for part in re.findall(_PART, text)]
     for i, part in enumerate(parts):
         out = (*out, part)
         if out in counts and i < len(parts) - 1:

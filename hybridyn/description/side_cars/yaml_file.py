@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +16,15 @@ LARGEST_YAML = 2**20
 
 #: Most values that a document may expand to; aliases of aliases grow without bound.
 MOST_VALUES = 100_000
+
+#: Values of scalars by the ends of their tags.
+_SCALARS: dict[str, Callable[[str], Any]] = {
+    "null": lambda _: None,
+    "bool": lambda text: text.lower() == "true",
+    "int": int,
+    "float": float,
+    "str": str,
+}
 
 Place = tuple[str | int, ...]
 
@@ -31,6 +41,10 @@ class YamlFile:
     file: str
     data: Any = None
     lines: dict[Place, tuple[int, int]] = field(default_factory=dict)
+
+    def mark(self, place: Place, node: yaml.Node) -> None:
+        """Record line and column of a node."""
+        self.lines[place] = (node.start_mark.line + 1, node.start_mark.column + 1)
 
     def error(self, place: Place, message: str) -> ModelError:
         """Return (do not raise) an error that names file, line, column and key."""
@@ -69,8 +83,7 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
     document = YamlFile(file)
     try:
         node = yaml.compose(text.decode("utf-8"), Loader=_Loader)
-        if node is not None:
-            document.data = _Reader(document).read(node, ())
+        document.data = None if node is None else _value(document, node, ())
     except UnicodeDecodeError as error:
         raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
     except yaml.MarkedYAMLError as error:
@@ -84,45 +97,25 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
     return document
 
 
-class _Reader:
-    """Convert YAML nodes into plain values, and record the line and column of each."""
-
-    def __init__(self, document: YamlFile) -> None:
-        self.document = document
-        self.count = 0
-
-    def read(self, node: yaml.Node, place: Place) -> Any:
-        """Return the value of the node at `place`."""
-        self.document.lines[place] = (node.start_mark.line + 1, node.start_mark.column + 1)
-        self.count += 1
-        if self.count > MOST_VALUES:
-            raise self.document.error(place, f"more than {MOST_VALUES} values; are aliases nested?")
-        kind = node.tag.removeprefix("tag:yaml.org,2002:")
-        if isinstance(node, yaml.SequenceNode) and kind == "seq":
-            return [self.read(child, (*place, index)) for index, child in enumerate(node.value)]
-        if isinstance(node, yaml.MappingNode) and kind == "map":
-            return self._mapping(node, place)
-        if isinstance(node, yaml.ScalarNode) and kind in ("null", "bool", "int", "float", "str"):
-            return self._scalar(kind, str(node.value))
-        raise self.document.error(place, f"tag '{node.tag}' is not allowed")
-
-    def _mapping(self, node: yaml.MappingNode, place: Place) -> dict[str, Any]:
+def _value(document: YamlFile, node: yaml.Node, place: Place) -> Any:
+    """Return the node at a place as a plain value, and record line and column of all that it holds."""
+    document.mark(place, node)
+    if len(document.lines) > MOST_VALUES:
+        raise document.error(place, f"more than {MOST_VALUES} values; are aliases nested?")
+    kind = node.tag.removeprefix("tag:yaml.org,2002:")
+    if isinstance(node, yaml.SequenceNode) and kind == "seq":
+        return [_value(document, child, (*place, index)) for index, child in enumerate(node.value)]
+    if isinstance(node, yaml.MappingNode) and kind == "map":
         values: dict[str, Any] = {}
-        for key_node, value_node in node.value:
-            here = (*place, str(key_node.value) if isinstance(key_node, yaml.ScalarNode) else "?")
-            self.document.lines[here] = (key_node.start_mark.line + 1, key_node.start_mark.column + 1)
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise self.document.error(here, "a key must be a plain word")
-            key = str(key_node.value)
-            if key in values:
-                raise self.document.error(here, "the key is stated twice")
-            values[key] = self.read(value_node, here)
+        for key, value in node.value:
+            plain = isinstance(key, yaml.ScalarNode)
+            name = str(key.value) if plain else "?"
+            document.mark((*place, name), key)
+            if not plain or name in values:
+                problem = "the key is stated twice" if plain else "a key must be a plain word"
+                raise document.error((*place, name), problem)
+            values[name] = _value(document, value, (*place, name))
         return values
-
-    @staticmethod
-    def _scalar(kind: str, text: str) -> Any:
-        if kind == "null":
-            return None
-        if kind == "bool":
-            return text.lower() == "true"
-        return int(text) if kind == "int" else float(text) if kind == "float" else text
+    if isinstance(node, yaml.ScalarNode) and kind in _SCALARS:
+        return _SCALARS[kind](str(node.value))
+    raise document.error(place, f"tag '{node.tag}' is not allowed")

@@ -39,7 +39,7 @@ ROTOR_PARTS = ("rotor_inertia", "gear_ratio")
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
-def read_urdf(root: Node) -> RobotFile:
+def read_urdf(root: Node, _: object = None) -> RobotFile:
     """Read the root element of a URDF.
 
     Raises:

@@ -1,0 +1,150 @@
+"""Build the closures that the names of frames state, where the file itself states none.
+
+In Gepetto's models without a side-car, frames whose names contain `closedloop<N>`, two for every N, are
+welded. A mate of onshape-to-robot that closes a loop becomes two frames, `closing_<x>_1` and `closing_<x>_2`.
+A revolute mate has two more, `closing_<x>_1_z` and `closing_<x>_2_z`, on its axis: two pairs of points that
+coincide are a hinge. URDF does not say whether a mate without them is a ball or fastened; it is read as a
+ball, unless `[closures]` of model.toml says "fixed".
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import ModelError
+from .closure_forms import FORMS
+from .groups import Groups
+from .names import listed
+from .placement import placement_from, rotation_to_axis
+from .poses import poses_at_zero, relative
+from .records import Closure
+from .robot_file import MotorStatement, RobotFile
+
+CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
+WELDED = re.compile(r"closedloop(\d+)")
+CLOSING = re.compile(r"closing_(.+)_([12](?:_z)?)")
+HINGES = ("revolute", "continuous")
+
+#: Largest relative difference of the distances to the two points on an axis: files print them with 6 digits.
+SAME_DISTANCE = 1e-5
+
+
+def weld_or_point(name: str, kind: str, link_a: str, link_b: str, line: int | None) -> Closure:
+    """Return the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
+    form = CLOSURE_TYPES[kind]
+    return Closure(name, kind, link_a, np.eye(4), link_b, np.eye(4), form.translations, form.rotation, line)
+
+
+def apply_welded_frames(robot: RobotFile) -> None:
+    """Add the closures and motors of Gepetto's names: `closedloop<N>`, `spherical` for balls, `motor`.
+
+    Raises:
+        ModelError: The number of frames for an N is not two.
+    """
+    frames = {link.name: link.name for link in robot.links}
+    frames |= {joint.name: joint.child for joint in robot.joints}
+    pairs: dict[str, dict[str, None]] = {}
+    for name, link in frames.items():
+        if (match := WELDED.search(name)) and "frame" not in name:
+            pairs.setdefault(match[1], {})[link] = None
+    if not pairs or robot.closures:
+        return
+    for number, links in pairs.items():
+        if len(links) != 2:
+            raise ModelError(
+                f"{len(links)} frames are named closedloop{number} instead of two: {listed(links)}; "
+                "list the pairs in a side-car robot.yaml (closed_loop)",
+                file=robot.file,
+            )
+        link_a, link_b = links
+        robot.closures.append(weld_or_point("-".join(links), "6d", link_a, link_b, None))
+    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind in HINGES}
+    robot.joints = [replace(j, kind="spherical") if j.name in balls else j for j in robot.joints]
+    motors = tuple(j.name for j in robot.joints if "motor" in j.name and j.kind in (*HINGES, "prismatic"))
+    if motors:
+        robot.motors.append(MotorStatement("names", "joints that are named 'motor'", motors, robot.file))
+    robot.notes.append(
+        "no side-car: frames named closedloop are welded pairwise, "
+        f"{len(balls)} joints named spherical are balls"
+    )
+
+
+def apply_closing_frames(robot: RobotFile) -> None:
+    """Add a closure for each pair of closing frames that no other closure uses.
+
+    Raises:
+        ModelError: The frames of a mate are incomplete, or those on its axis contradict each other.
+    """
+    frames = {joint.name: joint.child for joint in robot.joints if joint.kind == "fixed"}
+    frames |= {link.name: link.name for link in robot.links}
+    used = {link for closure in robot.closures for link in (closure.link_a, closure.link_b)}
+    mates: dict[str, dict[str, str]] = {}
+    for name, link in frames.items():
+        if (match := CLOSING.fullmatch(name)) and link not in used:
+            mates.setdefault(f"closing_{match[1]}", {})[match[2]] = link
+    added = [_mate(robot, title, ends) for title, ends in mates.items() if {"1", "2"} <= ends.keys()]
+    robot.closures += added
+    balls = [closure.name for closure in added if closure.rotation == "free"]
+    if balls:
+        robot.notes.append(
+            f"closing frames {listed(balls)} are read as balls: the file states no axis "
+            "(closing_.._1_z); if the mate is fastened, write "
+            f'{balls[0]} = "fixed" under [closures] in model.toml'
+        )
+
+
+def _mate(robot: RobotFile, title: str, ends: dict[str, str]) -> Closure:
+    """Return the closure of one mate: a ball, or a hinge with z towards the second point of each side."""
+    lines = {link.name: link.line for link in robot.links}
+    axes = sorted(ends.keys() - {"1", "2"})
+    kind, frames = "spherical", [np.eye(4), np.eye(4)]
+
+    def wrong(link: str, message: str) -> ModelError:
+        """Return the error of a frame, with its line."""
+        return ModelError(message, file=robot.file, line=lines[link], element=link)
+
+    if len(axes) == 1:
+        link, missing = ends[axes[0]], "2_z" if axes[0] == "1_z" else "1_z"
+        raise wrong(
+            link,
+            f"frame '{link}' states the axis of {title} on one side only; "
+            f"frame '{title}_{missing}' is missing",
+        )
+    if axes:
+        poses, bodies, ways = poses_at_zero(robot.joints), _bodies(robot), []
+        for link, other in ((ends["1"], ends["1_z"]), (ends["2"], ends["2_z"])):
+            named = f"frames '{link}' and '{other}'"
+            if bodies.of(link) != bodies.of(other):
+                raise wrong(other, f"{named} stand on two bodies; they state the axis of {title}")
+            inside = {link, other} <= poses.keys()
+            ways.append(relative(poses[link], poses[other])[:3, 3] if inside else np.zeros(3))
+            if not ways[-1].any():
+                raise wrong(other, f"{named} coincide, so they state no axis of {title}")
+        one, two = (float(np.linalg.norm(way)) for way in ways)
+        if abs(one - two) > SAME_DISTANCE * one:
+            raise wrong(
+                ends["1_z"],
+                f"the points on the axis of {title} are {one:g} m and {two:g} m from its "
+                "frames; they cannot both coincide",
+            )
+        kind, turns = (
+            "revolute",
+            [rotation_to_axis(way / size) for way, size in zip(ways, (one, two), strict=True)],
+        )
+        frames = [placement_from(turn, np.zeros(3)) for turn in turns]
+    return Closure(
+        title, kind, ends["1"], frames[0], ends["2"], frames[1], FORMS[kind].translations,
+        FORMS[kind].rotation, lines[ends["1"]], frames[0][:3, :3],
+    )  # fmt: skip
+
+
+def _bodies(robot: RobotFile) -> Groups[str]:
+    """Return the groups of links that fixed joints weld together."""
+    out: Groups[str] = Groups()
+    for joint in robot.joints:
+        if joint.kind == "fixed":
+            out.join(joint.parent, joint.child)
+    return out
