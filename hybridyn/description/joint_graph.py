@@ -9,7 +9,7 @@ Bodies have keys; the key of the world is "".
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -93,34 +93,41 @@ def span(bodies: Iterable[str], joints: Sequence[J]) -> Tree[J]:
     """
     groups: Groups[str] = Groups()
     kept = {joint for joint in sorted(joints, key=lambda joint: joint.rank) if groups.join(*joint.ends)}
-    near = neighbours(kept)
     roots: list[str] = []
     directions: dict[J, bool] = {}
-    reached: set[str] = set()
-    for start in (WORLD, *bodies):
-        if start in reached:
-            continue
-        roots.append(start)
-        waiting = [start]
-        while waiting:
-            body = waiting.pop()
-            reached.add(body)
-            for joint, other in near.get(body, ()):
-                if other not in reached:
-                    directions[joint] = joint.ends[1] == other
-                    waiting.append(other)
+    for body, joint, _ in outwards((WORLD, *bodies), kept):
+        if joint is None:
+            roots.append(body)
+        else:
+            directions[joint] = joint.ends[1] == body
     branches = [(joint, directions[joint]) for joint in joints if joint in kept]
-    return Tree(branches, [joint for joint in joints if joint not in kept], roots[1:], WORLD in near)
+    held = any(WORLD in joint.ends for joint in kept)
+    return Tree(branches, [joint for joint in joints if joint not in kept], roots[1:], held)
 
 
-def neighbours(joints: Iterable[J]) -> dict[str, list[tuple[J, str]]]:
-    """Return the joints at each body, with the bodies at their other ends."""
-    out: dict[str, list[tuple[J, str]]] = {}
+def outwards(bodies: Iterable[str], joints: Iterable[J]) -> Iterator[tuple[str, J | None, str]]:
+    """Yield each body that joints reach, those near the first ones first.
+
+    Args:
+        bodies: The bodies from which it goes on, in order, unless an earlier one reached them.
+        joints: The joints.
+
+    Yields:
+        A body, the joint that leads to it, and the body before; None and "" for one of `bodies`.
+    """
+    near: dict[str, list[tuple[str, J | None, str]]] = {}
     for joint in joints:
         first, second = joint.ends
-        out.setdefault(first, []).append((joint, second))
-        out.setdefault(second, []).append((joint, first))
-    return out
+        near.setdefault(first, []).append((second, joint, first))
+        near.setdefault(second, []).append((first, joint, second))
+    reached: set[str] = set()
+    for start in bodies:
+        waiting: list[tuple[str, J | None, str]] = [(start, None, "")]
+        for body, joint_to, before in waiting:
+            if body not in reached:
+                reached.add(body)
+                yield body, joint_to, before
+                waiting += near.get(body, ())
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ FORMATS = {
     "robot": ("urdf.urdf", "read_urdf"),
     "mujoco": ("mjcf.mjcf", "read_mjcf"),
     "sdf": ("sdf.sdf", "read_sdf"),
-    "_usd": ("usd.usd", "read_usd"),
+    "_usd": ("usd.opening", "read_usd"),
 }
 
 

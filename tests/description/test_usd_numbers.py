@@ -8,9 +8,8 @@ import pytest
 
 import hybridyn
 from hybridyn.description.placement import rotation_from_quaternion
-from hybridyn.description.usd.bodies import Bodies
-from hybridyn.description.usd.joints import AXES, read_joints
-from hybridyn.description.usd.opening import open_usd
+from hybridyn.description.urdf.robot_folders import RobotFolders
+from hybridyn.description.usd.schema import AXES
 from tests.comparing import close_to
 from tests.extras import needs
 from tests.files import save
@@ -19,6 +18,10 @@ from tests.usd_texts import FIVE_BAR, FIVE_BAR_URDF, KINDS
 
 needs("usd")
 from pxr import Gf, Usd, UsdGeom, UsdPhysics  # noqa: E402
+
+from hybridyn.description.usd.joints import read_joints  # noqa: E402
+from hybridyn.description.usd.layers import open_stage  # noqa: E402
+from hybridyn.description.usd.stage import Stage  # noqa: E402
 
 #: usd-core computes in single precision.
 SINGLE = 2e-6
@@ -40,6 +43,11 @@ def parsed(file: Path) -> dict[str, object]:
     }
 
 
+def stage_of(file: Path) -> Stage:
+    folders = RobotFolders(str(file), [], [], file.stat().st_size)
+    return Stage(open_stage(str(file), folders), str(file), 100)
+
+
 def of_quaternion(q: Gf.Quatf) -> np.ndarray:
     return rotation_from_quaternion(*q.GetImaginary(), q.GetReal())
 
@@ -47,7 +55,7 @@ def of_quaternion(q: Gf.Quatf) -> np.ndarray:
 def test_frames_of_joints_are_those_of_usd_core(tmp_path: Path) -> None:
     file = save(tmp_path, KINDS, "robot.usda")
     theirs = parsed(file)
-    joints = read_joints(Bodies(open_usd(str(file))), (), [])
+    joints = read_joints(stage_of(file), (), [])
     assert len(joints) == 7
     for joint in joints:
         record = theirs[joint.prim.path]
@@ -58,27 +66,26 @@ def test_frames_of_joints_are_those_of_usd_core(tmp_path: Path) -> None:
             turn = of_quaternion(getattr(record, f"localPose{side}Orientation"))
             np.testing.assert_allclose(frame[:3, :3], turn, atol=SINGLE)
         if hasattr(record, "axis"):
-            assert joint.free[0][-1] == record.axis.name or len(joint.free) == 3
+            assert next(iter(joint.limits))[-1] == record.axis.name or len(joint.limits) == 3
         if record.type == UsdPhysics.ObjectType.D6Joint:
             locked = [
                 a
                 for a, limit in ((p.first.name, p.second) for p in record.jointLimits)
                 if limit.lower > limit.upper
             ]
-            assert [a for a in AXES if a not in joint.free] == [a[0].lower() + a[1:] for a in locked]
+            assert [a for a in AXES if a not in joint.limits] == [a[0].lower() + a[1:] for a in locked]
 
 
 def test_places_of_bodies_are_those_of_usd_core(tmp_path: Path) -> None:
     file = save(tmp_path, KINDS, "robot.usda")
-    bodies = Bodies(open_usd(str(file)))
     stage = Usd.Stage.Open(str(file))
-    for path, prim in bodies.moving.items():
+    for path, prim in stage_of(file).moving.items():
         theirs = Gf.Transform(UsdGeom.Xformable(stage.GetPrimAtPath(path)).ComputeLocalToWorldTransform(0))
-        pose = bodies.pose(prim)
-        np.testing.assert_allclose(pose.frame[:3, 3], np.array(theirs.GetTranslation()) * 0.01, atol=1e-15)
+        np.testing.assert_allclose(prim.pose[:3, 3], np.array(theirs.GetTranslation()) * 0.01, atol=1e-15)
         q = theirs.GetRotation().GetQuat()
-        np.testing.assert_allclose(pose.frame[:3, :3], of_quaternion(q), atol=1e-15)
-        np.testing.assert_allclose(pose.scale, np.array(theirs.GetScale()), atol=1e-15)
+        np.testing.assert_allclose(prim.pose[:3, :3], of_quaternion(q), atol=1e-15)
+        scale = prim.point(np.ones(3)) / 0.01
+        np.testing.assert_allclose(scale, np.array(theirs.GetScale()), atol=1e-15)
 
 
 def test_the_same_robot_in_urdf_has_the_same_models(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from hybridyn.description import read
 from hybridyn.description.files_read import recorded
 from hybridyn.description.placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from hybridyn.description.usd import opening
+from hybridyn.description.usd.schema import AXES
 from tests import files
 from tests.description.reading import holds, refused
 from tests.extras import needs
@@ -54,6 +55,16 @@ def loop(*flags: str) -> str:
 def limits(name: str, lower: float, upper: float) -> dict[str, object]:
     return {name: {"lower": about(lower, rel=1e-7), "upper": about(upper, rel=1e-7)}}
 
+
+#: A generic joint that turns about y, within a limit.
+HINGED = "(prepend apiSchemas = [{}]) {{\n{}".format(
+    ", ".join(f'"PhysicsLimitAPI:{axis}"' for axis in AXES),
+    "\n".join(
+        f"float limit:{axis}:physics:low = {-90 if axis == 'rotY' else 1}\n"
+        f"float limit:{axis}:physics:high = {'inf' if axis == 'rotY' else -1}"
+        for axis in AXES
+    ),
+)
 
 RESISTING = (
     "float physxJoint:armature = .2", "float physxJoint:maxJointVelocity = 90",
@@ -186,6 +197,12 @@ READ = {
         usda(*PAIR, joint("Revolute", "k", "a", "b", HINGE, at(0, "1, 0, 0"), EXCLUDED)),
         {"closures": (), "notes": {"/robot/k"}},
     ),
+    "a generic joint whose position is limited is not cut": (
+        loop("", "", "", "").replace("PhysicsRevoluteJoint", "PhysicsJoint", 3).replace(
+            "PhysicsJoint", "PhysicsRevoluteJoint", 2
+        ).replace('def PhysicsJoint "j2"  {', 'def PhysicsJoint "j2" ' + HINGED),
+        {"closures": ["j1"], "joints": {"j2": {"lower": about(-np.pi / 2)}}},
+    ),
     "names are unique and short": (usda(*TWO_SIDES), {"links": ["world", "left_arm", "right_arm"]}),
     "a kinematic body": (
         usda(body("base", "bool physics:kinematicEnabled = true", at="0, 0, 5"), body("a"),
@@ -285,8 +302,8 @@ def test_other_suffixes_and_packages(tmp_path: Path) -> None:
     expected = read(save(tmp_path, FIVE_BAR))
     Sdf.Layer.FindOrOpen(str(tmp_path / "robot.usda")).Export(str(tmp_path / "binary.usdc"))
     UsdUtils.CreateNewUsdzPackage(str(tmp_path / "binary.usdc"), str(tmp_path / "package.usdz"))
-    save(tmp_path, FIVE_BAR, "robot.txt")
-    for name in ("binary.usdc", "package.usdz", "robot.txt"):
+    refused(save(tmp_path, FIVE_BAR, "robot.txt"), "rename it to end in .usda")
+    for name in ("binary.usdc", "package.usdz"):
         found = read(tmp_path / name)
         assert [j.name for j in found.joints] == [j.name for j in expected.joints], name
         for ours, theirs in zip(found.joints, expected.joints, strict=True):
@@ -305,7 +322,7 @@ def test_files_that_are_too_large_are_refused(tmp_path: Path, monkeypatch: pytes
     save(tmp_path, part, "part.usda")
     file = save(tmp_path, usda('def "p" (references = @part.usda@) {}'))
     monkeypatch.setattr(opening, "LARGEST_FILE", len(part) - 1)
-    refused(file, "its layers together are larger")
+    refused(file, "part.usda' is larger than")
     monkeypatch.setattr(opening, "LARGEST_FILE", len(part))
     assert read(file).root == "a"
     monkeypatch.setattr(opening, "MOST_PRIMS", 2)

@@ -80,6 +80,15 @@ CASES = {
         hinged('string physics:lowerLimit = "x"'),
         "is not a number",
     ),
+    "value of another type": (
+        usda(body("a", 'string physics:centerOfMass = "0"'), HELD),
+        "'physics:centerOfMass' is not a vector",
+    ),
+    "value that OpenUSD does not understand": (
+        usda(body("a", "teyCoord3f physics:velocity = (0.1, 0, 0)"), HELD),
+        "'physics:velocity' is neither a number, a text nor a list of them",
+    ),
+    "up axis": (usda(A, HELD, up="W"), "upAxis 'W' is none of X, Y, Z"),
     "not finite": (hinged(at(0, "nan, 0, 0")), "localPos0' is not finite"),
     "animated": (
         hinged("point3f physics:localPos0.timeSamples = {0: (1,0,0)}"),

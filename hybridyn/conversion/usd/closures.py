@@ -11,7 +11,7 @@ import numpy as np
 from ...description.closure_forms import ROWS
 from ...description.placement import placement_from, turned
 from ...description.records import Array, Closure, Link
-from ...description.usd.joints import AXES
+from ...description.usd.schema import AXES
 from ..request import Losses, rows_of
 from .bodies import add_body
 from .joints import add_ends, lock

@@ -7,8 +7,7 @@ import numpy as np
 from ...description.placement import rotation_to_axis
 from ...description.poses import angle_of
 from ...description.records import Array, Joint
-from ...description.usd.driving import DEGREES
-from ...description.usd.joints import AXES
+from ...description.usd.schema import AXES, DEGREES
 from ..numerals import quaternion_of
 from ..request import Losses
 from .prims import Prim

@@ -14,7 +14,7 @@ from ...description.poses import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
-from ...description.usd.driving import DEGREES
+from ...description.usd.schema import DEGREES
 from ..mjcf.inertias import POINT_INERTIA, inertias_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed
 from .bodies import add_body, add_shape

@@ -1,143 +1,116 @@
-"""Rigid bodies of a USD stage: which prims move, to which body a prim belongs, and where it stands.
+"""Rigid bodies of a USD stage as links, with the masses that MassAPI states, and the gravity of its scene.
 
-Poses are rotations and positions [m]; the scale of a prim stretches what is stated in it, and is no part of
-its pose.
+USD computes what a body does not state from the shapes of its colliders; this is refused.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
-from ..placement import inverse, placement_from
-from ..records import Array
-from ..urdf.xml_node import LARGEST_NUMBER
+from ..records import Array, Link
 from .stage import Prim, Stage
 
-#: Largest deviation of axes from right angles, and of scales from 1, that is rounding: transforms of many
-#: files pass through single precision (6e-8) a few times.
-SINGLE_PRECISION = 1e-5
+MASS, CENTRE = "physics:mass", "physics:centerOfMass"
+INERTIA, AXES, PER_VOLUME = "physics:diagonalInertia", "physics:principalAxes", "physics:density"
+
+#: Schemas by which a body, a collider or a material states masses; without one USD leaves them out.
+MASS_SCHEMAS = ("PhysicsMassAPI", "NewtonMassAPI", "PhysicsMaterialAPI")
+
+#: Gravity where a file does not state it [m/s^2].
+EARTH = 9.81
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """Where a prim stands in the world.
+def links_of(stage: Stage, names: Mapping[str, str]) -> list[Link]:
+    """Return the moving bodies as links.
 
-    Attributes:
-        frame: Its axes and origin, shape (4, 4), [m].
-        scale: Factors along its axes, shape (3,).
-    """
-
-    frame: Array
-    scale: Array
-
-    def point(self, position: Array, meters: float) -> Array:
-        """Return a point stated in the prim, in its axes without scale, shape (3,), [m]."""
-        return self.scale * position * meters
-
-
-class Bodies:
-    """The bodies of a stage, and poses of its prims.
-
-    Attributes:
+    Args:
         stage: The stage.
-        moving: Rigid bodies that move, by path.
-        still: Rigid bodies that a program moves or that are disabled, by path: parts of the world.
+        names: Names of the links by path.
+
+    Raises:
+        ModelError: A mass is negative, or would follow from shapes.
     """
+    colliders: dict[Prim, Prim] = {}
+    for prim in stage.prims.values():
+        if prim.has("PhysicsCollisionAPI") and prim.body is not None:
+            colliders.setdefault(prim.body, prim)
+        elif prim.has("PhysicsMassAPI") and prim.body not in (None, prim):
+            raise prim.error(
+                "states a mass but is neither a body nor a collider; apply PhysicsRigidBodyAPI to it, or "
+                "state the mass on its body"
+            )
+    return [_link(prim, colliders.get(prim), names[path]) for path, prim in stage.moving.items()]
 
-    def __init__(self, stage: Stage) -> None:
-        self.stage = stage
-        self.moving: dict[str, Prim] = {}
-        self.still: dict[str, Prim] = {}
-        self._matrices: dict[str, Array] = {}
-        self._poses: dict[str, Pose] = {}
-        for path, prim in stage.prims.items():
-            if prim.has("PhysicsRigidBodyAPI"):
-                fixed = prim.flag("physics:kinematicEnabled", False) or not prim.flag(
-                    "physics:rigidBodyEnabled", True
-                )
-                (self.still if fixed else self.moving)[path] = prim
 
-    def body_of(self, prim: Prim) -> Prim | None:
-        """Return the moving body to which a prim belongs, or None for the world."""
-        above: Prim | None = prim
-        while above is not None:
-            if above.path in self.moving:
-                return above
-            if above.path in self.still:
-                return None
-            above = above.parent
+def _link(body: Prim, collider: Prim | None, name: str) -> Link:
+    if body.value("newton:inertia") is not None or body.value("newton:massModel") is not None:
+        raise body.error("newton:inertia and newton:massModel are not read; author physics:diagonalInertia")
+    states = body.has(*MASS_SCHEMAS)
+    mass, density = (body.number(word, 0.0) if states else 0.0 for word in (MASS, PER_VOLUME))
+    if mass < 0:
+        raise body.error(f"'{MASS}' is negative")
+    com, inertia = (_centre(body), _inertia(body)) if states else (None, None)
+    stated = {MASS: mass or None, CENTRE: com, INERTIA: inertia}
+    missing = " and ".join(word for word, value in stated.items() if value is None)
+    if collider is not None and missing:
+        raise body.error(
+            f"{missing} would follow from its colliders (<{collider.path}>, a {collider.kind or 'prim'}), "
+            f"which is not computed; author {MASS}, {CENTRE} and {INERTIA}"
+        )
+    if mass and inertia is None:
+        raise body.error(f"states a mass but no inertia, and has no collider; author {INERTIA}")
+    if density and not mass:
+        raise body.error(f"states a density but has no collider; author {MASS} and {INERTIA}")
+    com = np.zeros(3) if com is None else com
+    return Link(name, mass * body.stage.kilograms, com, np.zeros((3, 3)) if inertia is None else inertia)
+
+
+def _centre(body: Prim) -> Array | None:
+    """Return the stated centre of mass, shape (3,), [m], or None; USD's "none" is -inf."""
+    value = body.vector(CENTRE, [-np.inf] * 3, finite=False)
+    if np.isneginf(value).any():
         return None
-
-    def pose(self, prim: Prim) -> Pose:
-        """Return where a prim stands in the world.
-
-        Raises:
-            ModelError: Its transform shears, mirrors, shrinks to nothing, is animated or not finite.
-        """
-        if prim.path not in self._poses:
-            self._poses[prim.path] = self._pose(prim)
-        return self._poses[prim.path]
-
-    def in_body(self, prim: Prim) -> Array:
-        """Return the frame of a prim in its body, or in the world if it has none, shape (4, 4), [m]."""
-        body = self.body_of(prim)
-        if body is prim:
-            return np.eye(4)
-        frame = self.pose(prim).frame
-        return frame if body is None else inverse(self.pose(body).frame) @ frame
-
-    def _pose(self, prim: Prim) -> Pose:
-        matrix = self._matrix(prim)
-        if not (np.abs(matrix) <= LARGEST_NUMBER).all():
-            raise prim.error("its transform is not finite, or too large")
-        rows = matrix[:3, :3]
-        scale = np.linalg.norm(rows, axis=1)
-        if not scale.all() or abs(matrix[3, 3] - 1) > SINGLE_PRECISION or np.any(matrix[:3, 3]):
-            raise prim.error("its transform has no inverse, or is a projection; scale it by positive numbers")
-        axes = (rows / scale[:, None]).T
-        if np.abs(axes.T @ axes - np.eye(3)).max() > SINGLE_PRECISION:
-            raise prim.error(
-                "its transform shears (a turned prim below one with different scales); apply the scale to "
-                "what is stated below it, and remove it"
-            )
-        if np.linalg.det(axes) < 0:
-            raise prim.error("its transform mirrors; scale it by positive numbers")
-        scale = np.where(np.abs(scale - 1) <= SINGLE_PRECISION, 1.0, scale)
-        position = matrix[3, :3] * self.stage.meters
-        return Pose(placement_from(_nearest_rotation(axes), position), scale)
-
-    def _matrix(self, prim: Prim) -> Array:
-        """Return the transform of a prim in the world, as USD writes it, shape (4, 4)."""
-        found = self._matrices.get(prim.path)
-        if found is None:
-            if any(name.startswith("xformOp") for name in prim.animated):
-                raise prim.error("its transform is animated (time samples); give it one default value")
-            _check_order(prim)
-            found = np.eye(4) if prim.matrix is None else prim.matrix
-            if prim.parent is not None and not prim.resets:
-                with np.errstate(over="ignore", invalid="ignore"):
-                    found = found @ self._matrix(prim.parent)
-            self._matrices[prim.path] = found
-        return found
+    if not np.isfinite(value).all():
+        raise body.error(f"'{CENTRE}' is not finite")
+    return body.point(value)
 
 
-def _check_order(prim: Prim) -> None:
-    """Refuse steps of a transform that the prim does not have; OpenUSD leaves them out."""
-    order = prim.values.get("xformOpOrder") or []
-    for step in order if isinstance(order, list) else [order]:
-        name = str(step).removeprefix("!invert!")
-        if name != "!resetXformStack!" and (not name.startswith("xformOp:") or name not in prim.values):
-            raise prim.error(
-                f"xformOpOrder names '{name}', which the prim does not state; state or remove it"
-            )
+def _inertia(body: Prim) -> Array | None:
+    """Return the stated inertia, shape (3, 3), [kg m^2], or None; USD's "none" is zero."""
+    moments = body.vector(INERTIA, (0.0, 0.0, 0.0)) * body.stage.kilograms * body.stage.meters**2
+    if not moments.any():
+        return None
+    axes = body.rotation(AXES) if body.vector(AXES, (0.0,) * 4).any() else np.eye(3)
+    inertia: Array = axes @ np.diag(moments) @ axes.T
+    return (inertia + inertia.T) / 2
 
 
-def _nearest_rotation(axes: Array) -> Array:
-    """Return the rotation nearest to a matrix that is one to single precision; an exact one is returned."""
-    if np.array_equal(axes.T @ axes, np.eye(3)):
-        return axes
-    u, _, vt = np.linalg.svd(axes)
-    out: Array = u @ vt
-    return out
+def gravity_of(stage: Stage) -> tuple[float, float, float] | None:
+    """Return the acceleration of gravity in the world [m/s^2], or None if the file states nothing about it.
+
+    It is that of the scene, else the earth's against the up axis.
+
+    Raises:
+        ModelError: Several scenes state different gravity.
+    """
+    scenes = [prim for prim in stage.prims.values() if prim.kind == "PhysicsScene"]
+    if not scenes and stage.down[2]:
+        return None
+    found = [_of_scene(scene) for scene in scenes] or [stage.down * EARTH]
+    for scene, other in zip(scenes, found, strict=False):
+        if not np.array_equal(found[0], other):
+            raise scene.error(f"states another gravity than <{scenes[0].path}>; keep one scene")
+    x, y, z = (float(part) + 0.0 for part in found[0])
+    return x, y, z
+
+
+def _of_scene(scene: Prim) -> Array:
+    if not scene.flag("newton:gravityEnabled", True) or not scene.flag("mjc:flag:gravity", True):
+        return np.zeros(3)
+    direction = scene.vector("physics:gravityDirection", (0.0, 0.0, 0.0))
+    length = float(np.linalg.norm(direction))
+    down = direction / length if length else scene.stage.down
+    magnitude = scene.number("physics:gravityMagnitude", -np.inf)
+    return down * (EARTH if magnitude == -np.inf else magnitude * scene.stage.meters)

@@ -6,26 +6,18 @@ a position of a revolute joint turns the second frame about an axis in the first
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..joint_graph import WORLD, StatedJoint, neighbours, starts
+from ..joint_graph import WORLD, StatedJoint, outwards, starts
+from ..names import unique
 from ..placement import inverse, placement_from
 from ..records import Array
-from .bodies import Bodies
-from .driving import DEGREES, is_heavy, is_limited
-from .naming import names_of
-from .stage import Prim
-
-#: Axes of a generic joint, in the order in which a chain of joints moves along them.
-AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-
-TYPES = (
-    "PhysicsRevoluteJoint", "PhysicsPrismaticJoint", "PhysicsSphericalJoint", "PhysicsFixedJoint",
-    "PhysicsJoint",
-)  # fmt: skip
+from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS
+from .stage import Prim, Stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,37 +26,35 @@ class UsdJoint(StatedJoint):
 
     Attributes:
         prim: Its prim.
-        bodies: The two bodies that it joins; None is the world.
-        frames: Its frame in each of them, shape (4, 4), [m].
-        free: The axes along which it moves, a subset of `AXES` in their order.
-        limits: Limits by axis [m or rad].
+        frames: Its frame in each of its bodies, shape (4, 4), [m].
+        limits: Limits of the axes along which it moves [m or rad], in the order of `AXES`.
+        names: Names of the records of its axes, once it is a joint of the tree; "ball" has three freedoms.
     """
 
     prim: Prim
-    bodies: tuple[Prim | None, Prim | None]
     frames: tuple[Array, Array]
-    free: tuple[str, ...]
     limits: dict[str, tuple[float, float]]
+    names: dict[str, str] = field(default_factory=dict)
 
-    def instance(self, axis: str) -> str:
-        """Return the name under which schemas of several axes know an axis ("angular")."""
-        if self.prim.kind == "PhysicsRevoluteJoint":
-            return "angular"
-        return "linear" if self.prim.kind == "PhysicsPrismaticJoint" else axis
+    @property
+    def chain(self) -> list[str]:
+        """Its axes as joints one after the other; "ball" has three freedoms."""
+        free = [*self.limits]
+        return [*free[:-3], "ball"] if free[-3:] == [*AXES[3:]] else free
+
+    @property
+    def limited(self) -> bool:
+        """Whether it has limits of its position."""
+        return bool(np.isfinite([*self.limits.values()]).any())
 
     @property
     def heavy(self) -> bool:
         """Whether it has armature or friction."""
-        return is_heavy(self.prim, [self.instance(axis) for axis in self.free])
-
-    def chain(self) -> list[str]:
-        """Return its axes as joints one after the other; "ball" has three freedoms."""
-        if self.free[-3:] == AXES[3:]:
-            return [*self.free[:-3], "ball"]
-        return list(self.free)
+        numbers = [numbers_of(self.prim, axis) for axis in self.chain]
+        return any(of.get(word) for of in numbers for word in ("rotor_inertia", "friction", "damping"))
 
 
-def read_joints(bodies: Bodies, bound: Collection[str], notes: list[str]) -> list[UsdJoint]:
+def read_joints(stage: Stage, bound: Collection[str], notes: list[str]) -> list[UsdJoint]:
     """Return the joints of a stage in file order, ranked for the tree.
 
     The tree takes driven and coupled joints first, those that the file excludes from the articulation last;
@@ -72,6 +62,7 @@ def read_joints(bodies: Bodies, bound: Collection[str], notes: list[str]) -> lis
     the root before those far from it.
 
     Args:
+        stage: The stage.
         bound: Paths of the joints that are driven or coupled.
         notes: Remarks for the user, to which the disabled joints are added.
 
@@ -79,166 +70,189 @@ def read_joints(bodies: Bodies, bound: Collection[str], notes: list[str]) -> lis
         ModelError: A joint is of a kind that records do not have, or is wrong.
     """
     prims = []
-    for prim in bodies.stage.prims.values():
-        if prim.kind == "PhysicsDistanceJoint" and prim.flag("physics:jointEnabled", True):
-            raise prim.error(
-                "a PhysicsDistanceJoint is not read; write two spherical joints with a rod between them"
-            )
-        if prim.kind not in (*TYPES, "PhysicsDistanceJoint"):
+    for prim in stage.prims.values():
+        if prim.kind not in (*JOINTS, "PhysicsDistanceJoint"):
             continue
         if not prim.flag("physics:jointEnabled", True):
             notes.append(f"<{prim.path}> has physics:jointEnabled = false: it is not read")
-            continue
-        prims.append(prim)
-    names = names_of(prims, set())
-    joints = [_joint(bodies, prim, names[prim.path]) for prim in prims]
+        elif prim.kind == "PhysicsDistanceJoint":
+            raise prim.error(
+                "a PhysicsDistanceJoint is not read; write two spherical joints with a rod between them"
+            )
+        else:
+            prims.append(prim)
+    names = names_of(prims)
+    joints = [_joint(prim, names[prim.path]) for prim in prims]
     for joint in joints:
-        if len(joint.free) == len(AXES):
+        if len(joint.limits) == len(AXES):
             notes.append(f"<{joint.prim.path}> locks no axis: it is not read")
-    joints = [joint for joint in joints if len(joint.free) < len(AXES)]
-    depths = _depths([WORLD, *roots_of(bodies, joints)], joints)
+    joints = [joint for joint in joints if len(joint.limits) < len(AXES)]
+    depths: dict[str, int] = {}
+    for body, joint_to, before in outwards([WORLD, *roots_of(stage, joints)], joints):
+        depths[body] = 0 if joint_to is None else depths[before] + 1
     return [
         replace(joint, needed=joint.prim.path in bound or joint.heavy, rank=(
-            joint.prim.path not in bound, joint.closes, not (joint.heavy or is_limited(joint.prim)),
-            joint.free == AXES[3:], sum(depths[end] for end in joint.ends),
+            joint.prim.path not in bound, joint.closes, not (joint.heavy or joint.limited),
+            [*joint.limits] == [*AXES[3:]], sum(depths[end] for end in joint.ends),
         ))
         for joint in joints
     ]  # fmt: skip
 
 
-def roots_of(bodies: Bodies, joints: list[UsdJoint]) -> list[str]:
+def roots_of(stage: Stage, joints: list[UsdJoint]) -> list[str]:
     """Return the bodies in the order in which groups without the world start at them."""
-    named = [path for path, body in bodies.moving.items() if body.has("PhysicsArticulationRootAPI")]
-    return starts(bodies.moving, joints, named)
+    named = [path for path, body in stage.moving.items() if body.has("PhysicsArticulationRootAPI")]
+    return starts(stage.moving, joints, named)
 
 
-def _depths(roots: list[str], joints: list[UsdJoint]) -> dict[str, int]:
-    """Return how many joints lie between each body and its root."""
-    near = neighbours(joints)
-    out: dict[str, int] = {}
-    for root in roots:
-        waiting = [] if root in out else [root]
-        out.setdefault(root, 0)
-        for body in waiting:
-            for _, other in near.get(body, ()):
-                if other not in out:
-                    out[other] = out[body] + 1
-                    waiting.append(other)
+def names_of(prims: Iterable[Prim]) -> dict[str, str]:
+    """Return a name for each prim by its path: the last part of it, or as much as makes the name unique."""
+    out: dict[str, str] = {}
+    taken: set[str] = set()
+    waiting = {prim.path: prim.path.strip("/").split("/") for prim in prims}
+    length = 0
+    while waiting:
+        length += 1
+        wanted = {path: "_".join(parts[-length:]) for path, parts in waiting.items()}
+        counts = Counter(wanted.values())
+        for path, name in wanted.items():
+            if counts[name] == 1 or length >= len(waiting[path]):
+                out[path] = unique(name, taken)
+                del waiting[path]
     return out
 
 
-def _joint(bodies: Bodies, prim: Prim, name: str) -> UsdJoint:
+def _joint(prim: Prim, name: str) -> UsdJoint:
     """Return a joint prim in the common form."""
     for limit in ("physics:breakForce", "physics:breakTorque"):
-        if np.isfinite(prim.any_number(limit, np.inf)):
+        if np.isfinite(prim.number(limit, np.inf, finite=False)):
             raise prim.error(f"'{limit}' is finite, but joints do not break here; remove it")
-    (first, first_frame), (second, second_frame) = (_end(bodies, prim, side) for side in (0, 1))
-    if first is second:
-        what = f"<{first.path}> to itself" if first else "two parts of the world, or bodies that do not move"
+    (first, first_frame), (second, second_frame) = (_end(prim, side) for side in (0, 1))
+    if first == second:
+        what = f"<{first}> to itself" if first else "two parts of the world, or bodies that do not move"
         raise prim.error(f"joins {what}; correct physics:body0 and physics:body1, or remove it")
-    ends = (WORLD if first is None else first.path, WORLD if second is None else second.path)
-    free, limits = _freedoms(prim)
-    joint = UsdJoint(
-        name, ends, (), None, prim.flag("physics:excludeFromArticulation", False), False, prim,
-        (first, second), (first_frame, second_frame), free, limits,
-    )  # fmt: skip
-    _check_instances(joint)
-    return joint
+    closes = prim.flag("physics:excludeFromArticulation", False)
+    frames, limits = (first_frame, second_frame), _limits(prim)
+    free = [instance(prim, axis) for axis in limits]
+    wrong = [name for name in prim.instances("PhysicsDriveAPI") if name not in free]
+    if wrong and [*limits] != [*AXES[3:]]:
+        advice = f"its free axes are {', '.join(free)}" if free else "it has no free axis; remove the drive"
+        raise prim.error(f"PhysicsDriveAPI:{wrong[0]} drives no axis of this joint: {advice}")
+    return UsdJoint(name, (first, second), (), None, closes, False, prim, frames, limits)
 
 
-def _check_instances(joint: UsdJoint) -> None:
-    """Refuse drives and limits of axes that the joint does not have under this name."""
-    prim = joint.prim
-    if prim.kind != "PhysicsJoint" and prim.instances("PhysicsLimitAPI"):
+def _end(prim: Prim, side: int) -> tuple[str, Array]:
+    """Return the path of the body at an end of a joint, and the joint's frame in it, shape (4, 4), [m]."""
+    targets = prim.targets(f"physics:body{side}")
+    turn, place = prim.rotation(f"physics:localRot{side}"), prim.vector(f"physics:localPos{side}", (0.0,) * 3)
+    if not targets:
+        return WORLD, placement_from(turn, place * prim.stage.meters)
+    if len(targets) > 1:
+        raise prim.error(f"physics:body{side} names {len(targets)} prims; name one")
+    target = prim.stage.prims.get(targets[0])
+    if target is None:
+        raise prim.error(f"physics:body{side} names <{targets[0]}>, which the stage does not have")
+    frame, body = placement_from(turn, target.point(place)), target.body
+    if body is None:
+        return WORLD, target.pose @ frame
+    return body.path, frame if body is target else inverse(body.pose) @ target.pose @ frame
+
+
+def _limits(prim: Prim) -> dict[str, tuple[float, float]]:
+    """Return the limits of the free axes of a joint [m or rad].
+
+    An axis of a generic joint is locked where its lower limit is above the upper one.
+    """
+    stated = prim.instances("PhysicsLimitAPI")
+    if prim.kind != "PhysicsJoint" and stated:
         raise prim.error(
             "PhysicsLimitAPI is of PhysicsJoint alone; state physics:lowerLimit and physics:upperLimit"
         )
-    free = [joint.instance(axis) for axis in joint.free]
-    wrong = [name for name in prim.instances("PhysicsDriveAPI") if name not in free]
-    if wrong and joint.free != AXES[3:]:
-        advice = f"its free axes are {', '.join(free)}" if free else "it has no free axis; remove the drive"
-        raise prim.error(f"PhysicsDriveAPI:{wrong[0]} drives no axis of this joint: {advice}")
-
-
-def _end(bodies: Bodies, prim: Prim, side: int) -> tuple[Prim | None, Array]:
-    """Return the body at an end of a joint, and the joint's frame in it, shape (4, 4), [m]."""
-    targets = prim.targets.get(f"physics:body{side}", [])
-    turn, place = prim.rotation(f"physics:localRot{side}"), prim.vector(f"physics:localPos{side}", (0.0,) * 3)
-    if not targets:
-        return None, placement_from(turn, place * bodies.stage.meters)
-    if len(targets) > 1:
-        raise prim.error(f"physics:body{side} names {len(targets)} prims; name one")
-    target = bodies.stage.prims.get(targets[0])
-    if target is None:
-        raise prim.error(f"physics:body{side} names <{targets[0]}>, which the stage does not have")
-    frame = placement_from(turn, bodies.pose(target).point(place, bodies.stage.meters))
-    body = bodies.body_of(target)
-    return body, frame if body is target else bodies.in_body(target) @ frame
-
-
-def _freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
-    """Return the free axes of a joint and their limits."""
     if prim.kind == "PhysicsFixedJoint":
-        return (), {}
+        return {}
     if prim.kind == "PhysicsSphericalJoint":
-        return AXES[3:], {}
-    if prim.kind == "PhysicsJoint":
-        return _generic_freedoms(prim)
-    axis = prim.word("physics:axis", "X")
-    if axis not in ("X", "Y", "Z"):
-        raise prim.error(f"physics:axis '{axis}' is none of X, Y, Z")
-    name = ("rot" if prim.kind == "PhysicsRevoluteJoint" else "trans") + axis
-    unit = unit_of(prim, name)
-    lower = prim.any_number("physics:lowerLimit", -np.inf) * unit
-    upper = prim.any_number("physics:upperLimit", np.inf) * unit
-    if lower > upper:
-        raise prim.error("physics:lowerLimit is above physics:upperLimit; exchange them")
-    return (name,), {name: (lower, upper)}
-
-
-def _generic_freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
-    """Return the free axes of a generic joint: an axis is locked where low is above high."""
-    limits = {}
-    stated = prim.instances("PhysicsLimitAPI")
+        return dict.fromkeys(AXES[3:], (-np.inf, np.inf))
+    if prim.kind in ONE_AXIS:
+        axis = prim.word("physics:axis", "X")
+        if axis not in ("X", "Y", "Z"):
+            raise prim.error(f"physics:axis '{axis}' is none of X, Y, Z")
+        lower, upper = _interval(prim, "physics:lowerLimit", "physics:upperLimit")
+        if lower > upper:
+            raise prim.error("physics:lowerLimit is above physics:upperLimit; exchange them")
+        name = ONE_AXIS[prim.kind][0] + axis
+        return {name: (lower * unit_of(prim, name), upper * unit_of(prim, name))}
     for name in stated:
         if name not in AXES:
             raise prim.error(f"a limit of '{name}' is not read; hybridyn has limits of {', '.join(AXES)}")
-    for axis in AXES:
-        low, high = -np.inf, np.inf
-        if axis in stated:
-            low = prim.any_number(f"limit:{axis}:physics:low", -np.inf)
-            high = prim.any_number(f"limit:{axis}:physics:high", np.inf)
-        if low > high or (low == 0 and high == 0):
-            continue
-        if low == high:
+    limits = {}
+    for name in AXES:
+        space = f"limit:{name}:physics" if name in stated else ""
+        lower, upper = _interval(prim, f"{space}:low", f"{space}:high")
+        if lower < upper:
+            limits[name] = lower * unit_of(prim, name), upper * unit_of(prim, name)
+        elif lower == upper != 0:
             raise prim.error(
-                f"axis {axis} is locked at {low:g}; lock it at 0 (low above high), and put the offset into "
+                f"axis {name} is locked at {lower:g}; lock it at 0 (low above high), and put the offset into "
                 "localPos0 and localRot0"
             )
-        limits[axis] = (low * unit_of(prim, axis), high * unit_of(prim, axis))
     if sum(axis.startswith("rot") for axis in limits) == 2:
         raise prim.error(
             "one rotation is locked and two are free, which is no universal joint in USD (the twist is "
             "locked) and no joint here; write two revolute joints with a small body between them"
         )
-    return tuple(limits), limits
+    return limits
+
+
+def _interval(prim: Prim, *names: str) -> list[float]:
+    """Return a lower and an upper limit, infinite where none is stated."""
+    return [
+        prim.number(name, none, finite=False) for name, none in zip(names, (-np.inf, np.inf), strict=True)
+    ]
+
+
+def instance(prim: Prim, axis: str) -> str:
+    """Return the name under which schemas of several axes know an axis of a joint ("angular")."""
+    return ONE_AXIS[prim.kind][1] if prim.kind in ONE_AXIS else axis
+
+
+def numbers_of(prim: Prim, axis: str) -> dict[str, float]:
+    """Return limits of speed and effort, armature and friction of an axis, as in `records.Joint`.
+
+    Those of a ball joint are armature and viscous friction, the same about each axis.
+
+    Raises:
+        ModelError: A number is negative, or a ball joint has dry friction.
+    """
+    stage, ball = prim.stage, axis == "ball"
+    turns = ball or axis.startswith("rot")
+    unit = unit_of(prim, axis)
+    effort = stage.kilograms * (stage.meters**2 if turns else stage.meters)
+    units = {
+        "speed": unit, "effort": effort, "inertia": stage.kilograms * (stage.meters**2 if turns else 1.0),
+        "effort at speed": effort / unit,
+        "effort at one radian or metre a second": effort / (1.0 if turns else stage.meters),
+    }  # fmt: skip
+    named, out = "" if ball else instance(prim, axis), dict[str, float]()
+    for word, attribute, what in NUMBERS:
+        name = attribute.format(named)
+        left_out = word == "effort" and named not in prim.instances("PhysicsDriveAPI")
+        if word in out or prim.value(name) is None or left_out:
+            continue
+        value = prim.number(name, 0.0, finite=word not in ("velocity", "effort"))
+        if value < 0:
+            raise prim.error(f"'{name}' is negative")
+        out[word] = value * units[what]
+    if ball and out.get("friction"):
+        raise prim.error("dry friction of a joint with several freedoms is not read; set it to 0")
+    return {word: out[word] for word in ("rotor_inertia", "damping") if word in out} if ball else out
 
 
 def unit_of(prim: Prim, axis: str) -> float:
     """Return the unit of positions along an axis [m or rad]."""
-    return DEGREES if axis.startswith("rot") else prim.stage.meters
+    return prim.stage.meters if axis.startswith("trans") else DEGREES
 
 
 def direction(axis: str) -> Array:
     """Return the unit vector of an axis, shape (3,)."""
     out: Array = np.eye(3)["XYZ".index(axis[-1])]
     return out
-
-
-def relative(bodies: Bodies, joint: UsdJoint) -> Array:
-    """Return the second frame of a joint in the first, where the bodies stand in the file, shape (4, 4)."""
-    first, second = (
-        (np.eye(4) if body is None else bodies.pose(body).frame) @ frame
-        for body, frame in zip(joint.bodies, joint.frames, strict=True)
-    )
-    return inverse(first) @ second

@@ -1,57 +1,64 @@
-"""The composed prims of a USD file, and their values with units and checks."""
+"""The composed prims of a USD file, and their values with units and checks.
+
+Poses are rotations and positions [m]; the scale of a prim stretches what is stated in it, and is no part of
+its pose.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import functools
+import itertools
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from ...errors import ModelError
-from ..placement import rotation_from_quaternion
+from ..placement import placement_from, rotation_from_quaternion
 from ..records import Array
 from ..urdf.xml_node import LARGEST_NUMBER
+from .schema import BODY, SINGLE_PRECISION
 
 #: Numbers beyond this are no limit; USD's own parser uses it, since files state the largest float.
 UNBOUNDED = 0.5e38
 
+#: C++ types of single precision.
+SINGLE = ("float", "GfVec2f", "GfVec3f", "GfVec4f", "GfQuatf", "GfHalf", "GfVec3h", "GfQuath")
 
-@dataclass(eq=False)
+
 class Prim:
     """A prim.
 
     Attributes:
         stage: The stage that holds it.
+        usd: The prim of OpenUSD.
+        parent: The prim above it, or None.
+        path: Its path.
         kind: Its type, "" for none.
         schemas: Names of its applied schemas; instances of one are named "PhysicsDriveAPI:angular".
-        values: Authored values by name of the attribute.
-        animated: Names of the attributes that have time samples or splines.
-        targets: Paths that its relationships name.
-        matrix: Its transform in its parent as USD writes it (rows are images of axes), shape (4, 4), or None.
-        resets: Whether its transform is one in the world.
-        parent: The prim above it, or None.
+        attributes: Its authored attributes by name.
+        body: The moving body to which it belongs, None for the world.
     """
 
-    stage: Stage
-    path: str
-    kind: str
-    schemas: tuple[str, ...]
-    values: dict[str, Any]
-    animated: frozenset[str]
-    targets: dict[str, list[str]]
-    matrix: Array | None
-    resets: bool
-    parent: Prim | None
+    def __init__(self, stage: Stage, usd: Any, parent: Prim | None) -> None:
+        self.stage, self.usd, self.parent = stage, usd, parent
+        self.path, self.kind = str(usd.GetPath()), str(usd.GetTypeName())
+        self.schemas = tuple(str(name) for name in usd.GetPrimTypeInfo().GetAppliedAPISchemas())
+        self.attributes = {
+            str(one.GetName()): one
+            for one in usd.GetAuthoredAttributes() if one.HasAuthoredValue() or _is_animated(one)
+        }  # fmt: skip
+        self.body: Prim | None = None if parent is None else parent.body
+        if self.has(BODY):
+            moves = self.flag("physics:rigidBodyEnabled", True) and not self.flag(
+                "physics:kinematicEnabled", False
+            )
+            self.body = self if moves else None
 
-    @property
-    def name(self) -> str:
-        """The last part of its path."""
-        return self.path.rpartition("/")[2]
-
-    def has(self, schema: str) -> bool:
-        """Return whether a schema is applied."""
-        return schema in self.schemas
+    def has(self, *schemas: str) -> bool:
+        """Return whether one of some schemas is applied."""
+        return any(schema in self.schemas for schema in schemas)
 
     def instances(self, schema: str) -> list[str]:
         """Return the names of the instances of a schema that are applied ("angular")."""
@@ -61,40 +68,56 @@ class Prim:
         """Return (not raise) the error that names this prim."""
         return ModelError(f"<{self.path}>: {message}", file=self.stage.file, element=self.path)
 
-    def states(self, name: str) -> bool:
-        """Return whether an attribute has an authored value.
+    def targets(self, relation: str) -> list[str]:
+        """Return the paths that a relationship names."""
+        found = self.usd.GetRelationship(relation)
+        return [str(path) for path in found.GetForwardedTargets()] if found else []
+
+    def value(self, name: str) -> Any:
+        """Return an authored value as number, text or list, None where none is authored.
 
         Raises:
             ModelError: It is animated.
         """
-        if name in self.animated:
+        attribute = self.attributes.get(name)
+        if attribute is None:
+            return None
+        if _is_animated(attribute):
             raise self.error(f"'{name}' is animated (time samples); give it one default value")
-        return self.values.get(name) is not None
+        value = attribute.Get()
+        if isinstance(value, Gf.Quatf | Gf.Quatd | Gf.Quath):
+            value = [value.GetReal(), *value.GetImaginary()]
+        elif not isinstance(value, bool | int | float | str | None):
+            if not hasattr(value, "__getitem__"):
+                raise self.error(f"'{name}' is neither a number, a text nor a list of them")
+            value = [*value]
+        single = attribute.GetTypeName().scalarType.cppTypeName in SINGLE
+        return _shortest(value) if single else value
 
-    def number(self, name: str, default: float) -> float:
-        """Return a finite number; a default may be infinite."""
-        value = self.any_number(name, default)
-        if value != default and not np.isfinite(value):
+    def number(self, name: str, default: float, *, finite: bool = True) -> float:
+        """Return a number, infinite where its size is beyond `UNBOUNDED`; a default may be infinite."""
+        value = float(self._stated(name, default, (int, float), "a number"))
+        if np.isnan(value):
+            raise self.error(f"'{name}' is not a number (nan)")
+        value = float(np.copysign(np.inf, value)) if abs(value) > UNBOUNDED else value
+        if finite and value != default and not np.isfinite(value):
             raise self.error(f"'{name}' is not a finite number")
         return value
 
-    def any_number(self, name: str, default: float) -> float:
-        """Return a number, infinite where its size is beyond `UNBOUNDED`."""
-        if not self.states(name):
-            return default
-        value = self._value(name, (int, float), "a number")
-        if np.isnan(value):
-            raise self.error(f"'{name}' is not a number (nan)")
-        return float(np.copysign(np.inf, value)) if abs(value) > UNBOUNDED else float(value)
+    def flag(self, name: str, default: bool) -> bool:
+        """Return a truth value."""
+        return bool(self._stated(name, default, (bool, int), "true or false"))
 
-    def vector(self, name: str, default: Sequence[float], finite: bool = True) -> Array:
+    def word(self, name: str, default: str) -> str:
+        """Return a text."""
+        return str(self._stated(name, default, (str,), "a word"))
+
+    def vector(self, name: str, default: Sequence[float], *, finite: bool = True) -> Array:
         """Return a vector, shape (len(default),)."""
-        if not self.states(name):
-            return np.array(default, dtype=float)
-        value = self.values[name]
-        if not isinstance(value, list) or len(value) != len(default) or not _are_numbers(value):
+        value = self._stated(name, [*default], (list,), f"a vector of {len(default)} numbers")
+        if len(value) != len(default) or any(type(x) not in (int, float) for x in value):
             raise self.error(f"'{name}' is not a vector of {len(default)} numbers")
-        out = np.array([float(x) for x in value])
+        out = np.array(value, dtype=float)
         if finite and not (np.abs(out) <= LARGEST_NUMBER).all():
             raise self.error(f"'{name}' is not finite, or too large")
         return out
@@ -108,61 +131,121 @@ class Prim:
         w, x, y, z = (float(part) for part in stated / length)
         return rotation_from_quaternion(x, y, z, w)
 
-    def flag(self, name: str, default: bool) -> bool:
-        """Return a truth value."""
-        return bool(self._value(name, (bool, int), "true or false")) if self.states(name) else default
-
-    def word(self, name: str, default: str) -> str:
-        """Return a text."""
-        return str(self._value(name, (str,), "a word")) if self.states(name) else default
-
-    def _value(self, name: str, kinds: tuple[type, ...], what: str) -> Any:
-        """Return the value of an attribute, which has to be of some kind."""
-        value = self.values[name]
-        if not isinstance(value, kinds) or (bool not in kinds and isinstance(value, bool)):
+    def _stated(self, name: str, default: Any, kinds: Collection[type], what: str) -> Any:
+        """Return a value, which has to be of some kind, or the default."""
+        value = self.value(name)
+        if value is not None and type(value) not in kinds:
             raise self.error(f"'{name}' is not {what}")
+        return default if value is None else value
+
+    @property
+    def pose(self) -> Array:
+        """Where it stands in the world, shape (4, 4), [m]."""
+        return self._place[0]
+
+    def point(self, position: Array) -> Array:
+        """Return a point stated in the prim, in its axes without scale, shape (3,), [m]."""
+        out: Array = self._place[1] * position * self.stage.meters
+        return out
+
+    @functools.cached_property
+    def _place(self) -> tuple[Array, Array]:
+        """Its frame in the world, shape (4, 4), [m], and the factors along its axes, shape (3,).
+
+        Raises:
+            ModelError: Its transform shears, mirrors, shrinks to nothing, is animated or not finite.
+        """
+        self._check_steps()
+        matrix = np.array(self.stage.transforms.GetLocalToWorldTransform(self.usd))  # rows are images of axes
+        if not (np.abs(matrix) <= LARGEST_NUMBER).all():
+            raise self.error("its transform is not finite, or too large")
+        scale = np.linalg.norm(matrix[:3, :3], axis=1)
+        if not scale.all() or abs(matrix[3, 3] - 1) > SINGLE_PRECISION or np.any(matrix[:3, 3]):
+            raise self.error("its transform has no inverse, or is a projection; scale it by positive numbers")
+        axes = (matrix[:3, :3] / scale[:, None]).T
+        if np.abs(axes.T @ axes - np.eye(3)).max() > SINGLE_PRECISION:
+            raise self.error(
+                "its transform shears (a turned prim below one with different scales); apply the scale to "
+                "what is stated below it, and remove it"
+            )
+        if np.linalg.det(axes) < 0:
+            raise self.error("its transform mirrors; scale it by positive numbers")
+        if not np.array_equal(axes.T @ axes, np.eye(3)):
+            u, _, vt = np.linalg.svd(axes)
+            axes = u @ vt  # the nearest rotation
+        scale = np.where(np.abs(scale - 1) <= SINGLE_PRECISION, 1.0, scale)
+        return placement_from(axes, matrix[3, :3] * self.stage.meters), scale
+
+    def _check_steps(self) -> None:
+        """Refuse animated transforms, here and above, and steps without a value, which OpenUSD leaves out."""
+        prim: Prim | None = self
+        while prim is not None:
+            if any(name.startswith("xformOp") and _is_animated(one) for name, one in prim.attributes.items()):
+                raise prim.error("its transform is animated (time samples); give it one default value")
+            for step in prim.value("xformOpOrder") or ():
+                name = step.removeprefix("!invert!")
+                if name != "!resetXformStack!" and (
+                    name not in prim.attributes or not name.startswith("xformOp:")
+                ):
+                    raise prim.error(
+                        f"xformOpOrder names '{name}', which the prim does not state; state or remove it"
+                    )
+            prim = prim.parent
+
+
+def _is_animated(attribute: Any) -> bool:
+    return bool(attribute.GetNumTimeSamples() or attribute.HasSpline())
+
+
+def _shortest(value: Any) -> Any:
+    """Return single-precision numbers as the shortest decimals that round to them: 0.1, not 0.10000000149."""
+    if isinstance(value, list):
+        return [_shortest(item) for item in value]
+    if not isinstance(value, float):
         return value
+    decimals = (float(f"{value:.{digits}g}") for digits in range(6, 9))
+    return next((number for number in decimals if np.float32(number) == value), value)
 
 
-def _are_numbers(values: Sequence[Any]) -> bool:
-    return all(isinstance(x, int | float) and not isinstance(x, bool) for x in values)
-
-
-@dataclass(eq=False)
 class Stage:
     """A USD file.
 
     Attributes:
         file: Its path, for messages.
-        prims: Its prims by path, each after its parent.
+        usd: The stage of OpenUSD.
         meters: Length unit [m].
         kilograms: Mass unit [kg].
-        up: The axis that points up, "X", "Y" or "Z".
-        authored: Names of the units and axes that the file states.
-        default: The default prim, or None.
+        down: Unit vector against the axis that points up, shape (3,).
+        prims: Its prims by path, each after its parent.
+        transforms: OpenUSD's transforms of prims in the world.
     """
 
-    file: str
-    prims: dict[str, Prim] = field(default_factory=dict)
-    meters: float = 0.01
-    kilograms: float = 1.0
-    up: str = "Y"
-    authored: tuple[str, ...] = ()
-    default: Prim | None = None
+    def __init__(self, usd: Any, file: str, most: int) -> None:
+        """Read the prims of a stage. `most`: most prims.
 
-    def __init__(self, file: str, dump: dict[str, Any]) -> None:
-        self.file, self.prims = file, {}
-        self.meters, self.kilograms = float(dump["meters"]), float(dump["kilograms"])
-        self.up, self.authored = str(dump["up"]), tuple(dump["authored"])
-        for unit in (self.meters, self.kilograms):
-            if not (0 < unit < LARGEST_NUMBER):
-                raise ModelError("metersPerUnit and kilogramsPerUnit must be positive numbers", file=file)
-        for one in dump["prims"]:
-            path = str(one["path"])
-            matrix = np.array(one["matrix"], dtype=float) if "matrix" in one else None
-            self.prims[path] = Prim(
-                self, path, str(one["type"]), tuple(one["schemas"]), one.get("values", {}),
-                frozenset(one.get("animated", ())), one.get("targets", {}), matrix,
-                bool(one.get("resets")), self.prims.get(path.rpartition("/")[0]),
-            )  # fmt: skip
-        self.default = self.prims.get(dump["default"])
+        Raises:
+            ModelError: There are too many prims, values come from clips, or a unit is wrong.
+        """
+        self.file, self.usd, self.transforms = file, usd, UsdGeom.XformCache()
+        self.meters = float(UsdGeom.GetStageMetersPerUnit(usd))
+        self.kilograms = float(UsdPhysics.GetStageKilogramsPerUnit(usd))
+        if not all(0 < unit < LARGEST_NUMBER for unit in (self.meters, self.kilograms)):
+            raise ModelError("metersPerUnit and kilogramsPerUnit must be positive numbers", file=file)
+        up = str(UsdGeom.GetStageUpAxis(usd))
+        if up not in ("X", "Y", "Z"):
+            raise ModelError(f"upAxis '{up}' is none of X, Y, Z", file=file)
+        self.down: Array = -np.eye(3)["XYZ".index(up)]
+        self.prims: dict[str, Prim] = {}
+        every = Usd.PrimRange(usd.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+        for one in itertools.islice(every, 1, None):  # the first is the root of all
+            if len(self.prims) >= most:
+                raise ModelError(f"it has more than {most:,} prims", file=file)
+            prim = Prim(self, one, self.prims.get(str(one.GetParent().GetPath())))
+            if one.HasAuthoredMetadata("clips"):
+                raise prim.error("value clips are not read; remove them")
+            self.prims[prim.path] = prim
+
+    @property
+    def moving(self) -> dict[str, Prim]:
+        """The rigid bodies that move, by path; the others are parts of the world."""
+        return {path: prim for path, prim in self.prims.items() if prim.body is prim}

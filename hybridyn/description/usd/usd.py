@@ -1,4 +1,4 @@
-"""Read a USD file: OpenUSD composes it in a process of its own, and its prims become records.
+"""Read a USD stage: its prims become records.
 
 What hybridyn does not have is an error that names the prim. What does not change the motion is left out, with
 a remark where other engines might use it.
@@ -7,49 +7,56 @@ a remark where other engines might use it.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from pxr import Tf
 
 from ...errors import ModelError
 from ..closure_forms import ROWS, form_of_rows
 from ..joint_graph import Chain, Closing, JointGraph, Step, Tree, span
 from ..names import listed
 from ..records import JointKind
-from ..robot_file import RobotFile
-from .bodies import Bodies
+from ..robot_file import MotorStatement, RobotFile
+from ..urdf.robot_folders import RobotFolders
+from .bodies import gravity_of, links_of
 from .couplings import coupled, couplings
-from .driving import Motors, actuated, is_driven, numbers_of, numbers_of_ball
 from .homes import add_home
-from .joints import AXES, UsdJoint, direction, read_joints, roots_of
-from .masses import links_of
-from .naming import names_of
-from .opening import open_usd
-from .scenes import gravity_of
-from .screening import screen
+from .joints import UsdJoint, direction, instance, names_of, numbers_of, read_joints, roots_of
+from .layers import open_stage, refusal
+from .schema import AXES, BODY, screen
+from .stage import Prim, Stage
 
 
-def read_usd(file: str, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:
-    """Read a USD file.
+def read_stage(file: str, package_dirs: list[str], largest: int, most: int) -> RobotFile:
+    """Read a USD file in this process.
 
     Args:
+        file: Path of the file.
         package_dirs: Folders, beside the robot's own, in which layers may be.
+        largest: Largest size of a layer [bytes].
+        most: Most prims.
 
     Raises:
-        ModelError: usd-core is not installed, OpenUSD refuses the file, or it states something that hybridyn
-            does not have.
+        ModelError: OpenUSD refuses the file, or it states something that hybridyn does not have.
     """
-    stage = open_usd(file, package_dirs)
-    name = Path(stage.file).name.partition(".")[0] or "robot"
-    robot = RobotFile(name if stage.default is None else stage.default.name, file, format="USD")
+    try:
+        folders = RobotFolders(os.path.abspath(file), package_dirs, [], largest)
+        return _read(Stage(open_stage(file, folders), file, most))
+    except Tf.ErrorException as error:
+        raise refusal(error, file) from None
+
+
+def _read(stage: Stage) -> RobotFile:
+    default = stage.usd.GetDefaultPrim()
+    name = default.GetName() if default else Path(stage.file).name.partition(".")[0] or "robot"
+    robot = RobotFile(str(name), stage.file, format="USD")
     screen(stage, robot.notes)
-    bodies = Bodies(stage)
-    if not bodies.moving:
-        raise ModelError("no prim has PhysicsRigidBodyAPI; a robot has at least one body", file=file)
-    _Builder(robot, bodies).build()
+    if not stage.moving:
+        raise ModelError(f"no prim has {BODY}; a robot has at least one body", file=stage.file)
+    _Builder(robot, stage).build()
     robot.gravity = gravity_of(stage)
-    _add_notes(robot, bodies)
+    _add_notes(robot, stage)
     return robot
 
 
@@ -57,133 +64,143 @@ class _Builder:
     """Makes the record of a robot of its bodies and joints.
 
     Attributes:
-        actuated: Paths of the joints on which actuators act.
-        names: Names of the joints of each axis by path; "ball" has three freedoms.
+        actuated: Paths of the joints on which actuators of MuJoCo act.
         made: The joints that have a position, each with whether its second body is the child.
+        motors: Names of the driven joints.
+        problem: Why the list of motors cannot be used, or "".
+        servos: Paths of joints whose drive has a law, which is not read.
     """
 
-    def __init__(self, robot: RobotFile, bodies: Bodies) -> None:
-        self.robot, self.bodies, self.stage = robot, bodies, bodies.stage
-        self.actuated = actuated(self.stage)
-        driven = {prim.path for prim in self.stage.prims.values() if is_driven(prim)}
-        self.bound = driven | self.actuated | coupled(self.stage)
-        self.joints = read_joints(bodies, self.bound, robot.notes)
-        links = names_of(bodies.moving.values(), set())
+    def __init__(self, robot: RobotFile, stage: Stage) -> None:
+        self.robot, self.stage = robot, stage
+        prims = stage.prims.values()
+        actuators = (prim.targets("mjc:target") for prim in prims if prim.kind == "MjcActuator")
+        self.actuated = {path for targets in actuators for path in targets}
+        bound = self.actuated | {prim.path for prim in prims if _drives(prim)} | coupled(stage)
+        self.joints = read_joints(stage, bound, robot.notes)
+        links = names_of(stage.moving.values())
         self.graph = JointGraph(robot, links, {joint.name for joint in self.joints}, "{joint}_fixed")
-        self.motors = Motors()
-        self.names: dict[str, dict[str, str]] = {}
         self.made: list[tuple[UsdJoint, bool]] = []
+        self.motors: list[str] = []
+        self.problem = ""
+        self.servos: dict[str, None] = {}
 
     def build(self) -> None:
         """Add links, joints, closures, couplings, motors and home to the robot."""
-        robot, bodies = self.robot, self.bodies
-        tree = span(roots_of(bodies, self.joints), self.joints)
+        robot, stage = self.robot, self.stage
+        tree = span(roots_of(stage, self.joints), self.joints)
         self._note(tree)
-        poses = {path: bodies.pose(prim).frame for path, prim in bodies.moving.items()}
+        poses = {path: prim.pose for path, prim in stage.moving.items()}
         welds = [
             joint for joint in self.joints
-            if not joint.free and all(np.array_equal(frame, np.eye(4)) for frame in joint.frames)
+            if not joint.limits and all(np.array_equal(frame, np.eye(4)) for frame in joint.frames)
         ]  # fmt: skip
-        robot.links += links_of(bodies, self.graph.links)
+        robot.links += links_of(stage, self.graph.links)
         self.graph.fill(tree, poses, welds, self._chain, _closing)
-        robot.couplings += couplings(
-            self.stage, {joint.prim.path: joint for joint in self.joints}, self.names, robot.notes
-        )
-        self.motors.state(robot)
-        add_home(robot, bodies, self.made, self.names)
+        robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints}, robot.notes)
+        if self.servos:
+            robot.notes.append(
+                f"drives of {listed(self.servos)} have stiffness or damping, which are not read: motor "
+                "efforts are inputs of the models"
+            )
+        if self.motors or self.problem:
+            names, where = tuple(self.motors), "USD PhysicsDriveAPI"
+            robot.motors.append(MotorStatement("actuator", where, names, robot.file, None, self.problem))
+        add_home(robot, stage, self.made)
 
     def _chain(self, joint: UsdJoint, forward: bool) -> Chain:
         """Return a joint as a chain from its parent to its child; add its motors."""
-        chain, prim, steps = joint.chain(), joint.prim, []
-        names = self.names[prim.path] = {}
-        for axis in chain:
-            name = joint.name if len(chain) == 1 else self.graph.joint_name(f"{joint.name}_{axis}")
-            names[axis] = name
+        steps = []
+        for axis in joint.chain:
+            single = len(joint.chain) == 1
+            name = joint.name if single else self.graph.joint_name(f"{joint.name}_{axis}")
+            joint.names[axis] = name
+            numbers = numbers_of(joint.prim, axis)
             if axis == "ball":
-                steps.append(Step(name, "spherical", numbers=numbers_of_ball(prim)))
-                self.motors.add(prim, "", name, prim.path in self.actuated)
-                continue
-            instance, angular = joint.instance(axis), axis.startswith("rot")
-            kind: JointKind = "revolute" if angular else "prismatic"
-            lower, upper = joint.limits[axis]
-            numbers = {"lower": lower, "upper": upper} | numbers_of(prim, instance, angular)
-            steps.append(Step(name, kind, direction(axis), numbers))
-            self.motors.add(prim, instance, name, prim.path in self.actuated and len(chain) == 1)
+                steps.append(Step(name, "spherical", numbers=numbers))
+            else:
+                lower, upper = joint.limits[axis]
+                kind: JointKind = "revolute" if axis.startswith("rot") else "prismatic"
+                steps.append(Step(name, kind, direction(axis), {"lower": lower, "upper": upper} | numbers))
+            self._add_motor(joint.prim, axis, name, single)
         self.made.append((joint, forward))
         return (steps, joint.frames) if forward else (steps[::-1], joint.frames[::-1])
+
+    def _add_motor(self, prim: Prim, axis: str, name: str, single: bool) -> None:
+        """Add an axis of a joint, which may be its single one, to the motors if it is driven."""
+        drives, drive, acted = _drives(prim), instance(prim, axis), single and prim.path in self.actuated
+        if axis == "ball" and (acted or drives):
+            self.problem = self.problem or (
+                f"<{prim.path}> is driven, but has several freedoms; name the driven joints: motors=[..], "
+                "--motors, or motors = [..] in model.toml"
+            )
+        elif acted or drive in drives:
+            self.motors.append(name)
+            law = (prim.number(f"drive:{drive}:physics:{word}", 0.0) for word in ("stiffness", "damping"))
+            if drive in prim.instances("PhysicsDriveAPI") and any(law):
+                self.servos[prim.path] = None
 
     def _note(self, tree: Tree[UsdJoint]) -> None:
         """Add remarks where the cuts are not those of the file."""
         own = [joint.prim.path for joint in tree.cut if not joint.closes]
-        if own:
-            self.robot.notes.append(
-                f"joints {listed(own)} close loops and are cut there; to cut other joints, set "
-                "physics:excludeFromArticulation = true on those"
-            )
         kept = [joint.prim.path for joint, _ in tree.branches if joint.closes]
-        if kept:
-            self.robot.notes.append(
-                f"joints {listed(kept)} are excluded from the articulation, but are driven or coupled, or "
-                "are the only joint of a body: they are joints of the tree"
-            )
-        limited = [
-            joint.prim.path
-            for joint in tree.cut
-            if np.isfinite([*joint.limits.values()]).any() and not joint.needed
-        ]
-        if limited:
-            self.robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
+        limited = [joint.prim.path for joint in tree.cut if joint.limited and not joint.needed]
+        _note(self.robot, {
+            "joints {} close loops and are cut there; to cut other joints, set "
+            "physics:excludeFromArticulation = true on those": own,
+            "joints {} are excluded from the articulation, but are driven or coupled, or are the only joint "
+            "of a body: they are joints of the tree": kept,
+            "limits of joints that close loops are not read: {}": limited,
+        })  # fmt: skip
+
+
+def _drives(prim: Prim) -> list[str]:
+    """Return the axes of a joint on which drives act with a force ("angular")."""
+    return [
+        name for name in prim.instances("PhysicsDriveAPI")
+        if prim.number(f"drive:{name}:physics:maxForce", np.inf, finite=False)
+    ]  # fmt: skip
 
 
 def _closing(joint: UsdJoint) -> Closing:
     """Return a joint as a closure."""
-    rows = [row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.free]
-    form = form_of_rows(" ".join(rows))
+    form = form_of_rows(
+        " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.limits)
+    )
     kind = joint.prim.kind.removeprefix("Physics").removesuffix("Joint").lower() or "rows"
     turn = form.rotation_of_frames
     return Closing(kind, joint.frames, form.translations, form.rotation, (turn, turn))
 
 
-def _add_notes(robot: RobotFile, bodies: Bodies) -> None:
+def _add_notes(robot: RobotFile, stage: Stage) -> None:
     """Add remarks on what is taken by default or left out."""
-    stage = bodies.stage
-    if "metersPerUnit" not in stage.authored:
-        robot.notes.append("the file states no metersPerUnit: lengths are in centimetres, the default of USD")
-    if bodies.still:
-        robot.notes.append(
-            f"bodies {listed(bodies.still)} are kinematic or disabled: they are read as parts of the world"
-        )
-    massless = [
-        link.name
-        for link in robot.links
-        if not link.mass and not link.between_joints and link.name != "world"
-    ]
-    if massless:
-        robot.notes.append(
-            f"bodies {listed(massless)} state no mass and have none here (PhysX would take 1 kg)"
-        )
     prims = stage.prims.values()
-    if sum(prim.has("PhysicsCollisionAPI") for prim in prims) > 1:
-        robot.notes.append(
-            "contacts between colliders are not read: the robot touches nothing (the effect ground_contact "
-            "has points on compliant ground)"
-        )
-    moving = [prim.path for prim in prims if any(_moves(prim.values.get(n)) for n in VELOCITIES)]
-    if moving:
-        robot.notes.append(f"velocities at the start are not read: {listed(moving)}")
-    cones = [prim.path for prim in prims if any(_is_cone(prim.values.get(n)) for n in CONES)]
-    if cones:
-        robot.notes.append(f"limits of spherical joints are not read: {listed(cones)}")
+    light = [link for link in robot.links if not link.mass and not link.between_joints]
+    moving = ("physics:velocity", "physics:angularVelocity")
+    _note(robot, {
+        "the file states no metersPerUnit: lengths are in centimetres, the default of USD":
+            [] if stage.usd.HasAuthoredMetadata("metersPerUnit") else [stage.file],
+        "bodies {} are kinematic or disabled: they are read as parts of the world":
+            [prim.path for prim in prims if prim.has(BODY) and prim.body is None],
+        "bodies {} state no mass and have none here (PhysX would take 1 kg)":
+            [link.name for link in light if link.name != "world"],
+        "contacts between colliders are not read: the robot touches nothing (the effect ground_contact has "
+        "points on compliant ground)":
+            [prim.path for prim in prims if prim.has("PhysicsCollisionAPI")][1:],
+        "velocities at the start are not read: {}":
+            [prim.path for prim in prims if any(np.any(prim.value(word)) for word in moving)],
+        "limits of spherical joints are not read: {}":
+            [prim.path for prim in prims if any(map(np.isfinite, _cones(prim)))],
+    })  # fmt: skip
 
 
-#: Attributes of velocities, and of the limits of spherical joints.
-VELOCITIES = ("physics:velocity", "physics:angularVelocity")
-CONES = ("physics:coneAngle0Limit", "physics:coneAngle1Limit")
+def _cones(prim: Prim) -> list[float]:
+    """Return the limits of a spherical joint; negative ones are none, as infinite ones."""
+    words = ("physics:coneAngle0Limit", "physics:coneAngle1Limit")
+    found = [prim.number(word, np.inf, finite=False) for word in words]
+    return [angle for angle in found if angle >= 0]
 
 
-def _moves(value: object) -> bool:
-    return isinstance(value, list) and any(value)
-
-
-def _is_cone(value: object) -> bool:
-    return isinstance(value, int | float) and value >= 0 and value != float("inf")
+def _note(robot: RobotFile, found: dict[str, list[str]]) -> None:
+    """Add the remarks that concern something; "{}" in them stands for its names."""
+    robot.notes += [text.format(listed(names)) for text, names in found.items() if names]

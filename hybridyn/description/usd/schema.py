@@ -1,0 +1,211 @@
+"""Schemas, types and attributes of USD: what is read, noted or refused. It knows no OpenUSD.
+
+Schemas and types of physics that are not known here are refused: nothing is dropped in silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..names import listed
+
+if TYPE_CHECKING:
+    from .stage import Prim, Stage
+
+#: Schema of rigid bodies.
+BODY = "PhysicsRigidBodyAPI"
+
+#: Largest deviation of axes from right angles, and of scales from 1, that is rounding: transforms of many
+#: files pass through single precision (6e-8) a few times.
+SINGLE_PRECISION = 1e-5
+
+#: Angles between the unit of a file and radians.
+DEGREES = np.pi / 180
+
+#: Axes of a generic joint, in the order in which a chain of joints moves along them.
+AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
+
+#: Types of joints with one axis: how its name in `AXES` begins, and its name in schemas of several axes.
+ONE_AXIS = {"PhysicsRevoluteJoint": ("rot", "angular"), "PhysicsPrismaticJoint": ("trans", "linear")}
+
+#: Types of joints that are read.
+JOINTS = (*ONE_AXIS, "PhysicsSphericalJoint", "PhysicsFixedJoint", "PhysicsJoint")
+
+#: What a joint states about an axis: the number in `records.Joint`, the attribute ("{}" is the axis), and
+#: its unit. Where several engines have their own attribute, the first that is authored counts.
+NUMBERS = (
+    ("velocity", "physxJointAxis:{}:maxJointVelocity", "speed"),
+    ("velocity", "physxJoint:maxJointVelocity", "speed"),
+    ("effort", "drive:{}:physics:maxForce", "effort"),
+    ("rotor_inertia", "physxJointAxis:{}:armature", "inertia"),
+    ("rotor_inertia", "physxJoint:armature", "inertia"),
+    ("rotor_inertia", "newton:armature", "inertia"),
+    ("rotor_inertia", "mjc:armature", "inertia"),
+    ("friction", "physxJointAxis:{}:dynamicFrictionEffort", "effort"),
+    ("friction", "physxJoint:jointFriction", "effort"),
+    ("friction", "newton:friction", "effort"),
+    ("friction", "mjc:frictionloss", "effort"),
+    ("damping", "physxJointAxis:{}:viscousFrictionCoefficient", "effort at speed"),
+    ("damping", "mjc:damping", "effort at one radian or metre a second"),
+)
+
+#: Beginnings of names of schemas and types of physics, and of attributes: of USD, PhysX, Newton and MuJoCo.
+PHYSICS = ("Physics", "Physx", "Newton", "Mjc")
+SPACES = ("physics:", "physx", "newton:", "mjc:", "mujoco:")
+
+#: Types that are read.
+TYPES = {*JOINTS, "PhysicsScene", "PhysicsCollisionGroup", "PhysicsDistanceJoint"}
+
+#: Types that are left out, and what is noted.
+NOTED = {
+    "MjcActuator": "of actuators only the joints that they drive are read",
+    "NewtonActuator": "actuators are not read",
+    "MjcKeyframe": "keyframes are not read",
+}
+
+#: Parts of the names of schemas and types of what may lie beside a robot, and what is noted.
+BESIDE = dict.fromkeys(("Deformable", "Particle"), "deformable bodies and particles are not read")
+
+#: Schemas that are read, or that concern contacts, drawing and solvers alone.
+SCHEMAS = {
+    "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsArticulationRootAPI", "PhysicsDriveAPI",
+    "PhysicsLimitAPI", "PhysicsFilteredPairsAPI", "PhysicsJointStateAPI", "PhysxJointStateAPI",
+    "PhysxRigidBodyAPI", "PhysxArticulationAPI", "PhysxJointAPI", "PhysxJointAxisAPI", "PhysxLimitAPI",
+    "PhysxMimicJointAPI", "NewtonMimicAPI", "NewtonArticulationRootAPI", "NewtonMassAPI", "NewtonJointAPI",
+    "NewtonSiteAPI", "MjcJointAPI", "MjcSiteAPI", "MjcImageableAPI", "MjcEqualityAPI", "MjcEqualityJointAPI",
+    "MjcEqualityConnectAPI", "MjcEqualityWeldAPI", "PhysxDrivePerformanceEnvelopeAPI",
+}  # fmt: skip
+
+#: Parts of the names of schemas that concern contacts and solvers.
+OF_CONTACTS = ("Collision", "Scene", "Material", "Report", "Trigger", "Cooked")
+
+#: Attributes that change the motion, with the value that does not, and the correction.
+NEUTRAL: dict[str, tuple[float, str]] = {
+    "physxRigidBody:disableGravity": (0, "set it to false, or set gravity of the whole robot"),
+    "physxRigidBody:linearDamping": (0, "set it to 0, or put friction on the joints"),
+    "physxRigidBody:enableGyroscopicForces": (1, "set it to true"),
+    "physxRigidBody:lockedPosAxis": (0, "set it to 0, and write a joint"),
+    "physxRigidBody:lockedRotAxis": (0, "set it to 0, and write a joint"),
+    "newton:jointsAddMobility": (0, "set it to false, and write bodies between the joints"),
+    **dict.fromkeys(
+        (
+            "newton:damping", "newton:springStiffness", "newton:springDamping", "newton:stiffness",
+            "mjc:stiffness", "mjc:springdamper", "mjc:gravcomp",
+        ),
+        (0, "set it to 0; springs may stand in model.toml"),
+    ),
+}  # fmt: skip
+
+#: Attributes that hold bodies back in one engine alone, and what is noted.
+IGNORED = {
+    "physxRigidBody:angularDamping":
+        "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read",
+    "mjc:option:density": "the fluid around the robot is not read",
+    "mjc:option:viscosity": "the fluid around the robot is not read",
+}  # fmt: skip
+
+#: Attributes of joints and bodies that are read, or that concern contacts, solvers and drawing alone.
+READ = (
+    "physics:body", "physics:local", "physics:axis", "physics:lowerLimit", "physics:upperLimit",
+    "physics:jointEnabled", "physics:collisionEnabled", "physics:excludeFromArticulation", "physics:break",
+    "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
+    "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
+    "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
+    "physics:velocity", "physics:angularVelocity", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
+    "newton:mimic", "newton:armature", "newton:friction", "mjc:armature", "mjc:damping", "mjc:frictionloss",
+    "mjc:coef", "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
+    "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
+    "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",
+)  # fmt: skip
+
+#: Schemas that attributes need, by the beginning of their names; USD leaves out those without their schema.
+NEEDS = {
+    "drive:": "PhysicsDriveAPI", "limit:": "PhysicsLimitAPI", "physxMimicJoint:": "PhysxMimicJointAPI",
+    **dict.fromkeys(
+        (
+            "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
+            "physics:principalAxes",
+        ),
+        "PhysicsMassAPI",
+    ),
+}  # fmt: skip
+
+#: What is told of types, schemas and attributes that are not read, by a part of their names.
+MENDS = {
+    "Mimic": "PhysxMimicJointAPI and NewtonMimicAPI are read",
+    "Gear": "couple the two joints by PhysxMimicJointAPI",
+    "RackAndPinion": "couple the two joints by PhysxMimicJointAPI",
+    "Tendon": "couple the joints by PhysxMimicJointAPI",
+    "": "remove it if the motion needs it not",
+}
+
+
+def screen(stage: Stage, notes: list[str]) -> None:
+    """Refuse what cannot be read.
+
+    Args:
+        stage: The stage.
+        notes: Remarks for the user, to which unread attributes are added.
+
+    Raises:
+        ModelError: A prim has a type, a schema or an attribute that changes the motion and is not read.
+    """
+    unread: dict[str, None] = {}
+    noted: dict[str, list[str]] = {}
+    for prim in stage.prims.values():
+        if reason := _left_out(prim):
+            noted.setdefault(reason, []).append(prim.path)
+            continue
+        _refuse_unknown(prim)
+        for name, (neutral, correction) in NEUTRAL.items():
+            value = prim.value(name)
+            if value is not None and np.any(np.not_equal(value, neutral)):
+                raise prim.error(f"'{name}' = {value} is not read; {correction}")
+        for name, reason in IGNORED.items():
+            if prim.value(name):
+                noted.setdefault(reason, []).append(prim.path)
+        unread |= dict.fromkeys(_unread(prim))
+    notes += [f"{reason}: {listed(dict.fromkeys(paths))}" for reason, paths in noted.items()]
+    if unread:
+        notes.append(f"attributes that other engines may use are not read: {listed(unread)}")
+
+
+def _left_out(prim: Prim) -> str:
+    """Return why a prim is left out, "" if it is not."""
+    names = " ".join((prim.kind, *prim.schemas))
+    beside = (reason for part, reason in BESIDE.items() if part in names and prim.body is None)
+    return NOTED.get(prim.kind) or next(beside, "")
+
+
+def _refuse_unknown(prim: Prim) -> None:
+    """Refuse a type or schema of physics that is not known."""
+    schemas = (schema for schema in prim.schemas if schema.partition(":")[0] not in SCHEMAS)
+    unknown = [f"schema {schema}" for schema in schemas if not any(part in schema for part in OF_CONTACTS)]
+    if prim.kind not in TYPES:
+        unknown.insert(0, f"a {prim.kind}")
+    for what in unknown:
+        if what.rpartition(" ")[2].startswith(PHYSICS):
+            raise prim.error(
+                f"{what} is not read; {next(text for part, text in MENDS.items() if part in what)}"
+            )
+
+
+def _unread(prim: Prim) -> Iterator[str]:
+    """Yield the names of attributes of joints and bodies that are neither read nor known to be harmless.
+
+    Attributes of schemas that are not applied are not read, since USD leaves them out.
+    """
+    if not (prim.has(BODY) or prim.kind in (*JOINTS, "PhysicsDistanceJoint")):
+        return
+    known = {*NEUTRAL, *IGNORED}
+    names = [name for name in prim.attributes if name.startswith(SPACES) and not name.startswith(READ)]
+    yield from (name for name in names if name not in known)
+    applied = {*prim.schemas, *(["PhysicsMassAPI"] if prim.has("NewtonMassAPI") else [])}
+    for name in prim.attributes:
+        for start, schema in NEEDS.items():
+            instance = f":{name.split(':')[1]}" if name.startswith(start) and start.endswith(":") else ""
+            if name.startswith(start) and schema + instance not in applied:
+                yield name
