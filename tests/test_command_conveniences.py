@@ -21,7 +21,7 @@ def test_effects_take_the_shipped_motion_and_write_their_numbers(
     form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     report = tmp_path / f"worth.{form}"
-    words = ("effects", "five_bar", "--effects", "default")
+    words = ("idm", "five_bar", "--by-effect", "--effects", "default")
     said = call(capsys, *words, "-o", report)
     text = report.read_text()
     rows = json.loads(text) if form == "json" else list(csv.DictReader(text.splitlines()))

@@ -39,7 +39,7 @@ sys.exit(main(sys.argv[1:]))
 @pytest.mark.parametrize(
     ("command", "file"),
     [
-        ("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("effects", "share.svg"),
+        ("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("idm", "share.svg"),
         pytest.param("convert", "five_bar.h", marks=pytest.mark.slow),
         pytest.param("cost", "points.csv", marks=pytest.mark.slow),
     ],
@@ -53,7 +53,9 @@ def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: P
         needs("io")
     option = "--plot" if file.endswith("svg") else "-o"
     target = "." if command == "convert" else file
-    words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, target]
+    own = {"convert": ["--c"], "--plot": ["--by-effect"]}
+    own_words = own.get(command, own.get(option, []))
+    words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *own_words, option, target]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
@@ -61,9 +63,6 @@ def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: P
     assert "File too large" in line
     assert "bug" not in line
     assert [*tmp_path.iterdir()] == []
-
-
-OWN = {"effects": ["five_bar/traj.csv"], "convert": ["--c"]}
 
 
 def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:

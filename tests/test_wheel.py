@@ -100,7 +100,7 @@ def test_the_sdist_holds_what_a_clone_has(tmp_path: Path) -> None:
         ("hybridyn idm lx4 -o efforts.csv && head -n 1 efforts.csv", "m4_leg6_slide/effort"),
         ("hybridyn simulate five_bar --until 0.02 -q -o s.csv; tail -n 1 s.csv", "0.02,"),
         ("hybridyn info delta", "nothing looks wrong"),
-        ("hybridyn size five_bar --jobs 2", "m1_right_drive"),
+        ("hybridyn idm five_bar --loads --jobs 2", "m1_right_drive"),
         ("python -m hybridyn --version", "hybridyn"),
         ("python -c 'import hybridyn; print(hybridyn.load(\"lx4\").nq, hybridyn.__file__)'", "site-packages"),
     ],

@@ -24,14 +24,17 @@ from ..threads import start_none
 
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
-    "idm", "ddm", "simulate", "effects", "cost", "convert", "plot", "view", "info",
-    "home", "compare", "workspace", "size", "sweep", "map",
+    "idm", "ddm", "simulate", "cost", "convert", "plot", "view", "info",
+    "home", "compare", "workspace", "sweep",
 )  # fmt: skip
 
 #: What stands in the place of commands that were.
 INSTEAD = {
     "robots": "hybridyn --robots",
     "completion": "hybridyn --completion",
+    "size": "hybridyn idm ROBOT TRAJECTORY --loads",
+    "effects": "hybridyn idm ROBOT TRAJECTORY --by-effect",
+    "map": "hybridyn idm ROBOT TRAJECTORY --map A,B, or hybridyn workspace ROBOT --map A,B --grid N",
     "check": "hybridyn info ROBOT --fail-on error",
     "export": "hybridyn convert ROBOT --c -o FOLDER",
 }

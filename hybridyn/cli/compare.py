@@ -96,11 +96,9 @@ def command(
     robot = load()
     postures = None
     if trajectory is not None:
-        import numpy as np
+        from ..streams.one_pass import read_postures
 
-        from ..streams.postures import all_postures
-
-        postures = np.vstack([block.q for block in all_postures(robot, trajectory)[1]])
+        postures = read_postures(robot, trajectory)[1].q
     found = compare(
         robot,
         engines,

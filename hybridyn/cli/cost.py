@@ -153,12 +153,11 @@ def _robot(study: Study, load: RobotChoice, trajectory: str, progress: Callable[
     """Measure a robot on a trajectory, with every effect that its files state."""
     from ..effects import choose
     from ..errors import TrajectoryError
-    from ..streams.postures import Postures, all_postures
+    from ..streams.one_pass import read_postures
     from ..studies.cost.models import Trajectory, study_models
 
     robot = load()
-    layout, blocks = all_postures(robot, trajectory)
-    motion, q, v, a = Postures.joined(blocks)
+    layout, (motion, q, v, a) = read_postures(robot, trajectory)
     if motion.wrenches:
         raise TrajectoryError(
             f"has wrenches ({', '.join(map(repr, motion.wrenches))}), which 'cost' does not measure: leave "

@@ -2,89 +2,68 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
-from .common.options import RobotCommand, takes_effects
+from .common.options import RobotChoice, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
-from .common.tables import Plan, Tables, run, takes_table
+from .common.tables import Plan, TableCommand, Tables, run
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
     from ..effects import Effects
     from ..streams.blocks import Rows
+    from ..streams.one_pass import Pass
     from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
-    from ..tables.columns import Layout
 
 
 @click.command(
-    "ddm", cls=RobotCommand, short_help="Compute accelerations from efforts (direct dynamic model)."
+    "ddm",
+    cls=TableCommand,
+    metavar="STATES",
+    plot="the motors' accelerations, grouped by module",
+    short_help="Compute accelerations from efforts (direct dynamic model).",
 )
-@takes_table("STATES", plot="the motors' accelerations, grouped by module")
 @takes_effects("default")
-@takes_engine("rows")
-def command(
-    load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...], engine: str | None
-) -> None:
+@takes_engine
+def command(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: str | None) -> None:
     """Compute the accelerations of ROBOT (URDF, MJCF, SDF, USD) for the states and efforts in STATES.
 
-    The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
-    velocities of every joint, '<joint>/position|velocity', or of the motors or platforms, from which the
-    state is assembled (see 'hybridyn idm --help'); '<link>/wrench/fx|fy|fz|mx|my|mz'. With '--base moving'
-    the table also has the base's acceleration, '<root link>/acceleration/x|y|z|wx|wy|wz'; other
-    accelerations are not read. Missing velocities are fitted by a spline over time.
+    The table has named columns, in SI units (docs/tables.md): '<motor>/effort' for every motor; 'time';
+    positions and velocities of every joint, or of the motors or platforms, from which the state is assembled;
+    wrenches on links. With '--base moving' the table also has the base's acceleration,
+    '<root link>/acceleration/x|y|z|wx|wy|wz'; other accelerations are not read. Missing velocities are fitted
+    by a spline.
 
-    The result has one row per sample, with 'time', '<joint>/acceleration' for every joint, and
+    The result has a row per sample, with '<joint>/acceleration' for every joint, and
     '<root link>/acceleration/x' .. 'wz' for a floating base.
     """
 
-    def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
+    def plan(given: Pass) -> Plan:
         """Build the plan for a robot and a table."""
         from ..effects import choose
         from ..studies.check.remarks import free_motions_of
         from ..tables.columns import acceleration_columns
 
-        chosen = choose(robot, effects)
+        robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
         obstacles = {
             "--reactions": tables.reactions is not None,
             "wrenches in the table": bool(layout.wrenches),
         }
-        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout, robot))
+        chosen = choose_engine(engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
         units = ["m/s^2" if unit == "N" else "rad/s^2" for unit in robot.effort_units]
-        at = [columns.index(f"{name}/acceleration") for name in robot.motors]
-        summary = Summary(
-            robot,
-            "acceleration",
-            list(robot.motors),
-            units,
-            at,
-            columns,
-            remarks=[
-                *branch_line(robot, layout),
-                *effects_line(chosen),
-                *not_computed(robot, chosen),
-                *free_motions_of(robot),
-            ],
-            engine=chosen_engine,
-        )
-        return Plan(
-            functools.partial(
-                accelerations,
-                effects=chosen,
-                reactions=tables.reactions is not None,
-                compiled=chosen_engine.model,
-            ),
-            columns,
-            summary,
-            assemble=chosen_engine.assemble,
-        )
+        remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
+        remarks += free_motions_of(robot)
+        summary = Summary(robot, "acceleration", units, columns, remarks=remarks, engine=chosen, others=True)
+        reactions = tables.reactions is not None
+        model = partial(accelerations, effects=on, reactions=reactions, compiled=chosen.model)
+        return Plan(model, columns, [summary], assemble=chosen.assemble)
 
     run(tables, load, plan, efforts=True)
 

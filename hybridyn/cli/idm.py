@@ -1,85 +1,148 @@
-"""`hybridyn idm`: compute the motor efforts for a motion."""
+"""`hybridyn idm`: compute the motor efforts for a motion, and what they say of motors and effects."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from ..streams.reaction_columns import reaction_rows
+from .common.by_effect import tell_effects
 from .common.engine import choose_engine, takes_engine, worth_of
-from .common.options import RobotCommand, takes_effects
+from .common.loads import Loads, motor_states
+from .common.maps import MapSummary, map_rows
+from .common.options import RobotChoice, split_names, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
-from .common.tables import Plan, Tables, run, takes_table
+from .common.tables import Observer, Plan, TableCommand, Tables, run
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
     from ..effects import Effects
     from ..streams.blocks import Rows
+    from ..streams.one_pass import Pass
     from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
 
+#: Exit status where the motion exceeds a limit.
+EXCEEDED = 1
 
-takes_passive = click.option(
+
+def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+    """Parse "1%" or "0.01"."""
+    if value is None:
+        return None
+    try:
+        number = float(value[:-1]) / 100 if value.endswith("%") else float(value)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < float("inf"):
+        raise click.BadParameter(
+            f"'{value}' is neither a percentage like '1%' nor a number like '0.01'", ctx, param
+        )
+    return number
+
+
+@click.command(
+    "idm",
+    cls=TableCommand,
+    metavar="TRAJECTORY",
+    own=True,
+    reports=("loads", "by_effect"),
+    plot="the result",
+    short_help="Compute motor efforts for a motion (inverse dynamic model), and size motors.",
+)
+@click.option("--loads", is_flag=True, help="Tell what the motion requires of each motor.")
+@click.option("--by-effect", is_flag=True, help="Tell what each effect adds to the efforts.")
+@click.option(
+    "--map",
+    "outputs",
+    metavar="A,B,...",
+    callback=split_names,
+    help="Output joints: add their motion, efforts and map.",
+)
+@takes_effects(None)
+@click.option(
     "--passive",
     type=click.Choice(["given", "solved"]),
     default="given",
     show_default=True,
-    help="Accelerations of joints without a motor: 'given' in the table, or 'solved' for zero effort.",
+    help="Accelerations of joints without a motor.",
 )
-
-
-@click.command(
-    "idm", cls=RobotCommand, short_help="Compute motor efforts for a motion (inverse dynamic model)."
-)
-@takes_table("TRAJECTORY", own=True, plot="the efforts, motors grouped by module")
-@takes_passive
 @click.option(
     "--on-singular",
     type=click.Choice(["raise", "least-norm"]),
+    metavar="raise|least-norm",
     default="raise",
     show_default=True,
-    help="At a singular posture: stop, or compute the smallest efforts.",
+    help="What to do at a singular posture.",
 )
 @click.option(
     "--weights",
+    metavar="MOTOR=X,...",
     multiple=True,
-    help="Weights by which redundant motors share efforts: motor=value for every motor (commas or repeated), "
-    "or a CSV file with the motors' names and one row.",
+    help="Weights of redundant motors, or a CSV file of them.",
 )
-@takes_effects("default")
-@takes_engine("rows")
+@click.option(
+    "--fail-on",
+    type=click.Choice(["limit", "never"]),
+    help="Exit with status 1 beyond a limit, or never.  [default: limit with --loads, else never]",
+)
+@click.option(
+    "--within",
+    metavar="PART",
+    callback=_part,
+    help="With --by-effect: effects needed for a part, as 1%.",
+)
+@takes_engine
 def command(
-    load: Callable[[], HybridRobot],
+    load: RobotChoice,
     tables: Tables,
+    loads: bool,
+    by_effect: bool,
+    outputs: list[str] | None,
+    effects: tuple[str, ...] | None,
     passive: str,
     on_singular: str,
     weights: tuple[str, ...],
-    effects: tuple[str, ...],
+    fail_on: str | None,
+    within: float | None,
     engine: str | None,
-) -> None:
+) -> int:
     """Compute the motor efforts that move ROBOT (URDF, MJCF, SDF, USD) along TRAJECTORY (CSV or Parquet).
 
     ROBOT may be the name of a shipped robot ('hybridyn --robots'), which has a trajectory of its own.
 
-    The table has named columns, in SI units: 'time', '<joint>/position|velocity|acceleration',
-    '<link>/pose/x|y|z|qx|qy|qz|qw' or any of 'x|y|z|roll|pitch|yaw' relative to the root link
-    ('<link>@<other>/...': to another link), '<link>/velocity|acceleration/x|y|z|wx|wy|wz',
-    '<link>/wrench/fx|fy|fz|mx|my|mz'. It contains the motion of the motors, of platforms, of a mixture of
-    both, or of every joint. Missing rates are fitted by a spline over time. docs/tables.md explains all.
-
-    The result has one row per sample, with 'time' and a column '<motor>/effort' per motor.
+    The table has named columns, in SI units, such as 'time', '<joint>/position', '<link>/pose/x' or
+    '<link>/wrench/fx' (docs/tables.md): the motion of motors, of platforms, of both, or of every joint.
+    Missing rates are fitted by a spline. The result has a row per sample, and '<motor>/effort'. With --loads
+    it is peak and RMS effort, speed, power and energy of each motor; with --by-effect, what each effect adds.
     """
+    if loads + by_effect + bool(outputs) > 1:
+        raise click.UsageError("--loads, --by-effect and --map exclude each other")
+    if (loads or by_effect) and tables.reactions:
+        raise click.UsageError("--reactions belongs to a table of efforts")
+    if within is not None and not by_effect:
+        raise click.UsageError("--within belongs to --by-effect")
+    wanted = effects or (("model",) if loads or by_effect else ("default",))
+    if by_effect:
+        if weights or passive != "given" or on_singular != "raise":
+            raise click.UsageError("--passive, --on-singular and --weights do not apply to --by-effect")
+        tell_effects(load, tables, wanted, engine, within)
+        return 0
 
-    def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
+    def plan(given: Pass) -> Plan:
         """Build the plan for a robot and a table."""
         from ..effects import choose
 
-        shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)
-        check_has_mass(robot, chosen, layout)
+        robot, layout = given.robot, given.layout
+        shares, on = read_weights(weights, robot.motors), choose(robot, wanted)
+        if loads:  # the report names the limits
+            on = on.only([name for name in on.names if name != "limits"])
+        if not outputs or on.names:
+            check_has_mass(robot, on, layout)
         obstacles = {
             "--reactions": tables.reactions is not None,
             "--passive solved": passive != "given",
@@ -87,29 +150,36 @@ def command(
             "--weights": shares is not None,
             "wrenches in the table": bool(layout.wrenches),
         }
-        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout, robot))
-        model = functools.partial(
+        chosen = choose_engine(engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
+        model = partial(
             efforts,
             passive=passive,
             on_singular=on_singular,
             weights=shares,
-            effects=chosen,
+            effects=on,
             reactions=tables.reactions is not None,
-            compiled=chosen_engine.model,
+            compiled=chosen.model,
         )
-        summary = Summary(
-            robot,
-            "effort",
-            list(robot.motors),
-            robot.effort_units,
-            list(range(len(robot.motors))),
-            remarks=[*branch_line(robot, layout), *effects_line(chosen), *not_computed(robot, chosen)],
-            engine=chosen_engine,
-        )
-        assemble = chosen_engine.assemble
-        return Plan(model, [f"{name}/effort" for name in robot.motors], summary, assemble=assemble)
+        if loads:
+            report = Loads(robot, tables, on, chosen)
+            return Plan(partial(motor_states, efforts=model), [], [report], False, chosen.assemble)
+        columns = [f"{name}/effort" for name in robot.motors]
+        observers: list[Observer] = []
+        if outputs:
+            from ..studies.map_table import map_columns
 
-    run(tables, load, plan)
+            columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
+            model = partial(map_rows, joints=outputs, efforts=model if on.names else None)
+            observers.append(MapSummary(robot, outputs))
+        remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
+        observers.append(
+            Summary(robot, "effort", robot.effort_units, columns, remarks=remarks, engine=chosen)
+        )
+        return Plan(model, columns, observers, assemble=chosen.assemble)
+
+    planned = run(tables, load, plan, outputs=outputs or ())
+    fails = (fail_on or ("limit" if loads else "never")) == "limit"
+    return EXCEEDED if fails and any(one.exceeded for one in planned.observers) else 0
 
 
 def efforts(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
-from .common.figures import save_chart, takes_plot
+from .common.figures import plot_option, save_chart
 from .common.files import check_targets, complete_robot, existing_file, result_file, scene_file
 from .common.progress import Progress
 from .common.summary import effects_line
@@ -34,7 +34,11 @@ WITH_INVERSE_MODEL = 3
 AT_ONCE = 4096
 
 
-@click.command("simulate", short_help="Simulate a scene: a robot under a controller and effects.")
+@click.command(
+    "simulate",
+    params=[plot_option("efforts by module, power, energy and residuals", page=True)],
+    short_help="Simulate a scene: a robot under a controller and effects.",
+)
 @click.argument("scene", callback=scene_file, shell_complete=complete_robot)
 @click.option(
     "-o",
@@ -54,8 +58,7 @@ AT_ONCE = 4096
 )
 @click.option("--overwrite", is_flag=True, help="Begin anew where FILE holds a run that was stopped.")
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
-@takes_engine("evaluations (four a fixed step, else one an output sample)", WORTH_IN_TIME)
-@takes_plot("efforts by module, power, energy and residuals", page=True)
+@takes_engine
 @click.option("-q", "--quiet", is_flag=True, help="No summary.")
 def command(
     scene: str,

@@ -132,11 +132,11 @@ def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
     """Read a motion, and read or compute the efforts along it."""
     import numpy as np
 
-    from ..streams.postures import Postures, all_postures
+    from ..streams.one_pass import read_postures
     from ..view.run import MOST, Run
     from .view_efforts import efforts_along
 
-    found = Postures.joined(all_postures(robot, motion)[1])
+    found = read_postures(robot, motion)[1]
     tau, origin = efforts_along(robot, motion, found, effects)
     step, time = -(-len(found.q) // MOST), found.motion.time
     shown = np.arange(1.0, len(found.q) + 1) if time is None else time

@@ -12,10 +12,12 @@ import click
 
 from ..streams.memory import keep_freed_memory
 from ..streams.workers import Failure, Workers
-from .common.figures import save, takes_plot
+from .common.figures import plot_option, save
 from .common.files import result_file
-from .common.options import RobotChoice, RobotCommand
+from .common.maps import Grid, parse_grid, tell_map
+from .common.options import RobotChoice, RobotCommand, split_names
 from .common.progress import Progress
+from .common.tables import jobs_option
 from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
@@ -42,7 +44,10 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
 
 
 @click.command(
-    "workspace", cls=RobotCommand, short_help="Find the poses that a module reaches, and their efforts."
+    "workspace",
+    cls=RobotCommand,
+    params=[plot_option("maps of conditioning and efforts"), jobs_option("1")],
+    short_help="Find the poses that a module reaches, and their efforts.",
 )
 @click.option(
     "-m",
@@ -55,8 +60,7 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     "--sweep",
     metavar="X,Y,...",
     callback=_words,
-    help="Coordinates of the lattice, of x, y, z, roll, pitch, yaw in the module's base.  [default: all that "
-    "are independent up to three, else the translations]",
+    help="Coordinates of the lattice.  [default: up to three independent ones, else x, y, z]",
 )
 @click.option(
     "--at",
@@ -79,10 +83,21 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     "--output",
     metavar="FILE",
     callback=result_file,
-    help="All poses, .csv or .parquet  [default: CSV on standard output]",
+    help="All poses, .csv or .parquet.  [default: stdout]",
 )
-@takes_plot("maps of conditioning and efforts")
-@click.option("-j", "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Processes.")
+@click.option(
+    "--map",
+    "outputs",
+    metavar="A,B,...",
+    callback=split_names,
+    help="Instead of poses: output joints, and the map to their motors.",
+)
+@click.option(
+    "--grid",
+    metavar="GRID",
+    callback=parse_grid,
+    help="With --map: points of each joint over its limits, or FROM:TO:COUNT,...",
+)
 def command(
     load: RobotChoice,
     module: str | None,
@@ -93,7 +108,9 @@ def command(
     no_limits: bool,
     output: str | None,
     plot: str | None,
-    jobs: int,
+    jobs: int | None,
+    outputs: list[str] | None,
+    grid: Grid | None,
 ) -> None:
     """Find the poses that a module of ROBOT reaches from home on its assembly branch, within joint limits.
 
@@ -102,13 +119,23 @@ def command(
     'conditioning' (0 singular, 1 isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort
     of any motor against 1 N or 1 N m in the worst direction), '<motor>/effort' (against gravity, with the
     other modules at home). Efforts of singular postures are inf.
+
+    With --map, a row has positions of output joints and motors, and '<motor>/per/<joint>', the motor's rate
+    per rate of the joint (docs/joint-map.md). Points out of reach or singular are left out and counted.
     """
+    if (outputs is None) != (grid is None):
+        raise click.UsageError("--map and --grid belong together; along a trajectory: 'hybridyn idm --map'")
+    if outputs is not None and grid is not None:
+        if any((module, link, sweep, at, steps, no_limits, plot, jobs)):
+            raise click.UsageError("with --map, only --grid and -o apply")
+        tell_map(load(), outputs, grid, output)
+        return
     from ..studies.workspace.workspace import workspace
 
     keep_freed_memory()
     started = time.perf_counter()
     robot = load()
-    with _spread(jobs) as spread, Progress("poses") as bar:
+    with _spread(jobs or 1) as spread, Progress("poses") as bar:
         found = workspace(
             robot,
             module,

@@ -85,41 +85,6 @@ def postures(
     return Postures(motion, *full_state(motion, order, root))
 
 
-def all_postures(
-    robot: HybridRobot, file: str, instead: tuple[Sequence[str], Sequence[str]] = ((), ())
-) -> tuple[Layout, list[Postures]]:
-    """Read a whole table and compute its postures, in C where they are many.
-
-    Args:
-        instead: Joints, and the motors that a table which names one of these joints need not name.
-
-    Returns:
-        The meaning of its columns, and its postures, block by block.
-
-    Raises:
-        HybridynError: The table is wrong, or a row cannot be assembled.
-    """
-    from ..compiled.programs.closing.tables import TableAssembler
-    from ..tables.columns import read_layout
-    from ..tables.opening import open_table
-    from ..tables.trajectory import read_motions
-
-    found: list[Postures] = []
-    assemble = TableAssembler(robot)
-    with open_table(file) as table:
-        joints, replaced = instead
-        motors: Sequence[str] = robot.motors
-        if any(column.startswith(f"{joint}/") for column in table.columns for joint in joints):
-            motors = (*(motor for motor in motors if motor not in replaced), *joints)
-        layout = read_layout(
-            table.columns, robot.description, motors=motors, base=robot.base, file=table.file
-        )
-        for motion in read_motions(table, layout):
-            connected = found and layout.time is not None and not layout.full_state
-            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None, assemble))
-    return layout, found
-
-
 def _assembled(
     robot: HybridRobot, motion: Motion, guess: Array | None, assemble: Assemble | None
 ) -> tuple[Array, Array, Array]:

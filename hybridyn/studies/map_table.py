@@ -11,37 +11,42 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from ..assembly.posture import check_joints, holding, positions_of, posture_at
-from ..dynamics.quantities.joint_map import JointMap
+from ..dynamics.quantities.joint_map import JointMap, motors_beside
 from ..effects.joint_laws import RotorInertia
 from ..errors import AssemblyError, HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
 
-@dataclass(frozen=True, eq=False)
-class MapTable:
-    """Rows of a map.
+def map_columns(
+    robot: HybridRobot, joints: Sequence[str], *, motion: bool = False, efforts: bool = False
+) -> list[str]:
+    """Return the names of the columns of `map_rows`.
 
-    Attributes:
-        rows: Numbers, shape (T, columns).
-        condition: Condition number of H at each row, shape (T,).
+    Args:
+        joints: The output joints.
+        motion: Whether the rows have rates and accelerations.
+        efforts: Whether they have efforts.
     """
+    motors = motors_beside(robot, joints)
+    both = (*joints, *motors)
+    out = [f"{name}/position" for name in both]
+    out += [f"{motor}/per/{joint}" for motor in motors for joint in joints]
+    if _rotors(robot, motors).any():
+        out += [f"{joint}/inertia/{joints[j]}" for i, joint in enumerate(joints) for j in _from(i, joints)]
+    quantities = [*(("velocity", "acceleration") if motion else ()), *(("effort",) if efforts else ())]
+    return [*out, *(f"{name}/{quantity}" for quantity in quantities for name in both)]
 
-    columns: tuple[str, ...]
-    rows: Array
-    condition: Array
 
-
-def map_table(
+def map_rows(
     found: JointMap, v: Array | None = None, a: Array | None = None, tau: Array | None = None
-) -> MapTable:
-    """Return the rows of a map at many postures.
+) -> Array:
+    """Return the rows of a map at many postures, shape (T, columns).
 
     Args:
         found: The map, at T postures.
@@ -49,29 +54,38 @@ def map_table(
         a: Accelerations, shape (T, nv), with `v`.
         tau: Efforts of the robot's motors, shape (T, motors), or None where they are not wanted.
     """
-    H, out = found.motors_per_joints, _named(found.joints, "position", found.joint_positions)
-    out |= _named(found.motors, "position", found.motor_positions)
-    for i, motor in enumerate(found.motors):
-        for j, joint in enumerate(found.joints):
-            out[f"{motor}/per/{joint}"] = H[:, i, j]
-    stated = RotorInertia().numbers(found.robot)
-    rotors = np.array([stated.get(motor, (0.0,))[0] for motor in found.motors])
+    H, robot, joints = found.motors_per_joints, found.robot, found.joints
+    out = [found.joint_positions, found.motor_positions, H.reshape(len(H), -1)]
+    rotors = _rotors(robot, found.motors)
     if rotors.any():
         inertia = found.at_joints(rotors)
-        for i, joint in enumerate(found.joints):
-            for j, other in enumerate(found.joints[i:], start=i):
-                out[f"{joint}/inertia/{other}"] = inertia[:, i, j]
-    for name, rates in (("velocity", v), ("acceleration", a)):
-        if rates is not None:
-            for side in (found.joints, found.motors):
-                out |= _named(side, name, rates[:, _columns(found.robot, side)])
+        out += [inertia[:, i, j, None] for i in range(len(joints)) for j in _from(i, joints)]
+    both = [robot.v_slices[robot.joint_index[name]].start for name in (*joints, *found.motors)]
+    out += [rates[:, both] for rates in (v, a) if rates is not None]
     if tau is not None:
-        efforts = tau[:, [found.robot.motors.index(motor) for motor in found.motors]]
-        out |= _named(found.joints, "effort", found.joint_efforts(efforts))
-        out |= _named(found.motors, "effort", efforts)
+        efforts = tau[:, [robot.motors.index(motor) for motor in found.motors]]
+        out += [found.joint_efforts(efforts), efforts]
+    return np.hstack(out)
+
+
+def _rotors(robot: HybridRobot, motors: Sequence[str]) -> Array:
+    """Return the inertia of the motors' rotors, at the motors' joints; 0 where none is stated."""
+    stated = RotorInertia().numbers(robot)
+    return np.array([stated.get(motor, (0.0,))[0] for motor in motors])
+
+
+def _from(i: int, joints: Sequence[str]) -> range:
+    """Return the numbers of a joint and of those after it."""
+    return range(i, len(joints))
+
+
+def conditions(robot: HybridRobot, joints: Sequence[str], rows: Array) -> Array:
+    """Compute the condition number of H in each row of a map, shape (T,)."""
+    motors = motors_beside(robot, joints)
+    first = len(joints) + len(motors)  # positions come before
+    H = rows[:, first : first + len(motors) * len(joints)].reshape(len(rows), len(motors), len(joints))
     s = np.linalg.svd(H, compute_uv=False)
-    condition = s[:, 0] / s[:, -1] if s.size else np.ones(len(H))
-    return MapTable(tuple(out), np.stack(list(out.values()), axis=1), condition)
+    return s[:, 0] / s[:, -1] if s.size else np.ones(len(rows))
 
 
 def postures_on_grid(robot: HybridRobot, values: Mapping[str, Array]) -> Iterator[tuple[Array, Array | None]]:
@@ -114,12 +128,3 @@ def _neighbours(point: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     """Yield the neighbours of a point of the grid."""
     for i, step in product(range(len(point)), (-1, 1)):
         yield (*point[:i], point[i] + step, *point[i + 1 :])
-
-
-def _named(names: Sequence[str], quantity: str, values: Array) -> dict[str, Array]:
-    return {f"{name}/{quantity}": values[:, i] for i, name in enumerate(names)}
-
-
-def _columns(robot: HybridRobot, joints: Sequence[str]) -> list[int]:
-    """Return the entries of v of joints with one freedom."""
-    return [robot.v_slices[robot.joint_index[name]].start for name in joints]

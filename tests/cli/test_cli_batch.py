@@ -89,7 +89,7 @@ def test_a_folder_belongs_to_one_process(place: Path, lost: dict[str, int], run:
 
 def test_a_table_that_ends_every_process_is_named(place: Path, lost: dict[str, int], run: Any) -> None:
     lost |= {"t3": 10}
-    said = run("size", "pendulum.urdf", "in/t[013].csv", "-o", "out", status=1)
+    said = run("idm", "--loads", "pendulum.urdf", "in/t[013].csv", "-o", "out", status=1)
     assert "error: in/t3.csv: its process ended without a result 2 times" in said.err
     assert list(shards("out")) == ["t0.csv", "t1.csv"]
     assert [line for line in said.out.splitlines() if line.startswith("in/")] == ["in/t0.csv:", "in/t1.csv:"]

@@ -235,10 +235,10 @@ def test_effects_too(near_singular: Motion, run: Run, tmp_path: Path, monkeypatc
     compiled = hybridyn.compile(robot)
     compiled.idm(q, v, a)
     table = near_singular.table(tmp_path / "motion.csv", "position", "velocity", "acceleration")
-    asked = ["effects", "five_bar", table, "--effects", "default,rotor_inertia"]
+    asked = ["idm", "five_bar", table, "--by-effect", "--effects", "default,rotor_inertia"]
     said = run(*asked).err
     assert "engine: general (244 samples times freedoms; compiled from 2,000,000 on)\n" in said
-    monkeypatch.setattr("hybridyn.cli.effects.WORTH_OF_EFFECTS", 200)
+    monkeypatch.setattr("hybridyn.cli.common.by_effect.WORTH_OF_EFFECTS", 200)
     own, general = run(*asked), run(*asked, "--engine", "general")
     assert own.out.split("time per sample")[0] == general.out.split("time per sample")[0]
     assert "engine: general (as asked)" in general.err
@@ -255,15 +255,16 @@ def test_effects_tell_what_compiled_models_cannot_do(run: Run, tmp_path: Path) -
     header, *rows = TRAJECTORY.read_text().splitlines()
     wrench = ",".join(f"m1_tool/wrench/{word}" for word in ("fx", "fy", "fz", "mx", "my", "mz"))
     pushed = "\n".join([f"{header},{wrench}", *(f"{row},1,0,0,0,0,0" for row in rows[:20])]) + "\n"
-    words = ["effects", "five_bar", save(tmp_path, pushed, "pushed.csv"), "--engine", "compiled"]
+    asked = ["--by-effect", "--engine", "compiled"]
+    words = ["idm", "five_bar", save(tmp_path, pushed, "pushed.csv"), *asked]
     run(*words, status=1, says="cannot do: wrenches in the table; use --engine general")
-    statics = ["effects", "five_bar", TRAJECTORY, "--effects", "gravity,leg_inertia", "--engine", "compiled"]
+    statics = ["idm", "five_bar", TRAJECTORY, "--effects", "gravity,leg_inertia", *asked]
     run(*statics, status=1, says="models without the effect 'inertia' cannot be compiled")
 
 
 def test_motor_sizing_too(run: Run) -> None:
     """The loads of the motors agree in all digits that are printed, and the compiled models assemble."""
-    told = {name: run("size", "five_bar", "--engine", name) for name in ("general", "compiled")}
+    told = {name: run("idm", "five_bar", "--loads", "--engine", name) for name in ("general", "compiled")}
     assert all(f"engine: {name} (as asked)" in said.err for name, said in told.items())
     assert told["general"].out == told["compiled"].out
 

@@ -1,4 +1,4 @@
-"""`hybridyn map`: the table of the map between motors and output joints."""
+"""`--map` of `idm` and `workspace`: the table of the map between motors and output joints."""
 
 from pathlib import Path
 
@@ -18,7 +18,8 @@ RATES = [f"{motor}/per/{joint}" for motor in MOTORS for joint in JOINTS]
 def words(folder: Path, *more: object) -> list[object]:
     """Return the words of a call for the ankle."""
     path = save(folder, ankle_text(), "ankle.urdf")
-    return ["map", path, "--motors", ",".join(MOTORS), "--joints", ",".join(JOINTS), *more]
+    command = "workspace" if str(more[0]).startswith("--grid") else "idm"
+    return [command, path, "--motors", ",".join(MOTORS), "--map", ",".join(JOINTS), *more]
 
 
 def judge(table: dict[str, np.ndarray]) -> None:
@@ -54,7 +55,7 @@ def test_along_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         table_text(["time", "pitch/position", "roll/position"], np.stack([t, pitch, roll], axis=1)),
         "motion.csv",
     )
-    said = call(capsys, *words(tmp_path, source, "--efforts"))
+    said = call(capsys, *words(tmp_path, source))
     table = read_table(said.out)
     close_to(table["time"], t, SOLVED)
     judge(table)
@@ -81,7 +82,7 @@ def test_efforts_carry_the_wrenches_of_the_table(tmp_path: Path, capsys: pytest.
     rows = np.array([[t, 0.05 * t, 0.02 * t, 0, 0, -100.0, 0, 0, 0] for t in np.linspace(0.0, 1.0, 9)])
     table.write_text(table_text(header, rows))
     elbows = "m1_left_elbow,m1_right_elbow"
-    along = read_table(call(capsys, "map", "five_bar", "--joints", elbows, table, "--efforts").out)
+    along = read_table(call(capsys, "idm", "five_bar", "--map", elbows, table).out)
     wanted = read_table(call(capsys, "idm", "five_bar", table).out)
     for motor in FIVE_BAR_MOTORS:
         close_to(along[f"{motor}/effort"], wanted[f"{motor}/effort"], SOLVED)

@@ -14,13 +14,14 @@ from tests.quantities.ankle import JOINTS, MOTORS, ankle_text
 
 __all__ = ["arm", "motion"]
 
-ANKLE = f"map ankle.urdf --motors {','.join(MOTORS)} --joints {','.join(JOINTS)}"
+ANKLE = f"workspace ankle.urdf --motors {','.join(MOTORS)} --map {','.join(JOINTS)}"
 ENDLESS = ANKLE.replace("ankle", "endless")
 
 #: Status 2: usage errors, which name the help.
 USAGE = [
     ("ids", "there is no command 'ids'"),
     ("robots", "there is no command 'robots' (it is 'hybridyn --robots' now)"),
+    *((f"{name} lx4", f"'{name}' (it is 'hybridyn ") for name in ("size", "effects", "map", "check")),
     ("export lx4 -o c", "there is no command 'export' (it is 'hybridyn convert ROBOT --c -o FOLDER' now)"),
     ("convert lx4 -o lx4.sdf --map a,b", "belong to --c"),
     ("convert lx4 -o lx4.sdf --gravity 0,0,0", "belong to --c"),
@@ -62,15 +63,15 @@ USAGE = [
     ),
     *(
         (f"{words} -o out.csv --plot a.gif", "must end in .png, .svg, .pdf, .html")
-        for words in ("idm five_bar", "ddm five_bar traj.csv", "simulate five_bar", "size five_bar")
+        for words in ("idm five_bar", "ddm five_bar traj.csv", "simulate five_bar", "idm --loads five_bar")
     ),
-    ("effects five_bar --plot a.gif", "must end in .png, .svg, .pdf, .html"),
-    ("effects five_bar --within much", "neither a percentage"),
-    ("effects five_bar --within=-1%", "neither a percentage"),
-    ("effects five_bar --effects gravty", "did you mean 'gravity'?"),
-    ("size five_bar -o report.txt", "must end in .csv or .json"),
-    ("size five_bar --plot nowhere/cloud.png", "there is no folder 'nowhere'"),
-    ("size five_bar --effects frction", "there is no effect 'frction'"),
+    ("idm --by-effect five_bar --plot a.gif", "must end in .png, .svg, .pdf, .html"),
+    ("idm --by-effect five_bar --within much", "neither a percentage"),
+    ("idm five_bar --by-effect --within=-1%", "neither a percentage"),
+    ("idm five_bar --effects gravty", "did you mean 'gravity'?"),
+    ("idm five_bar --loads -o report.txt", "must end in .csv or .json"),
+    ("idm five_bar --plot nowhere/cloud.png", "there is no folder 'nowhere'"),
+    ("idm five_bar --loads --effects frction", "there is no effect 'frction'"),
     ("cost {root}/models/five_bar/swing.toml traj.csv", "a scene has its own motion"),
     ("cost five_bar {root}/models/five_bar/swing.toml", "is a scene, which names its robot: 'hybridyn cost"),
     ("cost five_bar five_bar/traj.csv --until 1", "are for scenes"),
@@ -85,8 +86,13 @@ USAGE = [
     ("view delta --png a.png --size 99x100", "must be even"),
     ("view delta --png a.png --size big", "1280x720"),
     ("view delta --png a.png --at 1", "there is no motion"),
-    (ANKLE, "give a TRAJECTORY, or --grid"),
-    (f"{ANKLE} --grid 3 --efforts", "--efforts needs a TRAJECTORY"),
+    (ANKLE, "--map and --grid belong together; along a trajectory: 'hybridyn idm --map'"),
+    ("workspace five_bar --grid 3", "--map and --grid belong together"),
+    (f"{ANKLE} --grid 3 --step x=1", "with --map, only --grid and -o apply"),
+    ("idm five_bar --loads --by-effect", "--loads, --by-effect and --map exclude each other"),
+    ("idm five_bar --loads --reactions r.csv", "--reactions belongs to a table of efforts"),
+    ("idm five_bar --within 1%", "--within belongs to --by-effect"),
+    ("idm five_bar --by-effect --passive solved", "do not apply to --by-effect"),
     (f"{ANKLE} --grid 0", "at least one point"),
     (f"{ANKLE} --grid a:b", "neither a number of points nor FROM:TO:COUNT"),
     (f"{ANKLE} --grid 1:0:3,0:1:2", "a range has FROM < TO"),
@@ -96,8 +102,8 @@ USAGE = [
 ]  # fmt: skip
 #: Status 1: what only the robot tells.
 ASKED = [
-    ("effects five_bar --effects gravity,velocity", "'velocity' needs 'inertia'"),
-    ("effects five_bar --effects spring", "state no numbers for the effect 'spring'"),
+    ("idm five_bar --by-effect --effects gravity,velocity", "'velocity' needs 'inertia'"),
+    ("idm five_bar --by-effect --effects spring", "state no numbers for the effect 'spring'"),
     (f"{ANKLE},rol --grid 3", "unknown joint 'rol' (did you mean 'roll'?)"),
     (f"{ANKLE.replace(',roll', '')} --grid 0:0:1", "leaves 1 of its 2 freedoms open"),
 ]

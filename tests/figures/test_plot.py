@@ -197,7 +197,7 @@ def test_ddm_effects_and_simulate_draw(tmp_path: Path, capsys: pytest.CaptureFix
     drawn = [tmp_path / f"{name}.png" for name in ("simulate", "ddm", "effects")]
     call(capsys, "simulate", scene, "-o", run, "--plot", drawn[0])
     call(capsys, "ddm", "five_bar", run, "-o", tmp_path / "a.csv", "--plot", drawn[1])
-    call(capsys, "effects", "five_bar", run, "--plot", drawn[2])
+    call(capsys, "idm", "--by-effect", "five_bar", run, "--plot", drawn[2])
     for file in drawn:
         pixels = np.asarray(Image.open(file).convert("RGB"))
         assert (pixels < 250).any(axis=2).mean() > 0.02, file.name  # lines, axes and letters

@@ -1,4 +1,4 @@
-"""Limits that a motion leaves are told: first row, worst value, count; by `idm`, `size` and `simulate`."""
+"""Limits that a motion leaves are told: first row, worst value, count; by `idm` and `simulate`."""
 
 import json
 import math
@@ -54,7 +54,7 @@ def first(limit: float) -> int:
 def test_a_stroke_that_is_left_is_told_and_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = files(tmp_path, motion())
     efforts = call(capsys, "idm", *paths, "-o", tmp_path / "efforts.csv")
-    sized = call(capsys, "size", *paths, "-o", tmp_path / "report.json", status=1)
+    sized = call(capsys, "idm", "--loads", *paths, "-o", tmp_path / "report.json", status=1)
     row = first(UPPER)
     time = motion()[row - 1, 0]
     line = (
@@ -135,15 +135,15 @@ def test_touching_is_not_leaving(tmp_path: Path) -> None:
     assert position_limits(joint) is None
 
 
-@pytest.mark.parametrize("command", ["idm", "size"])
+@pytest.mark.parametrize("words", [[], ["--loads"]])
 def test_a_robot_without_mass_is_refused(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot, rows = files(tmp_path, motion())
     text = robot_text()
     inertial = text[text.index("<inertial>") : text.index("</inertial>") + len("</inertial>")]
     robot.write_text(text.replace(inertial, ""))
-    said = call(capsys, command, robot, rows, status=1)
+    said = call(capsys, "idm", robot, rows, *words, status=1)
     assert said.status == 1
     assert said.out == ""
     assert "nothing has mass, so that every effort would be zero" in said.err

@@ -1,4 +1,4 @@
-"""`hybridyn effects`: parts of the efforts against the inverse model, a smaller set, the command line."""
+"""`hybridyn idm --by-effect`: parts of the efforts against the inverse model, a smaller set, the command."""
 
 from pathlib import Path
 
@@ -112,7 +112,7 @@ def test_an_effect_that_a_passive_motion_needs_is_kept() -> None:
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    said = call(capsys, "effects", *FIVE_BAR, "--within", "100%")
+    said = call(capsys, "idm", "--by-effect", *FIVE_BAR, "--within", "100%")
     lines = [line.split() for line in said.out.splitlines()]
     names = choose(hybridyn.load(FIVE_BAR[0]), "model").names
     assert [row[0] for row in lines[1 : 1 + 2 * len(names)]] == [name for name in names for _ in range(2)]
@@ -121,7 +121,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
     selection = Selection(("gravity",), 0.25, 1, 1e-6, 2e-6)
     monkeypatch.setattr(Worth, "sufficient", lambda self, within: selection)
     monkeypatch.setattr(effect_worth, "clock", Clock())  # it stands still, as coarse ones do
-    said = call(capsys, "effects", *FIVE_BAR, "--effects", "default", "--within", "0.3")
+    said = call(capsys, "idm", "--by-effect", *FIVE_BAR, "--effects", "default", "--within", "0.3")
     told = "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us"
     assert told in said.out.splitlines()[-1]
 

@@ -61,7 +61,7 @@ def sized(
 ) -> dict[str, float]:
     report = folder / "report.json"
     robot, motion = write(folder, kind, table)
-    call(capsys, "size", robot, motion, "-o", report, "--fail-on", "never", *words)
+    call(capsys, "idm", "--loads", robot, motion, "-o", report, "--fail-on", "never", *words)
     (facts,) = json.loads(report.read_text())
     return facts
 
@@ -108,7 +108,7 @@ def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFix
     A, w = 0.3, 7.0
     report, figure = tmp_path / "report.json", tmp_path / "cloud.svg"
     robot, motion = write(tmp_path, "prismatic", swing(A, w, 1, 101))
-    said = call(capsys, "size", robot, motion, "-o", report, "--plot", figure, status=1)
+    said = call(capsys, "idm", "--loads", robot, motion, "-o", report, "--plot", figure, status=1)
     force = MASS * A * w**2
     assert abs(json.loads(report.read_text())[0]["peak_effort"]) == pytest.approx(force, rel=EXACT)
     assert len(figure.read_text()) > 10_000
@@ -119,8 +119,8 @@ def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFix
         f"1 m/s, exceeded in {count} samples",
     ):
         assert told in said.out
-    assert call(capsys, "size", robot, motion, "--fail-on", "never")[1:] == said[1:]
-    gentle = call(capsys, "size", *write(tmp_path, "prismatic", swing(0.1, 2.0, 1, 101)))
+    assert call(capsys, "idm", "--loads", robot, motion, "--fail-on", "never")[1:] == said[1:]
+    gentle = call(capsys, "idm", "--loads", *write(tmp_path, "prismatic", swing(0.1, 2.0, 1, 101)))
     assert "no effort, speed or position is over a limit" in gentle.out
 
 
@@ -162,7 +162,7 @@ def test_the_cloud_is_thinned_evenly(tmp_path: Path) -> None:
 def test_power_is_what_the_energy_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Over the five-bar's closed cycle without friction, the motors deliver the energy that they absorb."""
     report = tmp_path / "report.csv"
-    call(capsys, "size", "five_bar", "--effects", "default", "-o", report)
+    call(capsys, "idm", "--loads", "five_bar", "--effects", "default", "-o", report)
     rows = list(csv.DictReader(report.read_text().splitlines()))
     given = sum(float(row["energy_given"]) for row in rows)
     taken = sum(float(row["energy_taken"]) for row in rows)
@@ -174,7 +174,7 @@ def test_numbers_are_those_of_the_inverse_model(tmp_path: Path, capsys: pytest.C
     robot = hybridyn.load("five_bar")
     report = tmp_path / "report.json"
     figure = tmp_path / "cloud.svg"
-    call(capsys, "size", "five_bar", "-o", report, "--jobs", "2", "--plot", figure)
+    call(capsys, "idm", "--loads", "five_bar", "-o", report, "--jobs", "2", "--plot", figure)
     assert "m1_left_drive" in figure.read_text()
     efforts = tmp_path / "efforts.csv"
     call(capsys, "idm", "five_bar", "--effects", "model", "-o", efforts)
@@ -190,7 +190,7 @@ def test_a_table_without_time_has_no_energy(tmp_path: Path, capsys: pytest.Captu
     table = swing(0.3, 7.0, 1, 101)
     robot, motion = write(tmp_path, "prismatic", table[:, 1:], HEADER[1:])
     report = tmp_path / "report.json"
-    said = call(capsys, "size", robot, motion, "-o", report, "--fail-on", "never")
+    said = call(capsys, "idm", "--loads", robot, motion, "-o", report, "--fail-on", "never")
     (facts,) = json.loads(report.read_text())
     assert facts["energy_given"] is None
     assert facts["mean_power"] is None
@@ -202,7 +202,7 @@ def test_a_table_without_time_has_no_energy(tmp_path: Path, capsys: pytest.Captu
 def test_a_page_shows_what_the_report_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Samples, peak, RMS and limits of every motor, one entry in the legend for each, no network."""
     page, report = tmp_path / "cloud.html", tmp_path / "report.json"
-    call(capsys, "size", "five_bar", "-o", report, "--plot", page)
+    call(capsys, "idm", "--loads", "five_bar", "-o", report, "--plot", page)
     text = page.read_text()
     assert not re.search(r"<(script|link)[^>]+(src|href)=.https?:", text)
     start = text.index("[", text.index("Plotly.newPlot(", text.rindex("<script")))

@@ -52,7 +52,7 @@ def test_the_spacing_of_the_rows_does_not_count(tmp_path: Path, capsys: pytest.C
     peak, rms, unit, at, _ = cells(call(capsys, "idm", robot, motion).err)
     assert [float(peak), float(rms)] == pytest.approx([FORCE[-1], RMS], rel=PRINTED)
     assert (unit, float(at)) == ("N", END)
-    sized = cells(call(capsys, "size", robot, motion).out)
+    sized = cells(call(capsys, "idm", "--loads", robot, motion).out)
     assert [float(sized[0]), float(sized[3])] == pytest.approx([FORCE[-1], RMS], rel=10 * PRINTED)
     slide = hybridyn.load(robot)
     still = np.zeros((len(TIME), 1))
@@ -67,10 +67,10 @@ def test_rows_without_times_have_plain_means(tmp_path: Path, capsys: pytest.Capt
     said = call(capsys, "idm", robot, motion).err
     assert float(cells(said)[1]) == pytest.approx(BY_ROWS, rel=PRINTED)
     assert f"row {len(TIME)}" in said
-    for command in ("idm", "size", "effects"):
+    for words in ([], ["--loads"], ["--by-effect"]):
         assert (
             "the table has no times: RMS values are means over its rows"
-            in call(capsys, command, robot, motion).err
+            in call(capsys, "idm", robot, motion, *words).err
         )
     assert STATISTICS["rms"](FORCE, None) == pytest.approx(BY_ROWS, rel=ROUNDING)
 

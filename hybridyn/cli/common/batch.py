@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import glob
 import hashlib
 import json
 import os
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +16,14 @@ import click
 from ...description.files_read import recorded
 from ...description.writing import locked, write_text
 from ...errors import HybridynError
-from .one_table import Outcome, bodies, outcomes
+from .one_table import Outcome, outcomes
 from .options import RobotChoice
 from .progress import Progress
 from .text import counted
 
 if TYPE_CHECKING:
     from ...studies.sweep.engines import PoolName
+    from .tables import TableCommand
 
 #: The file that says what the shards of a folder are: a digest of the command, then for each table that was
 #: computed a line with the digests of table and shard.
@@ -40,61 +39,22 @@ def several(word: str) -> bool:
     return os.path.isdir(word) or (glob.has_magic(word) and not os.path.exists(word))
 
 
-def takes_many(
-    ending: str, check: Callable[[click.Context, click.Parameter, str | None], str | None]
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Let a command with `source` and `output` take a folder or a glob of tables, and add their options.
-
-    Args:
-        ending: Ending of the shards; "" takes that of the table.
-        check: Callback that checks the output of a single table.
-    """
-    options = (
-        click.option(
-            "--resume", is_flag=True, help="For several tables: compute those without an up-to-date result."
-        ),
-        click.option(
-            "--pool", type=click.Choice(["loky", "dask", "ray"]),
-            help="For several tables: processes of this machine (loky), or Dask or Ray.  [default: loky]",
-        ),
-        click.option("--scheduler", metavar="ADDRESS", help="Address of a running cluster, as in 'sweep'."),
-    )  # fmt: skip
-
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        """Add the options, and compute each of several tables by the function."""
-        bodies[function.__module__] = function
-
-        @functools.wraps(function)
-        def body(resume: bool, pool: PoolName | None, scheduler: str | None, **rest: Any) -> Any:
-            """Call the function, once for each table."""
-            context = click.get_current_context()
-            if several(rest["source"]):
-                shards = _Batch(function.__module__, rest, ending)
-                return shards.run(pool or ("dask" if scheduler else "loky"), scheduler, resume=resume)
-            if resume or pool or scheduler:
-                raise click.UsageError("--resume, --pool and --scheduler belong to several tables")
-            output = next(one for one in context.command.params if one.name == "output")
-            check(context, output, rest["output"])
-            return function(**rest)
-
-        for option in reversed(options):
-            body = option(body)
-        return body
-
-    return decorate
-
-
-@dataclass
-class _Batch:
+class Batch:
     """The tables of a command, and the folder of their shards."""
 
-    module: str
-    options: dict[str, Any]
-    ending: str
-    failed: list[Outcome] = field(default_factory=list)
-    texts: dict[str, str] = field(default_factory=dict)
-    status: int = 0
-    done: int = 0
+    def __init__(self, command: TableCommand, options: dict[str, Any], ending: str) -> None:
+        """Start without results.
+
+        Args:
+            command: The command that computes a table.
+            options: Its options; `source` names the tables.
+            ending: Ending of the shards; "" takes that of the table.
+        """
+        assert command.callback is not None
+        self.module, self.options, self.ending = command.callback.__module__, options, ending
+        self.failed: list[Outcome] = []
+        self.texts: dict[str, str] = {}
+        self.status = self.done = 0
 
     def run(self, pool: PoolName, scheduler: str | None, *, resume: bool) -> int:
         """Compute every table that has no shard, and return the exit status.
@@ -188,7 +148,7 @@ class _Batch:
             own |= {name: os.path.abspath(own[name]) for name in ("source", "output")}
             folders = tuple(map(os.path.abspath, load.package_dirs))
             load = replace(load, robot=os.path.abspath(load.robot), package_dirs=folders)
-        return {**self.options, **own, "load": load, **({"quiet": True} if "quiet" in self.options else {})}
+        return {**self.options, **own, "load": load, "quiet": True}
 
     def _identity(self) -> str:
         """Compute a digest of the command, its options, and the files of the robot but meshes."""

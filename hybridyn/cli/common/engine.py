@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -31,21 +30,12 @@ ENGINES = ("general", "compiled")
 HANDED_OVER = "near lost rank, loops open by more than rounding, or a force that no motor gives"
 
 
-def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add `--engine` to a command, which receives `engine`: the engine that the user names, or None.
-
-    Args:
-        samples: Name of the samples in the help.
-        worth: Samples times freedoms above which building a model pays.
-    """
-    less = f", or from {WORTH_OF_POSTURES:,} rows on if postures are assembled" if worth == WORTH else ""
-    return click.option(
-        "--engine",
-        type=click.Choice(ENGINES),
-        help="'general', or 'compiled': models of the robot in C, which are built once and kept. Results "
-        f"agree to rounding.  [default: compiled if {samples} times freedoms of the robot's joints are "
-        f"{worth:,} or more{less}, and if the compiled models support the options]",
-    )
+#: Adds `--engine` to a command, which receives `engine`: the engine that the user names, or None.
+takes_engine = click.option(
+    "--engine",
+    type=click.Choice(ENGINES),
+    help="Models in Python or in C.  [default: C where it pays]",
+)
 
 
 def worth_of(layout: Layout, robot: HybridRobot) -> int:

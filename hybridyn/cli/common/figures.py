@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
@@ -56,16 +56,16 @@ def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings
     return value
 
 
-def takes_plot(what: str, *, page: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add `--plot` to a command, which receives `plot`: the file of a figure, or None.
+def plot_option(what: str, *, page: bool = False) -> click.Option:
+    """Return the option `--plot`: the file of a figure, or None.
 
     Args:
         what: The content of the figure, for the help.
         page: Whether the figure can also be a page (.html).
     """
-    endings = ".png, .svg, .pdf, or .html for a page in which you can zoom" if page else ".png, .svg or .pdf"
+    endings = ".png, .svg, .pdf or .html" if page else ".png, .svg or .pdf"
     callback = chart_file if page else figure_file
-    return click.option("--plot", metavar="FILE", callback=callback, help=f"Also draw {what}: {endings}")
+    return click.Option(["--plot"], metavar="FILE", callback=callback, help=f"Draw {what}: {endings}.")
 
 
 def save(figure: Figure, target: str) -> None:

@@ -1,13 +1,13 @@
-"""One table of many, computed by a command's body in whatever process, and what became of it."""
+"""One table of many, computed by a command in whatever process, and what became of it."""
 
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,14 +20,13 @@ from .text import counted
 if TYPE_CHECKING:
     from ...structure.robot import HybridRobot
     from ...studies.sweep.pool import Pool
+    from .tables import TableCommand
 
 #: Tables per process that are given in advance.
 AHEAD = 2
 #: Times that a table may end its process before it counts as failed.
 MOST_DEATHS = 2
 
-#: Bodies of commands by module: in a module, `command` is the command around the body.
-bodies: dict[str, Callable[..., Any]] = {}
 #: The robot of the last table that this process computed, by the choice of the user.
 _kept: dict[str, HybridRobot] = {}
 
@@ -79,7 +78,7 @@ def outcomes(pool: Pool, module: str, tasks: Sequence[dict[str, Any]]) -> Iterat
 
 
 def compute(module: str, options: dict[str, Any]) -> Outcome:
-    """Compute one table by a command's body.
+    """Compute one table by a command.
 
     Raises:
         OSError: The disk is full.
@@ -87,7 +86,7 @@ def compute(module: str, options: dict[str, Any]) -> Outcome:
     from ...description.writing import FULL
     from ...threads import one_thread
 
-    import_module(module)
+    command: TableCommand = import_module(module).command
     source: str = options["source"]
     log = logging.getLogger("hybridyn")
     before = log.level
@@ -99,8 +98,8 @@ def compute(module: str, options: dict[str, Any]) -> Outcome:
             contextlib.redirect_stderr(io.StringIO()),
         ):  # fmt: skip
             warnings.simplefilter("ignore")
-            load = functools.partial(_robot, options["load"])
-            status = bodies[module](**{**options, "load": load})
+            load = partial(_robot, options["load"])
+            status = command.one({**options, "load": load})
     except OSError as error:
         if error.errno in FULL:
             raise

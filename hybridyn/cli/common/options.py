@@ -56,9 +56,9 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
     return {match[1]: match[2] for match in matches.values() if match}
 
 
-def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+def _effect_names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
     """Split the names of effects at commas, and check them before any work is done."""
-    if ctx.resilient_parsing:  # shell completion must be quick, so that nothing large is imported
+    if value is None or ctx.resilient_parsing:  # shell completion must be quick: nothing large is imported
         return ()
     from ...description.names import did_you_mean
     from ...effects.choice import UNITS, WORDS
@@ -72,31 +72,36 @@ def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tup
     return names
 
 
-def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes_effects(default: str | None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add `--effects` to a command, which receives `effects`: the names of effects.
 
     Args:
-        default: Names that apply where the user gives none.
+        default: Names that apply where the user gives none; None where the command has several defaults.
     """
+    several = "" if default else ".  [default: default; with --loads and --by-effect model]"
     return click.option(
         "--effects",
         metavar="A,B,...",
         callback=_effect_names,
         default=default,
-        show_default=True,
-        help="Effects that are computed: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (and "
-        "all that the robot's files state), 'none', or names (docs/effects.md).",
+        show_default=bool(default),
+        help="Effects: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (all that the files "
+        f"state), 'none', or names (docs/effects.md){several}",
     )
 
 
-class Shared(click.Option):
-    """An option that many commands have: a help shows it last, without its range."""
+class Brief(click.Option):
+    """An option of which a help does not show the range."""
 
     def get_help_extra(self, ctx: click.Context) -> Any:
         """Return what the help says beside the text."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra
+
+
+class Shared(Brief):
+    """An option that many commands have: a help shows it last."""
 
 
 class Command(click.Command):
@@ -133,7 +138,7 @@ ROBOT_OPTIONS = (
     Shared(
         ["--base"],
         type=click.Choice(["fixed", "moving", "floating"]),
-        help="Motion of the root link.  [default: as the file states, else fixed]",
+        help="Motion of the root link.  [default: of the file]",
     ),
     Shared(
         ["--motors"], metavar="A,B,...", callback=split_names,
@@ -141,7 +146,7 @@ ROBOT_OPTIONS = (
     ),
     Shared(
         ["--gravity"], metavar="X,Y,Z", callback=_vector,
-        help="Gravity [m/s^2].  [default: as the file states, else 0,0,-9.81]",
+        help="Gravity [m/s^2].  [default: of the file]",
     ),
     XACRO,
     PACKAGES,
@@ -157,7 +162,7 @@ ROBOT_OPTIONS = (
         metavar="NUMBER",
         default=CLOSED,
         show_default=True,
-        help="Largest residual of closed loops, of a module's size.",
+        help="Largest residual of closed loops.",
     ),
     Shared(["--strict"], is_flag=True, help="Refuse a robot of which something was read past."),
 )  # fmt: skip
@@ -229,5 +234,9 @@ class RobotCommand(Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Collect the robot's options, and call the function."""
         own = {field.name: ctx.params.pop(field.name) for field in dataclasses.fields(RobotChoice)}
-        ctx.params["load"] = RobotChoice(**own)
-        return super().invoke(ctx)
+        return ctx.invoke(self.run, ctx.params | {"load": RobotChoice(**own)})
+
+    def run(self, words: dict[str, Any]) -> Any:
+        """Call the function with the values of arguments and options."""
+        assert self.callback is not None
+        return self.callback(**words)

@@ -18,49 +18,56 @@ if TYPE_CHECKING:
 
 
 class Summary:
-    """Peaks and RMS of some columns and the worst closure residual, accumulated block by block."""
+    """Peaks and RMS of columns of the motors and the worst closure residual, accumulated block by block."""
 
     def __init__(
         self,
         robot: HybridRobot,
         quantity: str,
-        names: Sequence[str],
         units: Sequence[str],
-        at: Sequence[int],
-        others: Sequence[str] = (),
+        columns: Sequence[str],
         *,
         remarks: Sequence[str],
         engine: Engine,
+        others: bool = False,
     ) -> None:
         """Start an empty summary.
 
         Args:
-            quantity: Quantity in the columns, "effort" or "acceleration".
-            names: The motors, one line of the summary each.
-            others: Names of all columns, if the largest of the others is to be reported, too.
+            quantity: Quantity of the motors, "effort" or "acceleration": those in the columns are told.
+            units: Its unit by motor.
+            columns: Names of the columns.
             remarks: Lines at the end of the summary.
             engine: The engine, which counts the samples handed to the general path.
+            others: Whether the largest of the other columns is reported, too.
         """
         from ...streams.departures import Departures
         from ...tables.over_time import Means, Peaks
 
         self.left = Departures()
         self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine
-        self.names, self.units, self.at = [*names], [*units], [*at]
-        self.samples = 0
         self.residual = 0.0
-        self._count = len(names)
-        rest = [column for column in range(len(others)) if column not in set(at)]
+        place = {name: i for i, name in enumerate(columns)}
+        motors = [(name, unit, f"{name}/{quantity}") for name, unit in zip(robot.motors, units, strict=True)]
+        motors = [one for one in motors if one[2] in place]
+        self.names, self.units = [one[0] for one in motors], [one[1] for one in motors]
+        self.at = [place[one[2]] for one in motors]
+        self._count = len(motors)
+        rest = [i for i in range(len(columns)) if i not in set(self.at)] if others else []
         self.at += rest
-        self.names += [others[column] for column in rest]
+        self.names += [columns[i] for i in rest]
         self.peaks, self.squares = Peaks(len(self.at)), Means()
         self.timed = True
+
+    @property
+    def exceeded(self) -> list[str]:
+        """Lines that name the limits that the motion exceeds."""
+        return self.left.lines()
 
     def add(self, done: Done) -> None:
         """Add a block."""
         import numpy as np
 
-        self.samples += len(done.rows)
         self.left.add(done.left, done.first_row, done.time)
         self.engine.add(done.handed_over)
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
@@ -69,29 +76,16 @@ class Summary:
         self.peaks.add(values, rows if done.time is None else done.time)
         self.squares.add(done.time, values**2)
 
-    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
-        """Print the summary on standard error.
-
-        Args:
-            layout: The meaning of the table's columns.
-            seconds: Time spent on the samples [s].
-            wall: Time since the command started [s].
-            jobs: Number of processes.
-        """
-        click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
-        for line in self._lines():
-            click.echo(f"  {line}", err=True)
-        lines = (*self.left.lines(), *by_rows(layout), *fitted_rates(layout), *self.remarks, str(self.engine))
-        for line in lines:
-            click.echo(line, err=True)
+    def show(self, layout: Layout, quiet: bool) -> None:
+        """Print the summary on standard error, if this is not `quiet`."""
+        if quiet:
+            return
+        lines = [f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}"]
+        lines += [f"  {line}" for line in self._lines()]
+        lines += [*self.exceeded, *by_rows(layout), *fitted_rates(layout), *self.remarks, str(self.engine)]
         if self.robot.description.closures or self.robot.description.couplings:
-            click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)
-        rate = self.samples / seconds if seconds > 0 else float("inf")
-        shared = f" in {jobs} processes" if jobs > 1 else ""
-        click.echo(
-            f"{counted(self.samples, 'sample')}, {rate:,.0f} samples/s{shared}, wall time {wall:.2f} s",
-            err=True,
-        )
+            lines.append(f"worst closure residual: {self.residual:.2g} of the module's size")
+        click.echo("\n".join(lines), err=True)
 
     def _lines(self) -> list[str]:
         rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]

@@ -1,44 +1,49 @@
-"""Commands that compute a table from another one, row by row: their options, and the loop over blocks."""
+"""Commands that compute a table from another one, row by row: their options, and the pass over the rows."""
 
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import click
 
-from ...streams.blocks import LONG_FOR_COMPILED, LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
+from ...streams.blocks import LONG_FOR_COMPILED, LONG_TABLE, Model
 from ...streams.memory import keep_freed_memory
 from ...streams.postures import Assemble
 from ...streams.workers import Workers
-from .batch import several, takes_many
-from .figures import Drawing, takes_plot
+from .batch import Batch, several
+from .figures import Drawing, plot_option
 from .files import check_targets, complete_data, existing_file, result_file
+from .options import Brief, RobotChoice, RobotCommand
 from .progress import Progress
+from .report import report_file
+from .text import counted
 
 if TYPE_CHECKING:
     from ...streams.blocks import Done
+    from ...streams.one_pass import Pass
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
-    from ...tables.results import Write
     from ...tables.table import Table
 
 
-class Gathered(Protocol):
-    """A summary that accumulates blocks, and is printed at the end."""
+class Observer(Protocol):
+    """What watches the results of a pass, block by block, and says at the end what it saw."""
 
-    samples: int
+    @property
+    def exceeded(self) -> Sequence[str]:
+        """Lines that name the limits that the motion exceeds."""
+        ...
 
     def add(self, done: Done) -> None:
         """Add a block."""
         ...
 
-    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
-        """Print the summary, with the seconds spent on samples and in all, and the number of processes."""
+    def show(self, layout: Layout, quiet: bool) -> None:
+        """Print what was seen; on standard error only if this is not `quiet`."""
         ...
 
 
@@ -48,14 +53,14 @@ class Plan(NamedTuple):
     Attributes:
         model: The model to evaluate on each block.
         columns: Columns of the result after the time.
-        summary: The summary of the results.
-        written: Whether the rows are written.
+        observers: What watches the results.
+        written: Whether the rows are written, and drawn.
         assemble: Assembles the rows; None for the general path.
     """
 
     model: Model
     columns: Sequence[str]
-    summary: Gathered
+    observers: Sequence[Observer]
     written: bool = True
     assemble: Assemble | None = None
 
@@ -77,7 +82,7 @@ class Tables(NamedTuple):
     reactions: str | None
     jobs: int | None
     quiet: bool
-    plot: str | None = None
+    plot: str | None
 
 
 def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
@@ -93,26 +98,17 @@ def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return table
 
 
-def takes_source(
-    metavar: str, *, own: bool, many: bool = False
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add an argument to a command, which receives `source`: the table that it reads.
+def _source(metavar: str, *, own: bool) -> click.Argument:
+    """Return the argument `source`: the table that a command reads, or a folder or a glob of tables."""
 
-    Args:
-        metavar: Name of the table in the help.
-        own: Whether a shipped robot's own trajectory is the default.
-        many: Whether a folder or a glob may name several tables.
-    """
-    check = own_table if own else existing_file
-
-    def callback(ctx: click.Context, param: click.Parameter, value: str | None) -> Any:
+    def callback(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
         """Check the table, or let several pass."""
-        if value is not None and many and several(value):
+        if value is not None and several(value):
             return value
-        return check(ctx, param, value)
+        return (own_table if own else existing_file)(ctx, param, value)
 
-    return click.argument(
-        "source",
+    return click.Argument(
+        ["source"],
         metavar=f"[{metavar}]" if own else metavar,
         required=not own,
         callback=callback,
@@ -120,173 +116,206 @@ def takes_source(
     )
 
 
-takes_jobs = click.option(
-    "-j",
-    "--jobs",
-    type=click.IntRange(1, 256),
-    help="Number of processes.  [default: 1; one per core where the table has more than "
-    f"{LONG_TABLE:,} numbers ({LONG_FOR_COMPILED:,} with compiled models), or there are several]",
-)
-
-
-def takes_table(
-    metavar: str, *, own: bool = False, plot: str = ""
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add the options of tables to a command, which receives `tables`.
-
-    Args:
-        metavar: Name of the table in the help.
-        own: Whether a shipped robot's own trajectory is the default.
-        plot: The content of a figure of the result, for the help.
-    """
-    options = (
-        takes_source(metavar, own=own, many=True),
-        click.option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="Result file, .csv or .parquet; of several tables, the folder of their shards.  "
-            "[default: CSV on standard output]",
-        ),
-        click.option(
-            "--reactions",
-            metavar="FILE",
-            callback=result_file,
-            help="Also write the internal wrenches, .csv or .parquet: '<root link>/reaction/fx' .. 'mz' of "
-            "the ground on the root link; '<module>/reaction/...' of a module's base body on the module, at "
-            "the origin and in the axes of this body; '<closure>/wrench/...' of a closure on its successor, "
-            "at the successor's closure frame in the axes of the predecessor's; '<coupling>/multiplier'.",
-        ),
-        takes_jobs,
-        takes_plot(plot, page=True),
-        click.option("-q", "--quiet", is_flag=True, help="No summary."),
+def jobs_option(default: str) -> Brief:
+    """Return the option `--jobs`. `default`: the number of processes where the user gives none."""
+    return Brief(
+        ["-j", "--jobs"],
+        type=click.IntRange(1),
+        metavar="N",
+        help=f"Processes.  [default: {default}]",
     )
 
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        """Add the options to a function that takes `tables`."""
 
-        @functools.wraps(function)
-        def body(
-            source: str,
-            output: str | None,
-            reactions: str | None,
-            jobs: int | None,
-            plot: str | None,
-            quiet: bool,
-            **rest: Any,
-        ) -> Any:
-            """Check the files, and call the function with them."""
-            check_targets([source], (output, reactions))
-            if reactions == "-" and output in (None, "-"):
-                raise click.UsageError("efforts and reactions cannot both go to standard output")
-            return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
+def pool_options(of: str) -> tuple[click.Option, ...]:
+    """Return the options of other processes. `of`: the beginning of their help."""
+    return (
+        click.Option(
+            ["--resume"], is_flag=True, help=f"{of}continue an earlier run."
+        ),
+        click.Option(
+            ["--pool"], type=click.Choice(["loky", "dask", "ray"]),
+            help=f"{of}what runs the processes.  [default: loky]",
+        ),
+        click.Option(
+            ["--scheduler"], metavar="ADDRESS",
+            help=f"{of}a running cluster of Dask or Ray.",
+        ),
+    )  # fmt: skip
 
-        out = takes_many("", result_file)(body)
-        for option in reversed(options):
-            out = option(out)
-        return out
 
-    return decorate
+def _table_options(plot: str) -> tuple[click.Option, ...]:
+    return (
+        click.Option(
+            ["-o", "--output"],
+            metavar="FILE",
+            help="Result; a folder for several tables.  [default: stdout]",
+        ),
+        click.Option(
+            ["--reactions"],
+            metavar="FILE",
+            callback=result_file,
+            help="Write internal wrenches, too, .csv or .parquet.",
+        ),
+        plot_option(plot, page=True),
+        click.Option(["-q", "--quiet"], is_flag=True, help="No summary."),
+        jobs_option("1; one per core for long tables"),
+        *pool_options("Several tables: "),
+    )
+
+
+class TableCommand(RobotCommand):
+    """A command that computes a table from another one, or from each of several ones.
+
+    Its function receives `load`, and `tables`, the files.
+    """
+
+    def __init__(
+        self,
+        *,
+        metavar: str,
+        plot: str,
+        params: list[click.Parameter],
+        own: bool = False,
+        reports: Collection[str] = (),
+        **words: Any,
+    ) -> None:
+        """Add the options of tables.
+
+        Args:
+            metavar: Name of the table in the help.
+            plot: The content of a figure of the result, for the help.
+            params: The command's own options.
+            own: Whether a shipped robot's own trajectory is the default.
+            reports: Flags with which the result is no table but a report, .csv or .json.
+            words: As for `click.Command`.
+        """
+        self.reports = reports
+        super().__init__(params=[_source(metavar, own=own), *params, *_table_options(plot)], **words)
+
+    def run(self, words: dict[str, Any]) -> Any:
+        """Call the function, once for each table."""
+        resume, pool, scheduler = (words.pop(name) for name in ("resume", "pool", "scheduler"))
+        report = any(words[name] for name in self.reports)
+        if several(words["source"]):
+            batch = Batch(self, words, ".csv" if report else "")
+            return batch.run(pool or ("dask" if scheduler else "loky"), scheduler, resume=resume)
+        if resume or pool or scheduler:
+            raise click.UsageError("--resume, --pool and --scheduler belong to several tables")
+        output = next(one for one in self.params if one.name == "output")
+        (report_file if report else result_file)(click.get_current_context(), output, words["output"])
+        return self.one(words)
+
+    def one(self, words: dict[str, Any]) -> Any:
+        """Check the files of one table, and call the function with them."""
+        tables = Tables(**{name: words.pop(name) for name in Tables._fields})
+        check_targets([tables.source], (tables.output, tables.reactions))
+        if tables.reactions == "-" and tables.output in (None, "-"):
+            raise click.UsageError("efforts and reactions cannot both go to standard output")
+        assert self.callback is not None
+        return self.callback(tables=tables, **words)
 
 
 def run(
     tables: Tables,
-    load: Callable[[], HybridRobot],
-    plan: Callable[[HybridRobot, Layout, int | None], Plan],
+    load: RobotChoice,
+    plan: Callable[[Pass], Plan],
     *,
+    outputs: Sequence[str] = (),
     efforts: bool = False,
-) -> None:
+) -> Plan:
     """Read a table, compute block by block, write the result and print the summary.
 
     Args:
-        load: Function that loads the robot.
-        plan: Function of the robot, the table's layout and its approximate number of rows, that returns the
-            computation.
+        plan: Function of the pass that returns the computation.
+        outputs: Output joints, as for `Pass`.
         efforts: Whether the table has efforts.
+
+    Returns:
+        The computation, whose observers have seen all blocks.
 
     Raises:
         HybridynError: A file or a row is wrong; no file is written then.
     """
-    from ...tables.columns import read_layout
+    from ...streams.one_pass import Pass
     from ...tables.opening import open_table
-    from ...tables.trajectory import read_motions
 
     keep_freed_memory()
     started = time.perf_counter()
     with contextlib.ExitStack() as opened:
         table = opened.enter_context(open_table(tables.source))
-        robot = load()
-        layout = read_layout(
-            table.columns,
-            robot.description,
-            motors=robot.motors,
-            base=robot.base,
-            file=table.file,
-            efforts=efforts,
+        given = Pass(load(), table, outputs=outputs, efforts=efforts)
+        robot, layout = given.robot, given.layout
+        planned = plan(given)
+        workers = opened.enter_context(
+            Workers(_processes(tables.jobs, table, compiled=planned.assemble is not None))
         )
-        planned = plan(robot, layout, table.rows)
-        compiled = planned.assemble is not None
-        workers = opened.enter_context(Workers(_processes(tables.jobs, table, compiled)))
-        work = Work(robot, layout, planned.model, planned.assemble)
-        workers.prepare(work)
-        rows = rows_at_once(robot)
-        connected = layout.time is not None and not layout.full_state
-        loaded = time.perf_counter()
-        given = blocks(read_motions(table, layout), rows, connected)
-        drawn = Drawing(tables.plot) if tables.plot else None
+        done_by = given.blocks(planned.model, planned.assemble, workers)
+        loaded, samples = time.perf_counter(), 0
+        drawn = Drawing(tables.plot) if tables.plot and planned.written else None
         with _writer(tables, robot, planned, layout.time is not None) as write, Progress() as progress:
-            for done in in_order(work, given, workers):
-                planned.summary.add(done)
+            for done in done_by:
+                for observer in planned.observers:
+                    observer.add(done)
                 write(done)
                 if drawn is not None:
                     drawn.add(done)
-                progress.show(planned.summary.samples, table.fraction())
-        jobs = len(workers)
+                samples += len(done.rows)
+                progress.show(samples, table.fraction())
+        jobs = max(len(workers), 1)
     if drawn is not None:
         drawn.save(robot, planned.columns, f"{robot.name}, {os.path.basename(tables.source)}")
     finished = time.perf_counter()
-    if not tables.quiet:
-        planned.summary.show(layout, finished - loaded, finished - started, max(jobs, 1))
-        if tables.reactions:
-            from ...streams.reaction_columns import shared_wrenches
-
-            for line in shared_wrenches(robot):
-                click.echo(line, err=True)
+    for observer in planned.observers:
+        observer.show(layout, tables.quiet)
+    if planned.written and not tables.quiet:
+        _told(robot, tables, samples, finished - loaded, finished - started, jobs)
+    return planned
 
 
-def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
+def _told(robot: HybridRobot, tables: Tables, samples: int, seconds: float, wall: float, jobs: int) -> None:
+    """Print how fast the samples were computed, and which reactions are not unique."""
+    rate = samples / seconds if seconds > 0 else float("inf")
+    shared = f" in {jobs} processes" if jobs > 1 else ""
+    lines = [f"{counted(samples, 'sample')}, {rate:,.0f} samples/s{shared}, wall time {wall:.2f} s"]
+    if tables.reactions:
+        from ...streams.reaction_columns import shared_wrenches
+
+        lines += shared_wrenches(robot)
+    click.echo("\n".join(lines), err=True)
+
+
+def _processes(jobs: int | None, table: Table, *, compiled: bool) -> int:
     """Return the number of processes to start, 0 to compute in this one."""
     long = LONG_FOR_COMPILED if compiled else LONG_TABLE
-    if jobs is None:
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        jobs = cores if (table.rows or 0) * len(table.columns) > long else 1
-    return 0 if jobs == 1 else jobs
+    if jobs is None and (table.rows or 0) * len(table.columns) > long:
+        from ...studies.sweep.engines import cores
+
+        jobs = cores()
+    return 0 if jobs in (None, 1) else jobs
 
 
 @contextlib.contextmanager
-def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
+def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Iterator[Callable[[Done], None]]:
     """Yield a function that writes the results of a block; files appear when they are complete."""
     import numpy as np
 
     from ...tables.results import open_results
 
-    if not plan.written:
-        yield lambda done: None
-        return
     time_column = ["time"] if timed else []
     with contextlib.ExitStack() as files:
-        result: Write = files.enter_context(open_results(tables.output, [*time_column, *plan.columns]))
-        inner: Write | None = None
+        writes = {}
+        if plan.written:
+            writes["rows"] = files.enter_context(open_results(tables.output, [*time_column, *plan.columns]))
         if tables.reactions:
             from ...streams.reaction_columns import reaction_columns
 
             columns = [*time_column, *reaction_columns(robot)]
-            inner = files.enter_context(open_results(tables.reactions, columns))
+            writes["reactions"] = files.enter_context(open_results(tables.reactions, columns))
 
-        def write(done: Any) -> None:
+        def write(done: Done) -> None:
             """Write the rows of a block."""
-            for rows, to in ((done.rows, result), (done.reactions, inner)):
-                if to is not None:
-                    to(rows if done.time is None else np.column_stack([done.time, rows]))
+            for name, to in writes.items():
+                rows = getattr(done, name)
+                to(rows if done.time is None else np.column_stack([done.time, rows]))
 
         yield write

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import textwrap
 from collections.abc import Sequence
 
@@ -16,6 +15,8 @@ NARROWEST, WIDEST = 40, 110
 
 def terminal_width() -> int:
     """Return the width of text [characters]."""
+    import shutil  # few commands need it
+
     return min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
 
 

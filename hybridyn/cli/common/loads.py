@@ -1,0 +1,152 @@
+"""The report of `hybridyn idm --loads`: what a motion requires of each motor."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .figures import save_sizing
+from .report import write_report
+from .summary import by_rows, effects_line, fitted_rates
+from .text import aligned_rows, counted
+
+if TYPE_CHECKING:
+    from ...effects import Effects
+    from ...streams.blocks import Done, Rows
+    from ...streams.postures import Postures
+    from ...structure.robot import HybridRobot
+    from ...studies.sizing import MotorLoad
+    from ...tables.columns import Layout
+    from .engine import Engine
+    from .tables import Tables
+
+
+def motor_states(
+    robot: HybridRobot, block: Postures, *, efforts: Callable[[HybridRobot, Postures], Rows]
+) -> Rows:
+    """Compute rates, efforts and positions of the motors, shape (T, 3 motors).
+
+    The positions of continuous joints are 0.
+
+    Args:
+        efforts: Computes the efforts of a block.
+    """
+    import numpy as np
+
+    from ...studies.sizing import motor_rows
+
+    made = efforts(robot, block)
+    position, speed = motor_rows(robot, block.q, block.v)
+    rows = np.concatenate([speed, made.result, np.nan_to_num(position)], axis=1)
+    return made._replace(result=rows)
+
+
+class Loads:
+    """The loads of the motors, collected block by block, and their report."""
+
+    def __init__(self, robot: HybridRobot, tables: Tables, effects: Effects, engine: Engine) -> None:
+        from ...streams.departures import Departures
+        from ...studies.sizing import Sizing
+
+        self.left = Departures()
+        self.robot, self.tables, self.effects, self.engine = robot, tables, effects, engine
+        self.sizing = Sizing(robot)
+
+    def add(self, done: Done) -> None:
+        """Add a block."""
+        import numpy as np
+
+        self.engine.add(done.handed_over)
+        self.left.add(done.left, done.first_row, done.time)
+        speed, effort, position = np.split(done.rows, 3, axis=1)
+        turning = [joint.kind == "continuous" for joint in self.sizing.joints]
+        position[:, turning] = np.nan
+        self.sizing.add(done.time, done.first_row, position, speed, effort)
+
+    def show(self, layout: Layout, quiet: bool) -> None:
+        """Print the table, write the files, and name what exceeds its limit."""
+        loads, name = self.sizing.loads(), self.robot.name
+        timed = layout.time is not None
+        if self.tables.output:
+            write_report(self.tables.output, [facts(load, timed) for load in loads])
+        if self.tables.plot:
+            save_sizing(self.sizing, f"{name}, {os.path.basename(self.tables.source)}", self.tables.plot)
+        over = f" over {self.sizing.duration:.6g} s" if timed else ""
+        samples = counted(self.sizing.samples, "sample")
+        click.echo(f"{name}: {counted(len(loads), 'motor')}, {samples}{over}")
+        click.echo("\n".join(_table(loads, timed)))
+        for line in self.exceeded or ["no effort, speed or position is over a limit of the robot's file"]:
+            click.echo(line)
+        if not quiet:
+            told = [*by_rows(layout), *fitted_rates(layout), *effects_line(self.effects), str(self.engine)]
+            click.echo("\n".join(told), err=True)
+
+    @property
+    def exceeded(self) -> list[str]:
+        """Lines that name the limits that the motion exceeds: of the motors, and of other joints."""
+        from ...studies.sizing import violations
+
+        motors = set(self.robot.motors)
+        found = (one for one in self.left if one.quantity == "position" or one.joint not in motors)
+        return [*violations(self.sizing.loads()), *(self.left.line(one) for one in found)]
+
+
+def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
+    """Return the printed table: one line per motor."""
+    at = "at [s]" if timed else "row"
+    rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
+    rows[0] += ["mean power", "positive work", "negative work"] if timed else []
+    for load in loads:
+        force, speed = ("N", "m/s") if load.linear else ("N m", "rad/s")
+        cells = [
+            load.motor,
+            f"{load.effort.value:.5g} {force}",
+            f"{load.effort.at:.5g}",
+            f"{load.rms_effort:.5g}",
+            f"{load.speed.value:.4g} {speed}",
+            f"{load.speed.at:.5g}",
+            f"{load.power.value:.4g} W",
+            f"{load.power.at:.5g}",
+            f"{load.braking_power.value:.4g} W",
+        ]
+        if timed:
+            cells += [f"{load.mean_power:.4g} W", f"{load.energy_given:.4g} J", f"{load.energy_taken:.4g} J"]
+        rows.append(cells)
+    return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
+
+
+def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
+    """Return the load of a motor as flat names and values, None for unknown ones.
+
+    Args:
+        timed: Whether the table has time; if not, peaks are at rows.
+    """
+    out: dict[str, Any] = {}
+    for field in dataclasses.fields(load):
+        value = getattr(load, field.name)
+        if field.name in ("effort", "speed", "power", "braking_power"):
+            out |= {
+                f"peak_{field.name}": value.value,
+                f"peak_{field.name}_{'at' if timed else 'row'}": value.at,
+            }
+        elif field.name == "travel":
+            lower, upper = value or (None, None)
+            out |= {"position_lower": lower, "position_upper": upper}
+        elif isinstance(value, float) and math.isinf(value):
+            out[field.name] = None
+        elif field.name == "linear":
+            out |= {"effort_unit": "N" if value else "N m", "speed_unit": "m/s" if value else "rad/s"}
+        else:
+            out[field.name] = value
+    if load.gear_ratio != 1.0:
+        out |= {
+            "rotor_peak_torque": load.rotor_torque,
+            "rotor_rms_torque": load.rotor_rms_torque,
+            "rotor_peak_speed": load.rotor_speed,
+        }
+    return out
