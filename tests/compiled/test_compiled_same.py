@@ -47,14 +47,18 @@ def compared(
     q: Array,
     v: Array,
     coordinates: Sequence[Sequence[str] | None] = (None,),
+    a: Array | None = None,
 ) -> tuple[int, int]:
-    """Compare every function; return how many calls gave results, and how many samples were general."""
+    """Compare every function; return how many calls gave results, and how many samples were general.
+
+    Accelerations are zero by default, which may open the loops.
+    """
     robot, count, general_samples = compiled.robot, 0, 0
     general, rng = General(robot, compiled.effects), np.random.default_rng(0)
     weight = 9.81 * sum(body.mass for body in robot.bodies.bodies)
     links = [list(robot.bodies.place)[-1], robot.description.root, list(robot.bodies.place)[2]]
     u = rng.normal(size=(*q.shape[:-1], len(robot.motors)))
-    given = {"l": links[0], "m": links, "v": v, "a": np.zeros_like(v), "u": u}
+    given = {"l": links[0], "m": links, "v": v, "a": np.zeros_like(v) if a is None else a, "u": u}
     calls = [(n, letters, {"joints": x}) for x in coordinates for n, letters in OVER_JOINTS.items()]
     calls += [(n, letters, {}) for n, letters in OTHERS.items()]
     calls += [(n, "l", {"axes": "link"}) for n in ("link_jacobian", "delassus")]
@@ -126,10 +130,13 @@ def test_regular_states(name: str, tmp_path: Path) -> None:
     """One sample and many; the general path computes no sample for the compiled one."""
     make, coordinates, effects, dtype = REGULAR[name]
     compiled = hybridyn.compile(make(tmp_path), effects, dtype=dtype)
-    q, v, _ = moving_states(compiled.robot, 3, 1)
-    for states in ((q, v), (q[1], v[1])):
-        count, general_samples = compared(compiled, *states, [None, *coordinates(compiled.robot)])
-        assert count > 15
+    q, v, tau = moving_states(compiled.robot, 3, 1)
+    a = hybridyn.ddm(compiled.robot, q, v, tau, effects=effects)
+    for q_v_a in ((q, v, a), (q[1], v[1], a[1])):
+        count, general_samples = compared(
+            compiled, *q_v_a[:2], [None, *coordinates(compiled.robot)], q_v_a[2]
+        )
+        assert count >= 15
         assert general_samples == 0
 
 
@@ -198,7 +205,7 @@ def test_batches_in_several_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     bar = hybridyn.compile(hybridyn.load("five_bar"))
     q, v, _ = moving_states(bar.robot, 5, 3)
     whole = bar.mass_matrix(q), bar.coriolis(q, v), bar.motion_map(q, v)
-    monkeypatch.setattr("hybridyn.compiled.programs.quantities.following.ROWS_AT_ONCE", 4)
+    monkeypatch.setattr("hybridyn.compiled.programs.quantities.calls.ROWS_AT_ONCE", 4)
     same_bits((bar.mass_matrix(q), bar.coriolis(q, v), bar.motion_map(q, v)), whole)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -55,24 +55,29 @@ class DirectCalls(ModuleCalls):
     inertias: dict[str, Shared] = field(default_factory=dict)
 
 
-def direct_program(request: Request) -> Program:
-    """Build the program of a robot's direct model."""
-    w = Writer("ddm", direct_inputs(request), [("a", request.robot.nv)])
-    write_direct_sweeps(request, w)
+def direct_program(request: Request, *, pushed: bool = False) -> Program:
+    """Build the program of a robot's direct model.
+
+    Args:
+        pushed: Whether "tau" begins with a wrench on a floating base.
+    """
+    name = "ddm_pushed" if pushed else "ddm"
+    w = Writer(name, direct_inputs(request, pushed=pushed), [("a", request.robot.nv)])
+    write_direct_sweeps(request, w, pushed=pushed)
     return w.program()
 
 
-def direct_inputs(request: Request) -> list[tuple[str, int]]:
-    """Return name and length of each input of the direct model."""
+def direct_inputs(request: Request, *, pushed: bool = False) -> list[tuple[str, int]]:
+    """Return name and length of each input of the direct model; `pushed` as for `direct_program`."""
     robot = request.robot
-    inputs = [("q", robot.nq), ("v", robot.nv), ("tau", len(robot.motors))]
+    inputs = [("q", robot.nq), ("v", robot.nv), ("tau", 6 * pushed + len(robot.motors))]
     if robot.base == "moving":
         inputs.append(("base_acceleration", 6))
     return inputs + request.parameter_inputs
 
 
 def write_direct_sweeps(
-    request: Request, w: Writer, *, motions: bool = False, inertias: bool = False
+    request: Request, w: Writer, *, motions: bool = False, inertias: bool = False, pushed: bool = False
 ) -> list[DirectCalls]:
     """Add the sweeps of the direct model to a program, and return the calls of each module.
 
@@ -81,13 +86,14 @@ def write_direct_sweeps(
         w: The program under construction.
         motions: Whether the accelerations along the modules' motions are kept (`DirectCalls.u_dot`).
         inertias: Whether the modules' forces over accelerations are kept (`DirectCalls.inertias`).
+        pushed: As for `direct_program`.
     """
     robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
     root = moving_base(request, w, given, report=True) if given else None
-    sweeps = _Sweeps(request, w, root, motions, inertias)
+    sweeps = _Sweeps(request, w, root, motions, inertias, pushed)
     modules: list[DirectCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
@@ -108,15 +114,11 @@ class _Sweeps:
         root: tuple[Source, Source] | None,
         motions: bool,
         inertias: bool,
+        pushed: bool,
     ) -> None:
-        self.request, self.w, self.root, self.motions, self.inertias = (
-            request,
-            writer,
-            root,
-            motions,
-            inertias,
-        )
-        self.efforts = Efforts(request, writer)
+        self.request, self.w, self.root = request, writer, root
+        self.motions, self.inertias, self.pushed = motions, inertias, pushed
+        self.efforts = Efforts(request, writer, pushed=pushed)
         self._code: dict[Any, DirectModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
 
@@ -182,6 +184,8 @@ class _Sweeps:
     def _calls(self, k: int, modules: list[DirectCalls]) -> DirectCalls:
         """Return the still empty calls of module k; equal modules share their code."""
         plan, options = self.request.plans[k], direct_options(self.request, k)
+        if self.pushed and k == 0:
+            options = replace(options, motors=tuple(range(6)))
         key = (id(plan), options)
         if key not in self._code:
             name = f"module_{len(self._code)}"

@@ -22,15 +22,18 @@ from .writer import Writer
 class Efforts:
     """Provide the efforts on freedoms of a module as a source of a call."""
 
-    def __init__(self, request: Request, writer: Writer, *, motors: bool = True) -> None:
+    def __init__(
+        self, request: Request, writer: Writer, *, motors: bool = True, pushed: bool = False
+    ) -> None:
         """Prepare the efforts of a program.
 
         Args:
             request: The robot and its effects.
             writer: The program under construction.
             motors: Whether motor efforts are user inputs ("tau"). The inverse model uses the laws alone.
+            pushed: Whether "tau" begins with a wrench on a floating base.
         """
-        self._request, self._writer, self._motors = request, writer, motors
+        self._request, self._writer, self._motors, self._pushed = request, writer, motors, pushed
         robot = request.robot
         self._motor_of = {}
         for module in robot.modules:
@@ -39,6 +42,8 @@ class Efforts:
 
     def of(self, k: int, columns: Index) -> Source:
         """Return the source of efforts on freedoms of module k's cut tree, shape (copies, entries)."""
+        if self._pushed and k == 0:
+            return self._writer.from_given("tau", columns)
         marks = self._request.marks(self._request.robot.modules[k])
         if self._motors and all(marks[int(c)] == "motor " for c in columns.ravel()):
             return self._writer.from_given("tau", self._motor_numbers(k, columns))
@@ -51,7 +56,7 @@ class Efforts:
     def _motor_numbers(self, k: int, columns: Index) -> Index:
         """Return the motors' indices in tau."""
         module = self._request.robot.modules[k]
-        numbers = [self._motor_of[id(module), int(c)] for c in columns.ravel()]
+        numbers = [6 * self._pushed + self._motor_of[id(module), int(c)] for c in columns.ravel()]
         return np.array(numbers, dtype=int).reshape(columns.shape)
 
     def _laws(self, k: int, columns: Index, start: int, stride: int) -> None:

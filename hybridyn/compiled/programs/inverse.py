@@ -66,10 +66,15 @@ class Balance:
     root_calls: list[Call]
 
 
-def inverse_program(request: Request) -> Program:
-    """Build the program of a robot's inverse model."""
-    w = Writer("idm", inverse_inputs(request), [("tau", len(request.robot.motors))])
-    write_inverse_sweeps(request, w)
+def inverse_program(request: Request, *, pushed: bool = False) -> Program:
+    """Build the program of a robot's inverse model.
+
+    Args:
+        pushed: Whether "tau" begins with the wrench that a floating base needs, which nothing else exerts.
+    """
+    efforts = 6 * pushed + len(request.robot.motors)
+    w = Writer("idm_pushed" if pushed else "idm", inverse_inputs(request), [("tau", efforts)])
+    write_inverse_sweeps(request, w, pushed=pushed)
     return w.program()
 
 
@@ -79,11 +84,11 @@ def inverse_inputs(request: Request) -> list[tuple[str, int]]:
     return [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
 
 
-def write_inverse_sweeps(request: Request, w: Writer) -> None:
-    """Add the sweeps of the inverse model to a program."""
+def write_inverse_sweeps(request: Request, w: Writer, *, pushed: bool = False) -> None:
+    """Add the sweeps of the inverse model to a program; `pushed` as for `inverse_program`."""
     unit_base(request, w)
     same_structure(request, w)
-    _write_sweeps(request, w, None)
+    _write_sweeps(request, w, None, pushed=pushed)
 
 
 def write_balance(request: Request, w: Writer, *, motions: bool = False) -> Balance:
@@ -101,14 +106,18 @@ def write_balance(request: Request, w: Writer, *, motions: bool = False) -> Bala
 
 
 def _write_sweeps(
-    request: Request, w: Writer, balance: list[Shared] | None, motions: bool = False
+    request: Request,
+    w: Writer,
+    balance: list[Shared] | None,
+    motions: bool = False,
+    pushed: bool = False,
 ) -> Balance:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
     robot = request.robot
     start = len(w.steps)
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
     root_calls = w.calls_from(start)
-    sweeps = _Sweeps(request, w, root, balance, motions)
+    sweeps = _Sweeps(request, w, root, balance, motions, pushed)
     modules: list[InverseCalls] = []
     for k in range(len(robot.modules)):
         start = len(w.steps)
@@ -131,9 +140,10 @@ class _Sweeps:
         root: tuple[Source, Source] | None,
         balance: list[Shared] | None,
         motions: bool,
+        pushed: bool,
     ) -> None:
         self.request, self.w, self.root, self.balance = request, writer, root, balance
-        self.motions = motions
+        self.motions, self.pushed = motions, pushed
         self.efforts = Efforts(request, writer, motors=balance is not None)
         self._code: dict[Any, InverseModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
@@ -164,10 +174,12 @@ class _Sweeps:
         if len(calls.written.laws):
             sources["laws"] = self.efforts.of(calls.k, calls.written.laws[None])
         targets: dict[str, Target] = {"guard": Worst()}
-        if self.balance is None:
-            targets["tau"] = self.w.result("tau", calls.module.motor_index)
-        else:
+        if self.balance is not None:
             calls.left = targets["Q"] = self.balance[calls.k]
+        elif self.pushed and calls.k == 0:
+            targets["Q"] = self.w.result("tau", np.arange(6))
+        else:
+            targets["tau"] = self.w.result("tau", 6 * self.pushed + calls.module.motor_index)
         if calls.below is not None:
             calls.F_base = targets["F_base"] = calls.below.received[calls.module.parent_output]
         elif self.root is not None:
@@ -176,7 +188,7 @@ class _Sweeps:
 
     def _calls(self, k: int, modules: list[InverseCalls]) -> InverseCalls:
         """Return the still empty calls of module k; equal modules share their code."""
-        balance = self.balance is not None
+        balance = self.balance is not None or (self.pushed and k == 0)
         plan = self.request.plans[k]
         options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
         key = (id(plan), options, balance)

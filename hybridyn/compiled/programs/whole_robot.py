@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from ...effects.choice import Choice
 from ...structure.parameters.slots import Slot
@@ -31,7 +32,7 @@ def programs(
         effects: Effects to include, as for `hybridyn.idm`.
         models: Names of the models: "idm", "ddm", "kinematics"; "lift", a Newton step onto the assembled
             postures, left out if the robot has no such program; "close", the motion of all joints from the
-            motors'.
+            motors'; "idm_pushed" and "ddm_pushed", those of a floating robot under a wrench on its base.
         regroup: Whether base inertial parameters are used.
         parameters: Numbers of the description that are an input ("parameters"); True for the inertial
             parameters of the bodies, ten for each body of `robot.bodies` in the order and frame of
@@ -46,6 +47,8 @@ def programs(
     write: dict[str, Callable[[Request], Program | None]] = {
         "idm": inverse_program,
         "ddm": direct_program,
+        "idm_pushed": partial(inverse_program, pushed=True),
+        "ddm_pushed": partial(direct_program, pushed=True),
         "kinematics": kinematics_program,
         "lift": lift_program,
         "close": close_program,

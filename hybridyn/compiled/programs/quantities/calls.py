@@ -12,28 +12,28 @@ from numpy.typing import ArrayLike
 
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
-from ....dynamics.quantities.engine import rate_of_map
 from ....dynamics.quantities.independent import Coordinates, independent_coordinates
 from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
 from ....dynamics.state_checks import checked_state
 from ....effects.choice import Effects
 from ....effects.joint_laws import Spring, Stop
 from ....errors import HybridynError
-from ....spatial import Array
+from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
-from ...library.calls import Calls, Numbers
+from ...library.calls import Calls, Library, Numbers
 from ...library.current import Current
-from .following import Following, following, in_parts
-from .held_base import HeldBase, held_base
-from .rows import Computed, QuantityRows, energy_rows
+from .engine import CompiledEngine
+from .following import Following, following
+from .pushed import pushed_models
 
 log = logging.getLogger("hybridyn.compiled")
 
-#: Largest difference, of the largest rate in the robot's units, between given rates and those that follow
-#: from the independent coordinates: a hundred times how far `idm` lets loops be open.
-FOLLOWS = {"float64": 1e-9, "float32": 3e-1}
+#: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
+ROWS_AT_ONCE = 4096
 
 Joints = Sequence[str] | None
+#: Computes a quantity from an engine and the arguments of `Quantities._finished`.
+Formula = Callable[..., Numbers]
 
 
 class Quantities:
@@ -57,53 +57,44 @@ class Quantities:
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
         q, _, single = checked_state(self.robot, q, None)
-        rows = self._rows(joints)
-        general = partial(mass_matrix, self.robot, joints=joints, effects=self.effects)
-        return self._finished(
-            "mass_matrix", rows.mass if rows else None, general, rows.moves.u.size if rows else 1, single, q
-        )
+        moves, general = self._driven_by(joints), self._general(mass_matrix, joints)
+        lanes = moves.u.size if moves else 1
+        return self._finished("mass_matrix", moves, CompiledEngine.mass, general, lanes, single, q=q)
 
     def bias(
         self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None, base_acceleration: ArrayLike | None = None
     ) -> Numbers:
         """Compute c(q, v) + g(q), shape (N,) or (T, N), like `hybridyn.bias`."""
         q, v, single = checked_state(self.robot, q, v)
-        rows = self._rows(joints)
-        base = np.zeros((len(q), 6))
+        moves, general = self._driven_by(joints), self._general(bias, joints)
+        given = {"q": q, "v": v}
         if base_acceleration is not None:
-            base = acceleration_of_base(self.robot, base_acceleration, len(q))
-
-        def general(q: Array, v: Array, base: Array) -> Array:
-            """Compute it by the general path."""
-            given = base if self.robot.base == "moving" else None
-            return bias(self.robot, q, v, joints=joints, effects=self.effects, base_acceleration=given)
-
-        return self._finished("bias", rows.bias if rows else None, general, 1, single, q, v, base)
+            given["base_acceleration"] = acceleration_of_base(self.robot, base_acceleration, len(q))
+        return self._finished("bias", moves, CompiledEngine.bias, general, 1, single, **given)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute c(q, v), shape (N,) or (T, N), like `hybridyn.coriolis`."""
         q, v, single = checked_state(self.robot, q, v)
-        rows = None if self._has(Stop) else self._rows(joints)  # a stop's damping is not odd in the rates
-        general = partial(coriolis, self.robot, joints=joints, effects=self.effects)
-        return self._finished("coriolis", rows.coriolis if rows else None, general, 3, single, q, v)
+        moves = self._driven_by(joints, Stop)  # a stop's damping is not odd in the rates
+        general = self._general(coriolis, joints)
+        return self._finished("coriolis", moves, CompiledEngine.coriolis, general, 3, single, q=q, v=v)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute C(q, v) with c = C u, shape (N, N) or (T, N, N), like `hybridyn.coriolis_matrix`."""
         q, v, single = checked_state(self.robot, q, v)
-        rows = None if self._has(Stop) else self._rows(joints)
+        moves, general = self._driven_by(joints, Stop), self._general(coriolis_matrix, joints)
         if self.robot.base == "moving" and v[:, :6].any():
-            rows = None  # the general path refuses it
-        general = partial(coriolis_matrix, self.robot, joints=joints, effects=self.effects)
-        lanes = 6 * rows.moves.u.size if rows else 1
-        compute = rows.coriolis_matrix if rows else None
-        return self._finished("coriolis_matrix", compute, general, lanes, single, q, v)
+            moves = None  # the general path refuses it
+        lanes = 6 * moves.u.size if moves else 1
+        formula = CompiledEngine.coriolis_matrix
+        return self._finished("coriolis_matrix", moves, formula, general, lanes, single, q=q, v=v)
 
     def gravity(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""
         q, _, single = checked_state(self.robot, q, None)
-        rows = None if self._has(Spring, Stop) else self._rows(joints)  # they act at rest, too
-        general = partial(gravity, self.robot, joints=joints, effects=self.effects)
-        return self._finished("gravity", rows.gravity if rows else None, general, 1, single, q)
+        moves = self._driven_by(joints, Spring, Stop)  # they act at rest, too
+        general = self._general(gravity, joints)
+        return self._finished("gravity", moves, CompiledEngine.gravity, general, 1, single, q=q)
 
     @overload
     def motion_map(self, q: ArrayLike, v: None = None, *, joints: Joints = None) -> Numbers: ...
@@ -113,54 +104,48 @@ class Quantities:
         self, q: ArrayLike, v: ArrayLike | None = None, *, joints: Joints = None
     ) -> Numbers | tuple[Numbers, Numbers]:
         """Compute dq/du, and with rates also its rate, (nv, N) or (T, nv, N), like `hybridyn.motion_map`."""
-        moves = self._following(joints)
+        moves, general = self._following(joints), partial(motion_map, self.robot, joints=joints)
         q, rates, single = checked_state(self.robot, q, v)
         if v is None:
-            general = partial(motion_map, self.robot, joints=joints)
-            return self._finished("motion_map", moves.map if moves else None, general, 6, single, q)
+            return self._finished("motion_map", moves, CompiledEngine.map, general, 6, single, q=q)
 
         def both(q: Array, v: Array) -> Array:
             """Compute dq/du and its rate by the general path, side by side."""
-            return np.concatenate(motion_map(self.robot, q, v, joints=joints), axis=2)
+            return np.concatenate(general(q, v), axis=2)
 
-        def compiled(q: Array, v: Array) -> Computed:
-            """Compute it in C, and where it can be trusted."""
-            assert moves is not None
-            return _map_and_rate(moves, q, v, FOLLOWS[str(self.dtype)])
-
-        compute = compiled if moves else None
-        out = self._finished("motion_map", compute, both, 2 * self.robot.nv, single, q, rates)
+        formula, lanes = CompiledEngine.map_and_rate, 2 * self.robot.nv
+        out = self._finished("motion_map", moves, formula, both, lanes, single, q=q, v=rates)
         E, E_dot = np.split(out, 2, axis=-1)
         return E, E_dot
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> Energy:
         """Compute kinetic and potential energy, shape () or (T,), like `hybridyn.energy`."""
         q, v, single = checked_state(self.robot, q, v)
-        compute = partial(energy_rows, self._trusted, self.robot, self.effects)
 
         def general(q: Array, v: Array) -> Array:
             """Compute it by the general path."""
             found = energy(self.robot, q, v, effects=self.effects)
             return np.stack([found.kinetic, found.potential], axis=1)
 
-        out = self._finished("energy", compute, general, 1, single, q, v)
+        formula = partial(CompiledEngine.energy, on=self.effects)
+        out = self._finished("energy", None, formula, general, 1, single, q=q, v=v)
         return Energy(out[..., 0], out[..., 1])
 
-    def _trusted(self, name: str, q: Array, v: Array, given: Array) -> Computed:
+    def _general(self, function: Callable[..., Array], joints: Joints) -> Callable[..., Array]:
+        """Return a function of the general path for the robot, the effects and some joints."""
+        return partial(function, self.robot, joints=joints, effects=self.effects)
+
+    def _model(self, name: str, q: Array, *given: Array) -> tuple[Numbers, Mask]:
         """Compute a model of the robot as it is, and which samples can be trusted.
 
-        Accelerations or, of "ddm", efforts are given; a moving base does not accelerate in "ddm".
+        A moving base does not accelerate in "ddm".
         """
-        calls = self._current.program(name)
+        pushed = self._pushed_models if name.endswith("_pushed") else None
+        calls = pushed.programs[name] if pushed else self._current.program(name)
         base = [np.zeros((len(q), 6))] if name == "ddm" and self.robot.base == "moving" else []
-        outputs, guard = calls.batch(
-            [q, v, given, *base, *self._arguments(calls, None, (len(q),)).values()], self.threads
-        )
+        arguments = {} if pushed else self._arguments(calls, None, (len(q),))
+        outputs, guard = calls.batch([q, *given, *base, *arguments.values()], self.threads)
         return outputs[0], np.asarray(guard <= calls.trusted)
-
-    def _has(self, *laws: type[Any]) -> bool:
-        """Return whether a law of these kinds is among the effects."""
-        return any(isinstance(law.effect, laws) for law in self.effects.joints)
 
     def _following(self, joints: Joints) -> Following | None:
         """Return the motions over some joints; None if the general path computes them."""
@@ -174,78 +159,75 @@ class Quantities:
             self._followings[u.joints] = following(self.robot, u, str(self.dtype))
         return self._followings[u.joints]
 
-    def _rows(self, joints: Joints) -> QuantityRows | None:
-        """Return what computes forces along some joints; None if the general path does.
+    def _driven_by(self, joints: Joints, *laws: type[Any], only: bool = False) -> Following | None:
+        """Return the motions over some joints, where compiled models compute the forces along them.
 
-        The inverse model needs a motor for each freedom, and on a floating base a model on a held one.
+        Args:
+            laws: Kinds of laws with which the general path computes them.
+            only: Whether no module may have more motors than freedoms.
+
+        Returns:
+            The motions; None if the general path computes the forces. The inverse model needs a motor for
+            each freedom. A floating base has none, and its wrench is given.
         """
-        moves = self._following(joints)
-        if moves is None or not all(motors >= freedoms for motors, freedoms in self._driven):
+        if any(isinstance(law.effect, laws) for law in self.effects.joints):
             return None
-        if self.robot.base != "floating":
-            driven = self.robot.motor_v
-            return QuantityRows(self.robot, partial(self._trusted, "idm"), driven, moves)
-        held = self._held_base
-        return None if held is None else QuantityRows(self.robot, held.forces, held.columns, moves)
-
-    @property
-    def _driven(self) -> list[tuple[int, int]]:
-        """Number of motors and of freedoms of each module; a floating base has no motors and is left out."""
         modules = self.robot.modules[self.robot.base == "floating" :]
-        return [(len(module.motors), module.mobility) for module in modules]
+        spare = [len(module.motors) - module.mobility for module in modules]
+        if only and any(spare):
+            return None
+        moves = self._following(joints)
+        ready = self.robot.base != "floating" or (moves and self._pushed_models)
+        return moves if ready and min(spare, default=0) >= 0 else None
 
     @cached_property
-    def _held_base(self) -> HeldBase | None:
-        """Models of a floating robot with its base held; None if the general path computes forces."""
-        return held_base(self.robot, self.effects, str(self.dtype), self._trusted, self.threads)
+    def _pushed_models(self) -> Library | None:
+        """Models of a floating robot under a wrench on its base; None if the general path computes forces."""
+        return pushed_models(self.robot, self.effects, str(self.dtype))
 
     def _finished(
         self,
         name: str,
-        compute: Callable[..., Computed] | None,
+        moves: Following | None,
+        formula: Formula,
         general: Callable[..., Array],
         lanes: int,
         single: bool,
-        *arrays: Array,
+        **arrays: Array,
     ) -> Numbers:
         """Compute a quantity, by the general path at samples that cannot be trusted or where it alone can.
 
         Args:
-            compute: Computes results of shape (T, ...) and which samples can be trusted, or None.
+            moves: Motions over the independent coordinates; None if the general path computes them, or if
+                there are none ("energy").
+            formula: Computes results of shape (T, ...) by an engine.
             general: Computes results of the general path.
             lanes: Rows of models for each sample.
             single: Whether to drop the axis of samples.
-            arrays: Arguments of both, shape (T, n) each.
+            arrays: Arguments of both by name, shape (T, n) each.
 
         Raises:
             HybridynError: As the general path raises.
         """
-        if compute is None or not len(arrays[0]):  # no samples: the general path knows the result's shape
-            self.hand_over(name, len(arrays[0]), "which it alone computes")
-            out = general(*arrays).astype(self.dtype)
+        samples = len(arrays["q"])
+        if (moves is None and name != "energy") or not samples:  # without any, it knows the result's shape
+            self.hand_over(name, samples, "which it alone computes")
+            out = general(**arrays).astype(self.dtype)
             return out[0] if single else out
-        out, good = in_parts(compute, lanes, *arrays)
-        doubtful = np.flatnonzero(~good)
+        size = max(1, ROWS_AT_ONCE // max(lanes, 1))
+        parts, good = [], []
+        for start in range(0, samples, size):
+            some = {key: x[start : start + size] for key, x in arrays.items()}
+            engine = CompiledEngine(self.robot, self._model, moves, len(some["q"]))
+            parts.append(formula(engine, **some))
+            good.append(engine.good)
+        out, doubtful = np.concatenate(parts), np.flatnonzero(~np.concatenate(good))
         if len(doubtful):
             self.hand_over(name, len(doubtful))
             log.info("%s: %d of %d samples computed by the general path", name, len(doubtful), len(out))
             try:
-                out[doubtful] = general(*(x[doubtful] for x in arrays))
+                out[doubtful] = general(**{key: x[doubtful] for key, x in arrays.items()})
             except HybridynError:
-                out = general(*arrays)  # its message has the sample's number in the batch
+                out = general(**arrays)  # its message has the sample's number in the batch
         out = out.astype(self.dtype, copy=False)
         return out[0] if single else out
-
-
-def _map_and_rate(moves: Following, q: Array, v: Array, limit: float) -> Computed:
-    """Compute dq/du and its rate side by side, shape (T, nv, 2 N), and which samples can be trusted."""
-    robot, u = moves.robot, moves.u
-    u.fit(robot, "the rate of dq/du")
-    E, good = moves.map(q)
-    base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
-    off = np.abs((np.einsum("tij,tj->ti", E, v[:, u.columns]) + base - v) / robot.unit).max(
-        axis=1, initial=0.0
-    )
-    good &= off <= limit * np.abs(v / robot.unit).max(axis=1, initial=0.0)
-    E_dot = rate_of_map(robot, q, v, E, u, lambda x, y: moves.drift(x, y)[0])
-    return np.concatenate([E, E_dot], axis=2), good

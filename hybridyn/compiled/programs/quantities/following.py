@@ -7,9 +7,8 @@ equal number of all modules are computed in one lane.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,8 +36,6 @@ log = logging.getLogger("hybridyn.compiled")
 SAMPLES, FOLLOWING_AGREES = 12, {"float64": 1e-9, "float32": 1e-2}
 #: Most draws of random states, until the program can be trusted at one.
 ROUNDS = 8
-#: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
-ROWS_AT_ONCE = 4096
 
 
 class Following:
@@ -106,6 +103,11 @@ class Following:
                 "This is a bug: report it with the robot's files; the general path is right"
             )
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the results."""
+        return self._calls.dtype
+
     def map(self, q: Array) -> tuple[Numbers, Mask]:
         """Compute dq/du, shape (T, nv, N), and which samples can be trusted, shape (T,).
 
@@ -151,22 +153,6 @@ def following(robot: HybridRobot, u: Coordinates, dtype: str) -> Following | Non
     except CompileError as error:
         log.warning("quantities: the general path computes them (%s)", error)
         return None
-
-
-def in_parts(
-    compute: Callable[..., tuple[Numbers, Mask]], lanes: int, *arrays: Array
-) -> tuple[Numbers, Mask]:
-    """Compute samples in parts of about `ROWS_AT_ONCE` rows.
-
-    Args:
-        compute: Computes results and which samples can be trusted, from arrays.
-        lanes: Rows for each sample.
-        arrays: Arguments, shape (T, n) each.
-    """
-    size = max(1, ROWS_AT_ONCE // max(lanes, 1))
-    starts = range(0, max(len(arrays[0]), 1), size)
-    parts = [compute(*(x[start : start + size] for x in arrays)) for start in starts]
-    return np.concatenate([out for out, _ in parts]), np.concatenate([good for _, good in parts])
 
 
 def _source(robot: HybridRobot, u: Coordinates, scalar: Scalar) -> Source:

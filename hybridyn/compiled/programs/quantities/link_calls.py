@@ -21,7 +21,7 @@ from ...library.calls import Numbers
 from ..body_rows import body_motion
 from ..general import named
 from .calls import Joints, Quantities
-from .rows import Computed, delassus_rows, link_rows
+from .engine import CompiledEngine
 
 #: Reciprocal condition number of a compiled Delassus matrix below which the general path inverts it. In seven
 #: digits, rounding hides directions in which links cannot move.
@@ -50,15 +50,9 @@ class LinkQuantities(Quantities):
         named_links(self.robot, [link])
         one_of("axes", axes, "world", "link")
         q, _, single = checked_state(self.robot, q, None)
-
         general = partial(link_jacobian, self.robot, link=link, joints=joints, axes=axes)
-
-        def compiled(q: Array) -> Computed:
-            """Compute it in C, and where it can be trusted."""
-            assert moves is not None
-            return link_rows(self._trusted, moves, q, [link], axes)
-
-        return self._finished("link_jacobian", compiled if moves else None, general, 6, single, q)
+        formula = partial(CompiledEngine.link_jacobians, links=[link], axes=axes)
+        return self._finished("link_jacobian", moves, formula, general, 6, single, q=q)
 
     def delassus(self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world") -> Numbers:
         """Compute J M^-1 J^T of links, shape (6 k, 6 k) or (T, 6 k, 6 k), like `hybridyn.delassus`."""
@@ -66,23 +60,10 @@ class LinkQuantities(Quantities):
         named_links(self.robot, names)
         one_of("axes", axes, "world", "link")
         q, _, single = checked_state(self.robot, q, None)
-        floating = self.robot.base == "floating"
-        moves = (
-            self._following(None) if all(motors == freedoms for motors, freedoms in self._driven) else None
-        )
-        held = self._held_base if floating and moves else None
-        moves = None if floating and held is None else moves
-
+        moves = self._driven_by(None, only=True)
         general = partial(delassus, self.robot, links=names, axes=axes, effects=self.effects)
-
-        def compiled(q: Array) -> Computed:
-            """Compute it in C, and where it can be trusted."""
-            assert moves is not None
-            if held is not None:
-                return held.delassus(moves, q, names, axes)
-            return delassus_rows(self._trusted, moves, q, names, axes)
-
-        return self._finished("delassus", compiled if moves else None, general, 6 * len(names), single, q)
+        formula = partial(CompiledEngine.delassus, links=names, axes=axes)
+        return self._finished("delassus", moves, formula, general, 6 * len(names), single, q=q)
 
     def operational_inertia(
         self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world"
@@ -112,7 +93,7 @@ class LinkQuantities(Quantities):
             return E if v is None else drift
 
         if v is None:
-            E = self._finished("joint_map", moves.map if moves else None, general, 6, False, q)
+            E = self._finished("joint_map", moves, CompiledEngine.map, general, 6, False, q=q)
             return E, np.zeros((len(q), self.robot.nv))
-        drift = self._finished("joint_map", moves.drift if moves else None, general, 1, False, q, v)
+        drift = self._finished("joint_map", moves, CompiledEngine.drift, general, 1, False, q=q, v=v)
         return np.zeros((len(q), self.robot.nv, side.size)), drift

@@ -1,0 +1,252 @@
+"""Closed-loop quantities from rows of compiled models, as `dynamics.quantities` computes them.
+
+    M e_j = (idm(q, 0, s E e_j) - idm(q, 0, 0)) / s                        a row for each coordinate
+    c + g = idm(q, v, E_dot u)                                              one row
+    c     = (idm(q, s v, s^2 E_dot u) + idm(q, -s v, s^2 E_dot u) - 2 idm(q, 0, 0)) / (2 s^2)
+    J     = J_tree E, with J_tree from the poses of kinematics(q)           one row
+    D     = J (ddm(q, 0, s J^T e_j) - ddm(q, 0, 0)) / s over u              a row for each wrench
+
+The powers of two s are so large that weights and springs take no digit from inertial terms; what is odd in
+the rates (friction) cancels. Efforts along other joints than the motors are H^T tau, H = d(motors)/du.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ....dynamics.energy import add_energy_of_laws, leg_bodies
+from ....dynamics.quantities.engine import polar_form, rate_of_map
+from ....dynamics.quantities.model import of_brackets
+from ....effects.choice import Effects
+from ....spatial import Array, Index, Mask
+from ....structure.robot import HybridRobot
+from ...library.calls import Numbers
+from ..body_rows import WIDTH
+from .following import Following
+
+#: Exponent of the factor on accelerations, and of rates after their factor.
+FASTER = 30
+#: Largest difference, of the largest rate in the robot's units, between given rates and those that follow
+#: from the independent coordinates: a hundred times how far `idm` lets loops be open.
+FOLLOWS = {"float64": 1e-9, "float32": 3e-1}
+
+#: Computes a model by its name from its arguments: its result, and which rows can be trusted.
+Run = Callable[..., tuple[Numbers, Mask]]
+
+
+class CompiledEngine:
+    """Motions and forces of a robot at some samples, by compiled models.
+
+    A quantity may need several rows for each sample, those of a sample one after the other.
+
+    Attributes:
+        robot: The robot.
+        good: Samples at which all models that were run can be trusted, shape (T,).
+    """
+
+    def __init__(self, robot: HybridRobot, run: Run, moves: Following | None, samples: int) -> None:
+        """Start with trust in all samples.
+
+        Args:
+            run: Computes "idm", "ddm", "kinematics", or "idm_pushed" and "ddm_pushed" of a floating robot.
+            moves: Motions over the independent coordinates; None for quantities that need none.
+        """
+        self.robot, self._run, self._moves = robot, run, moves
+        self.good = np.ones(samples, dtype=bool)
+
+    def run(self, name: str, q: Array, *given: Array) -> Numbers:
+        """Compute a model at rows of samples."""
+        return self._trusted(*self._run(name, q, *given))
+
+    def _trusted(self, out: Numbers, trusted: Mask) -> Numbers:
+        """Return rows, and note the samples that cannot be trusted."""
+        self.good &= trusted.reshape(len(self.good), -1).all(axis=1)
+        return out
+
+    @property
+    def moves(self) -> Following:
+        """The motions over the independent coordinates."""
+        assert self._moves is not None
+        return self._moves
+
+    @property
+    def driven(self) -> Index:
+        """Entries of v on which forces act: the twist of a floating base, then the motors."""
+        base = np.arange(6 if self.robot.base == "floating" else 0)
+        return np.concatenate([base, self.robot.motor_v])
+
+    @property
+    def _pushed(self) -> str:
+        """What is appended to the names of models whose base is pushed."""
+        return "_pushed" if self.robot.base == "floating" else ""
+
+    def map(self, q: Array) -> Numbers:
+        """Compute dq/du, shape (T, nv, N)."""
+        return self._trusted(*self.moves.map(q))
+
+    def drift(self, q: Array, v: Array) -> Numbers:
+        """Compute the accelerations at u_dot = 0, shape (T, nv), of rates that keep the loops closed."""
+        return self._trusted(*self.moves.drift(q, v))
+
+    def forces(self, q: Array, v: Array, a: Array) -> Numbers:
+        """Compute the forces on the driven entries, shape (T, k)."""
+        return self.run("idm" + self._pushed, q, v, a)
+
+    def mass(self, q: Array) -> Numbers:
+        """Compute the mass matrix, shape (T, N, N)."""
+        E, T = self.map(q), len(q)
+        lanes = E.shape[2]
+        a = np.swapaxes(E, 1, 2).reshape(T * lanes, -1) * 2.0**FASTER
+        tau = self.forces(np.repeat(q, lanes, axis=0), np.zeros_like(a), a).reshape(T, lanes, -1)
+        M = self._along(E, np.swapaxes(tau - self._at_rest(q)[:, None], 1, 2)) * 2.0**-FASTER
+        return (M + np.swapaxes(M, 1, 2)) / 2
+
+    def bias(self, q: Array, v: Array, base_acceleration: Array | None = None) -> Numbers:
+        """Compute c + g, shape (T, N), with the acceleration of a prescribed base, shape (T, 6)."""
+        a = self.drift(q, v)
+        if self.robot.base == "moving":
+            a[:, :6] = 0.0 if base_acceleration is None else base_acceleration
+        return self._over_u(q, self.forces(q, v, a))
+
+    def coriolis(self, q: Array, v: Array) -> Numbers:
+        """Compute c, shape (T, N)."""
+        d = self.drift(q, v)
+        s = FASTER - np.frexp(np.abs(v).max(axis=1, initial=0.0))[1][:, None]
+        fast, a = np.ldexp(v, s), np.ldexp(d, 2 * s)
+        both = self.forces(q, fast, a) + self.forces(q, -fast, a)
+        return self._over_u(q, np.ldexp(both / 2 - self._at_rest(q), -2 * s))
+
+    def coriolis_matrix(self, q: Array, v: Array) -> Numbers:
+        """Compute C with c = C u, shape (T, N, N): the polar form of c between v and the columns of dq/du."""
+        C = polar_form(self.robot, self.coriolis, q, v, self.map(q))
+        if self.robot.base == "floating":
+            C[:, :, :6] += of_brackets(self.mass(q), v)
+        return C
+
+    def gravity(self, q: Array) -> Numbers:
+        """Compute g, shape (T, N)."""
+        return self._over_u(q, self._at_rest(q))
+
+    def _at_rest(self, q: Array) -> Numbers:
+        """Return the forces that hold the robot at rest, shape (T, k)."""
+        still = np.zeros((len(q), self.robot.nv))
+        return self.forces(q, still, still)
+
+    def _over_u(self, q: Array, tau: Numbers) -> Numbers:
+        """Return efforts along u, shape (T, N), from those on the driven entries."""
+        same = np.array_equal(self.driven, self.moves.u.columns)
+        return tau if same else self._along(self.map(q), tau[:, :, None])[:, :, 0]
+
+    def _along(self, E: Numbers, tau: Numbers) -> Numbers:
+        """Return efforts along u, shape (T, N, c), from columns of those on driven entries, (T, k, c)."""
+        if np.array_equal(self.driven, self.moves.u.columns):
+            return tau
+        out: Array = np.matmul(np.swapaxes(E[:, self.driven], 1, 2), tau)
+        return out
+
+    def map_and_rate(self, q: Array, v: Array) -> Numbers:
+        """Compute dq/du and its rate side by side, shape (T, nv, 2 N)."""
+        robot, u = self.robot, self.moves.u
+        u.fit(robot, "the rate of dq/du")
+        E = self.map(q)
+        base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
+        off, size = np.einsum("tij,tj->ti", E, v[:, u.columns]) + base - v, v / robot.unit
+        limit = FOLLOWS[str(self.moves.dtype)] * np.abs(size).max(axis=1, initial=0.0)
+        self.good &= np.abs(off / robot.unit).max(axis=1, initial=0.0) <= limit
+        return np.concatenate([E, rate_of_map(robot, q, v, E, u, self.drift)], axis=2)
+
+    def link_jacobians(self, q: Array, links: Sequence[str], axes: str) -> Numbers:
+        """Compute the Jacobians of k links, shape (T, 6 k, N).
+
+        The Jacobian of the spanning tree, whose columns come from the poses on the way to the root, times
+        dq/du.
+        """
+        still = np.zeros((len(q), self.robot.nv))
+        x = self.run("kinematics", q, still, still).reshape(len(q), -1, WIDTH)
+        E = self.map(q)
+        return np.concatenate([_link_jacobian(self.robot, x, E, link, axes) for link in links], axis=1)
+
+    def delassus(self, q: Array, links: Sequence[str], axes: str) -> Numbers:
+        """Compute J M^-1 J^T of k links, shape (T, 6 k, 6 k), of a robot with a motor for each freedom.
+
+        The direct model at rest, under forces on its coordinates that do the work of unit wrenches on the
+        links.
+        """
+        J, name = self.link_jacobians(q, links, axes), "ddm" + self._pushed
+        T, rows, N = J.shape
+        still = np.zeros((T * rows, self.robot.nv))
+        pushed = self.run(name, np.repeat(q, rows, axis=0), still, J.reshape(T * rows, N) * 2.0**FASTER)
+        free = pushed.reshape(T, rows, -1) - self.run(name, q, still[:T], np.zeros((T, N)))[:, None]
+        D = np.matmul(free[:, :, self.moves.u.columns] * 2.0**-FASTER, np.swapaxes(J, 1, 2))
+        return (D + np.swapaxes(D, 1, 2)) / 2
+
+    def energy(self, q: Array, v: Array, on: Effects) -> Numbers:
+        """Compute kinetic and potential energy, shape (T, 2)."""
+        robot = self.robot
+        counted, mass, com, inertia = _inertial_bodies(robot, on)
+        x = self.run("kinematics", q, v, np.zeros_like(v)).reshape(len(q), -1, WIDTH)[:, counted]
+        R, w = x[:, :, :9].reshape(*x.shape[:2], 3, 3), x[:, :, 15:18]
+        arm = np.matmul(R, com[:, :, None])[..., 0]
+        own = np.matmul(np.swapaxes(R, 2, 3), w[..., None])
+        spin = np.matmul(inertia, own)
+        speed = x[:, :, 12:15] + np.cross(w, arm)
+        kinetic = ((speed**2).sum(axis=2) @ mass + (own * spin).sum(axis=(1, 2, 3))) / 2
+        weight = robot.gravity if on.gravity is not None else np.zeros(3)
+        potential = -((x[:, :, 9:12] + arm) @ weight) @ mass
+        add_energy_of_laws(robot, q, v, on, kinetic, potential)
+        return np.stack([kinetic, potential], axis=1)
+
+
+def _link_jacobian(robot: HybridRobot, x: Numbers, E: Numbers, link: str, axes: str) -> Numbers:
+    """Compute the Jacobian of a link, shape (T, 6, N), from the motions of bodies, (T, bodies, WIDTH)."""
+    columns, bodies, linear, angular = _way_to_root(robot, link)
+    body, R, p = robot.bodies.place[link]
+    turned = x[:, [*bodies, body], :9].reshape(len(x), -1, 3, 3)
+    arm = x[:, None, body, 9:12] + (turned[:, -1] @ p)[:, None] - x[:, bodies, 9:12]
+    w = np.matmul(turned[:, :-1], angular[..., None])[..., 0]
+    twists = [np.matmul(turned[:, :-1], linear[..., None])[..., 0] + np.cross(w, arm), w]
+    if axes == "link":
+        twists = [np.matmul(part, turned[:, -1] @ R) for part in twists]
+    out: Array = np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
+    return out
+
+
+def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array, Array]:
+    """Return the freedoms that move a link in the spanning tree.
+
+    Returns:
+        Their entries of v, shape (k,), the bodies that they move, and linear and angular part of the motion
+        subspace in these bodies' frames, shape (k, 3) each.
+    """
+    columns, bodies, S = [np.zeros(0, dtype=int)], list[int](), [np.zeros((0, 6))]
+    k, number = robot.body_owner[robot.bodies.place[link][0]]
+    while k >= 0:
+        module = robot.modules[k]
+        if k == 0 and robot.base == "floating":
+            break
+        tree = module.mechanism.spanning
+        moved = np.flatnonzero(tree.support[number])
+        columns.append(module.v_index[moved])
+        bodies += [robot.body_of_joint[module.joints[i]] for i in tree.dof_body[moved] - 1]
+        S.append(np.concatenate([tree.S_linear, tree.S_angular], axis=1)[moved])
+        k, number = robot.body_owner[robot.bodies.place[module.base][0]]
+    if robot.base == "floating":
+        columns, bodies, S = [*columns, np.arange(6)], [*bodies, *[0] * 6], [*S, np.eye(6)]
+    subspace = np.concatenate(S)
+    return np.concatenate(columns), bodies, subspace[:, :3], subspace[:, 3:]
+
+
+def _inertial_bodies(robot: HybridRobot, on: Effects) -> tuple[list[int], Array, Array, Array]:
+    """Return the bodies whose inertia counts: numbers, mass (k,), centre (k, 3), inertia there (k, 3, 3)."""
+    legs = leg_bodies(robot) if on.leg_inertia is None else set()
+    numbers = [
+        i
+        for i, body in enumerate(robot.bodies.bodies)
+        if (i or robot.base != "fixed") and i not in legs and not body.massless
+    ]
+    bodies = [robot.bodies.bodies[i] for i in numbers]
+    mass = np.array([body.mass for body in bodies])
+    com = np.array([body.com for body in bodies]).reshape(-1, 3)
+    return numbers, mass, com, np.array([body.inertia for body in bodies]).reshape(-1, 3, 3)
