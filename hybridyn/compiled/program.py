@@ -20,7 +20,7 @@ Numbers are stored in four places:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
     from ..spatial import Array, Index
+    from .code.tables import Tables
 
 
 @dataclass(frozen=True)
@@ -45,76 +46,154 @@ class Kernel:
     part: str
 
 
+class Place:
+    """Numbers that a call reads or writes.
+
+    Attributes:
+        memory: Where they are stored; empty for constants and the guard.
+        adds: Whether outputs are added to them.
+    """
+
+    memory: ClassVar[str] = ""
+    adds: ClassVar[bool] = False
+
+    @property
+    def handed(self) -> bool:
+        """Whether a kernel may read and write them directly, one after the other."""
+        return bool(self.memory)
+
+    def at(self, copies: int) -> Index:
+        """Return where the numbers of each copy are, shape (copies, numbers)."""
+        raise NotImplementedError
+
+    def numbers(self, copy: int) -> list[tuple[str, int]]:
+        """Return the memory and the place of each number of one copy; none for constants and the guard."""
+        return [(self.memory, k) for k in self.at(copy + 1)[copy].tolist()] if self.memory else []
+
+    def span(self, copies: int) -> tuple[str, int, int]:
+        """Return the memory, start and end of the range that the numbers of some copies cover."""
+        at = self.at(copies)
+        return (self.memory, int(at.min()), int(at.max()) + 1) if self.memory and at.size else ("", 0, 0)
+
+    def begin(self, copies: int, tables: Tables) -> str:
+        """Return the C expression of the place of the first number of copy i, for `handed` places."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, eq=False)
-class Given:
-    """Read user inputs: `index[i, k]` is the position in `given` of entry k for copy i."""
+class _Listed(Place):
+    """Numbers anywhere in a memory: `index[i, k]` is the place of entry k for copy i."""
 
     index: Index
 
+    @property
+    def handed(self) -> bool:
+        """Whether the numbers of each copy are one after the other."""
+        return bool((np.diff(self.index, axis=1) == 1).all())
+
+    def at(self, copies: int) -> Index:
+        """Return where the numbers of each copy are."""
+        return self.index
+
+    def begin(self, copies: int, tables: Tables) -> str:
+        """Return the place of the first number of copy i: a number, or an entry of a table."""
+        first = self.index[:, 0] if self.index.shape[1] else np.zeros(len(self.index), dtype=int)
+        return str(int(first[0])) if copies == 1 else f"{tables.places(first)}[i]"
+
+
+class Given(_Listed):
+    """Read user inputs."""
+
+    memory = "given"
+
+
+class Result(_Listed):
+    """Read or write user outputs."""
+
+    memory = "result"
+
 
 @dataclass(frozen=True, eq=False)
-class Constants:
+class Constants(Place):
     """Read constants: `values[i, k]` is entry k for copy i."""
 
     values: Array
 
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """Read or write user outputs: `index[i, k]` is the position in `result` of entry k for copy i."""
-
-    index: Index
+    def at(self, copies: int) -> Index:
+        """Return the numbers of the constants, counted copy by copy."""
+        return np.arange(self.values.size).reshape(self.values.shape)
 
 
 @dataclass(frozen=True)
-class Shared:
-    """Read or write `size` shared numbers from `start` on, the same for every copy."""
+class _Block(Place):
+    """`size` numbers of a memory from `start` on; of all copies, or of each from start + i * size on."""
 
     start: int
     size: int
+    apart: ClassVar[bool] = False
+
+    def at(self, copies: int) -> Index:
+        """Return where the numbers of each copy are."""
+        first = self.start + np.arange(copies) * self.size * self.apart
+        return np.asarray(first[:, None] + np.arange(self.size))
+
+    def begin(self, copies: int, tables: Tables) -> str:
+        """Return the place of the first number of copy i."""
+        return f"{self.start} + i * {self.size}" if self.apart and copies > 1 else str(self.start)
 
 
-@dataclass(frozen=True)
-class Each:
+class Shared(_Block):
+    """Read or write shared numbers, the same for every copy."""
+
+    memory = "shared"
+
+
+class Each(_Block):
     """Write or read shared numbers, those of copy i from start + i * size on."""
 
-    start: int
-    size: int
+    memory, apart = "shared", True
 
 
-@dataclass(frozen=True)
-class Own:
+class Own(_Block):
     """Read or write the copies' own numbers, those of copy i from start + i * size of `own` on."""
 
-    start: int
-    size: int
+    memory, apart = "own", True
+
+
+class Add(_Block):
+    """Add the outputs of all copies, in their order, to shared numbers."""
+
+    memory, adds = "shared", True
 
 
 @dataclass(frozen=True)
-class Turned:
+class Turned(Place):
     """Read own numbers by columns: copy i reads entry `first` + i of `rows` copies' `size` numbers each."""
 
     start: int
     size: int
     rows: int
     first: int = 0
+    memory = "own"
 
-    def index(self, copy: int) -> Index:
-        """Return where the numbers of a copy are, as for one copy after the other, shape (rows,)."""
-        return self.start + self.first + copy + np.arange(self.rows) * self.size
+    @property
+    def handed(self) -> bool:
+        """Whether a kernel may read them directly: never."""
+        return False
+
+    def at(self, copies: int) -> Index:
+        """Return where the numbers of each copy are, as for one copy after the other."""
+        first = self.start + self.first + np.arange(copies)
+        return np.asarray(first[:, None] + np.arange(self.rows) * self.size)
 
 
 @dataclass(frozen=True)
-class Add:
-    """Add the outputs of all copies, in their order, to shared numbers from `start` on."""
-
-    start: int
-    size: int
-
-
-@dataclass(frozen=True)
-class Worst:
+class Worst(Place):
     """Keep the largest output of all copies and calls as the sample's guard; NaN counts as largest."""
+
+    def at(self, copies: int) -> Index:
+        """Return the one number of each copy."""
+        return np.zeros((copies, 1), dtype=int)
 
 
 Source = Given | Constants | Result | Shared | Each | Own | Turned

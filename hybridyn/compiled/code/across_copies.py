@@ -10,16 +10,14 @@ from functools import partial
 
 import numpy as np
 
-from ...spatial import Array, Index
+from ...spatial import Index
 from ..program import (
     Add,
     Call,
     Constants,
     Each,
-    Given,
     Own,
     Program,
-    Result,
     Shared,
     Source,
     Target,
@@ -27,7 +25,7 @@ from ..program import (
     Worst,
 )
 from .drivers import Block, driver
-from .tables import Tables, steps_of_one
+from .tables import Tables
 
 HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
 
@@ -51,60 +49,52 @@ def _alone(call: Call, name: str, lanes: int, tables: Tables) -> list[str]:
     return block.lines(name)
 
 
-def _turned(source: Turned, copies: Index, lanes: int) -> Index:
-    """Return where own numbers that are read by columns are, in single numbers, shape (rows, copies)."""
-    rows = np.arange(source.rows)
-    first = source.start + (rows // lanes) * source.size + source.first
-    at: Index = (first[:, None] + copies) * lanes + (rows % lanes)[:, None]
-    return at
+def _lanes_of(source: Source, index: Index, lanes: int) -> tuple[str, Index]:
+    """Return the memory of a source as plain numbers, and where its numbers are, shape (entries, copies).
+
+    Args:
+        index: Where they are, as for one copy after the other, shape (copies, entries).
+    """
+    if isinstance(source, Turned):  # own numbers, of which the lanes hold copies
+        rows = np.arange(source.rows)
+        first = source.start + (rows // lanes) * source.size
+        return "(const S *)own", (first[:, None] + index[:, 0] - source.start) * lanes + (rows % lanes)[
+            :, None
+        ]
+    if source.memory == "shared":  # the same in all lanes
+        return "(const S *)shared", index.T * lanes
+    return source.memory, index.T
 
 
 def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; scalars are first spread over the lanes."""
-    match source:
-        case Shared(start, _) | Each(start, _):
-            return f"shared + {start}"
-        case Own(start, _):
-            return f"own + {start}"
-        case Turned(rows=rows):
-            x = block.vector(f"x{n}", rows)
-            at = tables.places(_turned(source, np.zeros(1, dtype=int), lanes))
-            block.before.append(f"gather_all({x}, (const S *)own, {at}, {rows});")
-            return x
-        case Constants(values):
-            x = block.vector(f"x{n}", values.size)
-            block.before.append(f"set_all({x}, {tables.numbers(values)}, {values.size});")
-            return x
-        case Given(index) | Result(index):
-            place = "given" if isinstance(source, Given) else "result"
-            x = block.vector(f"x{n}", index.size)
-            if steps_of_one(index):
-                block.before.append(f"set_all({x}, {place} + {index[0, 0]}, {index.size});")
-            else:
-                block.before.append(f"gather_all({x}, {place}, {tables.places(index)}, {index.size});")
-            return x
+    if source.memory in ("shared", "own") and source.handed:
+        return f"{source.memory} + {source.begin(1, tables)}"
+    index = source.at(1)
+    x = block.vector(f"x{n}", index.size)
+    if isinstance(source, Constants):
+        block.before.append(f"set_all({x}, {tables.numbers(source.values)}, {index.size});")
+    elif source.handed:
+        block.before.append(f"set_all({x}, {source.memory} + {index[0, 0]}, {index.size});")
+    else:
+        memory, at = _lanes_of(source, index, lanes)
+        block.before.append(f"gather_all({x}, {memory}, {tables.places(at)}, {index.size});")
+    return x
 
 
 def _alone_target(tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:
     """Return an argument that is written; results and the guard are taken from the first lane."""
-    y = f"y{n}"
-    match target:
-        case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):
-            size = 0
-        case Shared(start, size) | Each(start, size) | Own(start, size):
-            place = f"{'own' if isinstance(target, Own) else 'shared'} + {start}"
-            if free:
-                return place
-            block.after.append(f"copy({place}, {y}, {size});")
-        case Add(start, size):
-            block.after.append(f"add(shared + {start}, {y}, {size});")
-        case Result(index):
-            size = index.size
-            if size:
-                block.after.append(f"scatter_first(result, {tables.places(index)}, {y}, {size});")
-        case Worst():
-            size = 1
-            block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], 1);")
+    y, index = f"y{n}", target.at(1)
+    size = index.size
+    if isinstance(target, Worst):
+        block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], 1);")
+    elif size and target.memory == "result":
+        block.after.append(f"scatter_first(result, {tables.places(index)}, {y}, {size});")
+    elif size:
+        place = f"{target.memory} + {target.begin(1, tables)}"
+        if free and not target.adds:
+            return place
+        block.after.append(f"{'add' if target.adds else 'copy'}({place}, {y}, {size});")
     return block.vector(y, size)
 
 
@@ -122,11 +112,6 @@ class _Pack:
         """Return the lines of the call."""
         return Block.of(self.call, self._source, self._target).lines(name)
 
-    def _lanes(self, values: Array | Index) -> Array | Index:
-        """Return the copies' rows as columns, shape (entries, lanes)."""
-        rows: Array | Index = values[self.copies].T
-        return rows
-
     def _source(self, n: int, source: Source, block: Block) -> str:
         """Return an argument that is read; the copies' numbers are first gathered into their lanes."""
         match source:
@@ -135,48 +120,36 @@ class _Pack:
             case Own(start, size):
                 return f"own + {start + self.pack * size}"
             case Constants(values):
-                return f"(const V *){self.tables.numbers(np.asarray(self._lanes(values), dtype=float))}"
-            case Given(index) | Result(index):
-                place = "given" if isinstance(source, Given) else "result"
-                size = index.shape[1]
-                at = self._lanes(index)
-            case Each(start, size):
-                place = "(const S *)shared"
-                at = (
-                    start + size * self.copies + np.arange(size)[:, None]
-                ) * self.lanes  # first lane of each
-            case Turned(rows=size):
-                place, at = "(const S *)own", _turned(source, self.copies, self.lanes)
-        x = block.vector(f"x{n}", size)
-        block.before.append(f"gather_lanes({x}, {place}, {self.tables.places(at.astype(int))}, {size});")
+                return f"(const V *){self.tables.numbers(values[self.copies].T)}"
+        memory, at = _lanes_of(source, source.at(self.call.copies)[self.copies], self.lanes)
+        x = block.vector(f"x{n}", len(at))
+        block.before.append(f"gather_lanes({x}, {memory}, {self.tables.places(at)}, {len(at)});")
         return x
 
     def _target(self, n: int, target: Target, free: bool, block: Block) -> str:
         """Return an argument that is written; all but the copies' own numbers are moved on afterwards."""
-        y, first, valid = f"y{n}", self.first, self.valid
+        y, valid = f"y{n}", self.valid
+        rows = target.at(self.call.copies)[self.first : self.first + valid]
+        size = rows.shape[1]
         match target:
-            case Own(_, 0) | Add(_, 0) | Each(_, 0):
-                size = 0
-            case Own(start, size):
+            case Worst():
+                block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], {valid});")
+            case _ if not size:
+                pass
+            case Own(start, _):
                 place = f"own + {start + self.pack * size}"
                 if free:
                     return place
                 block.after.append(f"copy({place}, {y}, {size});")
-            case Add(start, size):
+            case Add(start, _):
                 block.after.append(f"add_lanes(shared + {start}, {y}, {size}, {valid});")
-            case Each(start, size):
-                block.after.append(f"spread_lanes(shared + {start + first * size}, {y}, {size}, {valid});")
-            case Result(index):
-                size, rows = index.shape[1], index[first : first + valid]
-                if size and valid > 1 and (np.diff(rows, axis=0) == 1).all():
-                    at = self.tables.places(rows[0])
-                    block.after.append(f"store_lanes(result, {at}, {y}, {size}, {valid});")
-                elif size:
-                    at = self.tables.places(rows)
-                    block.after.append(f"scatter_lanes(result, {at}, {y}, {size}, {valid});")
-            case Worst():
-                size = 1
-                block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], {valid});")
+            case Each():
+                block.after.append(f"spread_lanes(shared + {rows[0, 0]}, {y}, {size}, {valid});")
             case Shared():
                 raise ValueError("several copies write shared numbers")
+            case _:
+                along = valid > 1 and (np.diff(rows, axis=0) == 1).all()
+                move, at = ("store", rows[0]) if along else ("scatter", rows)
+                places = self.tables.places(at)
+                block.after.append(f"{move}_lanes(result, {places}, {y}, {size}, {valid});")
         return block.vector(y, size)

@@ -10,26 +10,9 @@ from functools import partial
 from itertools import accumulate
 from types import MappingProxyType
 
-import numpy as np
-
-from ...spatial import Index
-from ..program import (
-    Add,
-    Call,
-    Constants,
-    Each,
-    Given,
-    Own,
-    Program,
-    Result,
-    Shared,
-    Source,
-    Target,
-    Turned,
-    Worst,
-)
+from ..program import Call, Constants, Program, Source, Target, Turned, Worst
 from .drivers import Block, driver
-from .tables import Tables, steps_of_one
+from .tables import Tables
 
 HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
 
@@ -67,79 +50,47 @@ def _call(call: Call, name: str, tables: Tables, between: str, sums: Collection[
     return block.lines(name, head)
 
 
-def _row(call: Call, index: Index, tables: Tables) -> str:
-    """Return the C expression of the start of copy i, for indices that increase by one in each row."""
-    first = index[:, 0] if index.shape[1] else np.zeros(len(index), dtype=int)
-    return str(int(first[0])) if call.copies == 1 else f"{tables.places(first)}[i]"
-
-
-def _at(call: Call, start: int, size: int) -> str:
-    """Return the C expression of the start of copy i, for copies stored one after the other."""
-    return str(start) if call.copies == 1 else f"{start} + i * {size}"
-
-
 def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; entries that are not contiguous are gathered first."""
+    copies, index = call.copies, source.at(call.copies)
+    if source.handed:
+        return f"{source.memory} + {source.begin(copies, tables)}"
+    size = index.shape[1]
+    x, at = block.vector(f"x{n}", size), _row(copies, size)
     match source:
-        case Given(index) | Result(index):
-            place = "given" if isinstance(source, Given) else "result"
-            if steps_of_one(index):
-                return f"{place} + {_row(call, index, tables)}"
-            size = index.shape[1]
-            x = block.vector(f"x{n}", size)
-            block.before.append(
-                f"gather({x}, {place}, {tables.places(index)} + {_at(call, 0, size)}, {size});"
-            )
-            return x
         case Constants(values):
-            size = values.shape[1]
-            x = block.vector(f"x{n}", size)
-            at = f"{tables.numbers(values)} + {_at(call, 0, size)}"
-            block.before.append(f"set_all({x}, {at}, {size});")
-            return x
-        case Shared(start, _):
-            return f"shared + {start}"
-        case Each(start, size):
-            return f"shared + {_at(call, start, size)}"
-        case Own(start, size):
-            return f"own + {_at(call, start, size)}"
-        case Turned(rows=rows):
-            x = block.vector(f"x{n}", rows)
-            at = tables.places(np.asarray(source.index(0)))
-            block.before.append(f"gather({x}, own + {_at(call, 0, 1)}, {at}, {rows});")
-            return x
+            block.before.append(f"set_all({x}, {tables.numbers(values)} + {at}, {size});")
+        case Turned():
+            own = f"own + {_row(copies, 1)}"
+            block.before.append(f"gather({x}, {own}, {tables.places(index[0])}, {size});")
+        case _:
+            block.before.append(f"gather({x}, {source.memory}, {tables.places(index)} + {at}, {size});")
+    return x
+
+
+def _row(copies: int, size: int) -> str:
+    """Return the C expression of the start of row i of a table."""
+    return "0" if copies == 1 else f"0 + i * {size}"
 
 
 def _target(
     call: Call, tables: Tables, sums: Collection[int], n: int, target: Target, free: bool, block: Block
 ) -> str:
     """Return an argument that is written; what cannot be written in place is copied afterwards."""
-    y = f"y{n}"
-    match target:
-        case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):
-            return block.vector(y, 0)
-        case Worst():
-            block.after.append(f"*guard = worst(*guard, {y}[0]);")
-            return block.vector(y, 1)
-        case Add(start, _) if n in sums:
-            return f"shared + {start}"
-        case Add(start, size):
-            block.after.append(f"add(shared + {start}, {y}, {size});")
-            return block.vector(y, size)
-        case Result(index):
-            size = index.shape[1]
-            if free and index.size and steps_of_one(index):
-                return f"result + {_row(call, index, tables)}"
-            at = f"{tables.places(index)} + {_at(call, 0, size)}"
-            block.after.append(f"scatter(result, {at}, {y}, {size});")
-            return block.vector(y, size)
-        case Shared(start, size):
-            place = f"shared + {start}"
-        case Each(start, size):
-            place = f"shared + {_at(call, start, size)}"
-        case Own(start, size):
-            place = f"own + {_at(call, start, size)}"
-    if free:
+    y, index = f"y{n}", target.at(call.copies)
+    size = index.shape[1]
+    if not size:
+        return block.vector(y, 0)
+    if isinstance(target, Worst):
+        block.after.append(f"*guard = worst(*guard, {y}[0]);")
+        return block.vector(y, 1)
+    if target.memory == "result" and not (free and target.handed):
+        at = f"{tables.places(index)} + {_row(call.copies, size)}"
+        block.after.append(f"scatter(result, {at}, {y}, {size});")
+        return block.vector(y, size)
+    place = f"{target.memory} + {target.begin(call.copies, tables)}"
+    if n in sums or (free and not target.adds):
         return place
-    block.after.append(f"copy({place}, {y}, {size});")
+    move = "add" if target.adds else "copy"
+    block.after.append(f"{move}({place}, {y}, {size});")
     return block.vector(y, size)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Turned
-from .rules import overlap, spans
-from .tables import Tables, steps_of_one
+from ..program import Call, Program, Source, Target
+from .rules import overlap
+from .tables import Tables
 
 #: Least share of sums in the instructions of legs whose kernels are compiled a second time to add them in
 #: place: 7 % in direct models, whose batches then take a tenth less; 2 % in inverse models.
@@ -43,7 +43,7 @@ class Block:
         """
         block = cls()
         for n, read in enumerate(call.sources):
-            block.arguments.append("0" if _is_empty(read) else source(n, read, block))
+            block.arguments.append(source(n, read, block) if read.at(call.copies).size else "0")
         for n, (written, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
             block.arguments.append(target(n, written, free, block))
         return block
@@ -68,7 +68,7 @@ def summed(program: Program) -> dict[int, set[int]]:
     for step in program.steps:
         if isinstance(step, Call):
             ends = enumerate(zip(step.targets, in_place(step), strict=True))
-            added = {n for n, (end, free) in ends if isinstance(end, Add) and free and step.copies > 1}
+            added = {n for n, (end, free) in ends if end.adds and free and step.copies > 1}
             sums[step.kernel] = sums.get(step.kernel, added) & added
     functions = {k: program.kernels[k].function for k in sums}
     least = {k: max(1, SUMMED * f.n_instructions()) for k, f in functions.items()}
@@ -101,28 +101,9 @@ def in_place(call: Call) -> list[bool]:
 
     It may if no other argument shares its memory.
     """
-    reads = [span for source, span in zip(call.sources, spans(call, 0), strict=True) if _handed(source)]
-    writes = spans(call, 1)
+    reads = [source.span(call.copies) for source in call.sources if source.handed]
+    writes = [target.span(call.copies) for target in call.targets]
     return [
         not any(overlap(span, other) for other in [*reads, *writes[:n], *writes[n + 1 :]])
         for n, span in enumerate(writes)
     ]
-
-
-def _is_empty(source: Source) -> bool:
-    """Return whether a source has no numbers."""
-    match source:
-        case Given(entries) | Result(entries) | Constants(entries):
-            return entries.size == 0
-        case Turned(rows=size) | Shared(_, size) | Each(_, size) | Own(_, size):
-            return size == 0
-
-
-def _handed(source: Source) -> bool:
-    """Return whether a kernel may read a source directly, without a copy."""
-    match source:
-        case Given(index) | Result(index):
-            return steps_of_one(index)
-        case Constants() | Turned():
-            return False
-    return True

@@ -6,36 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Turned, Worst
+from ..program import Call, Own, Program, Shared, Start, Turned
 
 Span = tuple[str, int, int]
-
-
-def spans(call: Call, given: int) -> list[Span]:
-    """Return the memory spans (place, start, end) of a call's sources, or of its targets for given = 1."""
-    out: list[Span] = []
-    for end in call.targets if given else call.sources:
-        match end:
-            case Given(index):
-                out.append(("given", *_range(index)))
-            case Result(index):
-                out.append(("result", *_range(index)))
-            case Shared(start, size) | Add(start, size):
-                out.append(("shared", start, start + size))
-            case Each(start, size):
-                out.append(("shared", start, start + call.copies * size))
-            case Own(start, size):
-                out.append(("own", start, start + call.copies * size))
-            case Turned(start, size, rows):
-                out.append(("own", start, start + rows * size))
-            case Constants() | Worst():
-                out.append(("", 0, 0))
-    return out
-
-
-def _range(index: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> tuple[int, int]:
-    """Return start and end of the range that indices cover."""
-    return (int(index.min()), int(index.max()) + 1) if index.size else (0, 0)
 
 
 def overlap(a: Span, b: Span) -> bool:
@@ -78,31 +51,27 @@ def check(program: Program) -> None:
             continue
         where = f"program '{program.name}', kernel '{program.kernels[step.kernel].name}'"
         _check_sizes(program, step, where)
-        reads, writes = spans(step, 0), spans(step, 1)
+        reads, writes = ([x.span(step.copies) for x in ends] for ends in (step.sources, step.targets))
         known = {"shared": shared, "result": result}
-        for place, a, b in [*reads, *writes]:
-            if place and not 0 <= a <= b <= room[place]:
-                raise ValueError(f"{where}: {place} has no numbers {a}..{b}")
-        for source, (place, a, b) in zip(step.sources, reads, strict=True):
-            if isinstance(source, Result) and not result[source.index].all():
-                raise ValueError(f"{where} reads a result that was not written")
-            if place == "shared" and not shared[a:b].all():
-                raise ValueError(f"{where} reads shared numbers {a}..{b} that were not written")
+        for memory, a, b in [*reads, *writes]:
+            if memory and not 0 <= a <= b <= room[memory]:
+                raise ValueError(f"{where}: {memory} has no numbers {a}..{b}")
+        for source, (memory, a, b) in zip(step.sources, reads, strict=True):
+            if memory in known and not known[memory][source.at(step.copies)].all():
+                what = "a result that was" if memory == "result" else f"shared numbers {a}..{b} that were"
+                raise ValueError(f"{where} reads {what} not written")
             rows = source.rows if isinstance(source, Turned) else step.copies
             if isinstance(source, Own | Turned) and own.get(source.start) != (source.size, rows):
                 raise ValueError(f"{where} reads own numbers otherwise than they were written")
         for target, span in zip(step.targets, writes, strict=True):
-            several = step.copies > 1 and isinstance(target, Shared | Add)
-            if several and isinstance(target, Shared):
+            if step.copies > 1 and isinstance(target, Shared):
                 raise ValueError(f"{where} writes shared numbers from {step.copies} copies")
-            if several and any(overlap(span, read) for read in reads):
+            if step.copies > 1 and target.adds and any(overlap(span, read) for read in reads):
                 raise ValueError(f"{where} reads what its copies add up")
             if isinstance(target, Own):
                 own[target.start] = (target.size, step.copies)
-            if isinstance(target, Result):
-                result[target.index] = True
-            elif span[0] in known:
-                known[span[0]][span[1] : span[2]] = True
+            if span[0] in known:
+                known[span[0]][target.at(step.copies)] = True
     if not result.all():
         raise ValueError(f"program '{program.name}': result {int(np.argmin(result))} is never written")
 
@@ -114,16 +83,6 @@ def _check_sizes(program: Program, call: Call, where: str) -> None:
     if pairs is None or f.n_out() != len(call.targets):
         raise ValueError(f"{where} takes {f.n_in()} inputs and gives {f.n_out()} outputs")
     for size, end in [*pairs, *((f.nnz_out(i), x) for i, x in enumerate(call.targets))]:
-        match end:
-            case Given(index) | Result(index):
-                shape: tuple[int, ...] = index.shape
-            case Constants(values):
-                shape = values.shape
-            case Shared(_, n) | Add(_, n) | Each(_, n) | Own(_, n):
-                shape = (call.copies, n)
-            case Turned(_, n, rows, first):
-                shape = (call.copies, rows) if first + call.copies <= n else ()
-            case Worst():
-                shape = (call.copies, 1)
-        if shape != (call.copies, size):
+        beyond = isinstance(end, Turned) and end.first + call.copies > end.size
+        if beyond or end.at(call.copies).shape != (call.copies, size):
             raise ValueError(f"{where}: {end} is not of shape {(call.copies, size)}")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 
-import numpy as np
-
 from ...spatial import Array, Index
 from .kernels import literal
 
@@ -43,8 +41,3 @@ class Tables:
 def _shape(array: Array | Index) -> str:
     """Return the C dimension of a flattened table."""
     return f"[{max(array.size, 1)}]"
-
-
-def steps_of_one(index: Index) -> bool:
-    """Return whether the indices in each row increase by one."""
-    return bool((np.diff(index, axis=1) == 1).all())

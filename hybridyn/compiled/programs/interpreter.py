@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Turned, Worst
+from ..program import Call, Constants, Program, Start, Worst
 
 #: Sums of results and guards above this are taken as infinite.
 FINITE = 1e300
@@ -41,58 +41,40 @@ def function_of(program: Program) -> ca.Function:
 
 def run(program: Program, given: list[Any]) -> tuple[list[Any], list[Any]]:
     """Run a program on CasADi scalars; return its results, and the guards of which the largest counts."""
-    shared: list[Any] = [None] * program.shared
-    own: list[Any] = [None] * program.own
     result: list[Any] = [ca.SX(np.nan)] * sum(size for _, size in program.outputs)
+    memory = {
+        "given": given,
+        "result": result,
+        "shared": [None] * program.shared,
+        "own": [None] * program.own,
+    }
     guards: list[Any] = [ca.SX(0.0)]
     for step in program.steps:
         if isinstance(step, Start):
-            shared[step.start : step.start + len(step.values)] = [ca.SX(float(x)) for x in step.values]
-            continue
-        _call(program, step, given, result, shared, own, guards)
+            end = step.start + len(step.values)
+            memory["shared"][step.start : end] = [ca.SX(float(x)) for x in step.values]
+        else:
+            _call(program.kernels[step.kernel].function, step, memory, guards)
     return result, guards
 
 
-def _call(
-    program: Program, call: Call, given: list[Any], result: list[Any], shared: list[Any], own: list[Any],
-    guards: list[Any],
-) -> None:  # fmt: skip
+def _call(function: ca.Function, call: Call, memory: dict[str, list[Any]], guards: list[Any]) -> None:
     """Run one call, and append its guards."""
-    function = program.kernels[call.kernel].function
+    reads, writes = ([end.at(call.copies).tolist() for end in ends] for ends in (call.sources, call.targets))
     for i in range(call.copies):
         arguments = []
-        for source in call.sources:
-            match source:
-                case Given(index):
-                    values = [given[j] for j in index[i]]
-                case Result(index):
-                    values = [result[j] for j in index[i]]
-                case Constants(numbers):
-                    values = [ca.SX(float(x)) for x in numbers[i]]
-                case Shared(start, size):
-                    values = shared[start : start + size]
-                case Each(start, size):
-                    values = shared[start + i * size : start + (i + 1) * size]
-                case Own(start, size):
-                    values = own[start + i * size : start + (i + 1) * size]
-                case Turned():
-                    values = [own[j] for j in source.index(i)]
+        for source, at in zip(call.sources, reads, strict=True):
+            if isinstance(source, Constants):
+                values = [ca.SX(float(x)) for x in source.values[i]]
+            else:
+                values = [memory[source.memory][j] for j in at[i]]
             arguments.append(ca.vertcat(*values) if values else ca.SX(0, 1))
         outputs = function.call(arguments)
-        for target, output in zip(call.targets, outputs, strict=True):
+        for target, at, output in zip(call.targets, writes, outputs, strict=True):
             values = [output[j] for j in range(output.numel())]
-            match target:
-                case Result(index):
-                    for j, value in zip(index[i], values, strict=True):
-                        result[j] = value
-                case Shared(start, size):
-                    shared[start : start + size] = values
-                case Each(start, size):
-                    shared[start + i * size : start + (i + 1) * size] = values
-                case Own(start, size):
-                    own[start + i * size : start + (i + 1) * size] = values
-                case Add(start, _):
-                    for j, value in enumerate(values):
-                        shared[start + j] = shared[start + j] + value
-                case Worst():
-                    guards.append(values[0])
+            if isinstance(target, Worst):
+                guards += values
+                continue
+            place = memory[target.memory]
+            for j, value in zip(at[i], values, strict=True):
+                place[j] = place[j] + value if target.adds else value

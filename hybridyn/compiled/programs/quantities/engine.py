@@ -180,7 +180,8 @@ class CompiledEngine:
         pushed = self.run(name, np.repeat(q, rows, axis=0), still, J.reshape(T * rows, N) * 2.0**FASTER)
         free = pushed.reshape(T, rows, -1) - self.run(name, q, still[:T], np.zeros((T, N)))[:, None]
         D = np.matmul(free[:, :, self.moves.u.columns] * 2.0**-FASTER, np.swapaxes(J, 1, 2))
-        return (D + np.swapaxes(D, 1, 2)) / 2
+        out: Array = (D + np.swapaxes(D, 1, 2)) / 2
+        return out
 
     def energy(self, q: Array, v: Array, on: Effects) -> Numbers:
         """Compute kinetic and potential energy, shape (T, 2)."""
