@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Any
 
 from ...errors import ModelError, install_advice
+from ..names import unique
 from .document import Document, Place
-from .naming import names_of
 
 #: Corrections of frequent errors, by a part of MuJoCo's message.
 CORRECTIONS = {
@@ -54,14 +54,12 @@ class Compiled:
     @cached_property
     def bodies(self) -> list[str]:
         """Name of each body, "world" first."""
-        return names_of("body", self._named("body", self.model.nbody))
+        return self._names("body", [f"body{number}" for number in range(self.model.nbody)])
 
     @cached_property
     def joints(self) -> list[str]:
         """Name of each joint; one without a name is named after its body."""
-        given = self._named("joint", self.model.njnt)
-        made = [f"{self.bodies[body]}_joint" for body in self.model.jnt_bodyid]
-        return names_of("joint", given, made)
+        return self._names("joint", [f"{self.bodies[body]}_joint" for body in self.model.jnt_bodyid])
 
     @cached_property
     def tied_bodies(self) -> dict[int, tuple[int, int]]:
@@ -118,8 +116,11 @@ class Compiled:
     def _place(self, kind: str, number: int) -> Place:
         return _place_in(self._info.get((kind, number), ""), self.places) or Place(self.file, None)
 
-    def _named(self, kind: str, count: int) -> list[str]:
-        return [self.name(kind, number) for number in range(count)]
+    def _names(self, kind: str, made: list[str]) -> list[str]:
+        """Return the names of elements; one without a name takes the one that is made for it."""
+        given = [self.name(kind, number) for number in range(len(made))]
+        taken = {*given}
+        return [name or unique(other, taken) for name, other in zip(given, made, strict=True)]
 
     @cached_property
     def _info(self) -> dict[tuple[str, int], str]:
@@ -141,17 +142,17 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
     """
     file = document.root.file
     mujoco = _module(file)
-    (main, *attached), texts, places = document.every(), dict[str, bytes](), list[Place]()
-    text, places = main.text()
-    names = {id(model): key for one in document.every() for key, model in one.models.items()}
-    for model in attached:
-        inner, lines = model.text()
-        texts[names[id(model)]] = b"\n" * len(places) + inner.encode()
+    texts: dict[str, bytes] = {}
+    places: list[Place] = []
+    for one in document.every():
+        text, lines = one.text()
+        texts[one.key] = b"\n" * len(places) + text.encode()
         places += lines
+    main = texts.pop("").decode()
     refusals = (ValueError, TypeError, mujoco.FatalError)
     try:
         with _silent(mujoco):
-            spec = mujoco.MjSpec.from_string(text, include=texts, assets=meshes)
+            spec = mujoco.MjSpec.from_string(main, include=texts, assets=meshes)
             spec.compiler.fusestatic = False
             spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # it would simulate muscles
             model = spec.compile()

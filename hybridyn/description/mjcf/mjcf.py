@@ -20,7 +20,6 @@ from .compiling import Compiled, compile_text
 from .document import Document
 from .equalities import add_equalities
 from .forces import refuse_forces, refuse_numbers
-from .meshes import take_meshes
 from .screening import screen
 
 #: Name of the keyframe that is home where there are several.
@@ -41,11 +40,10 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
             hybridyn does not have.
     """
     document = Document(root, [os.fspath(folder) for folder in package_dirs])
-    pairs = any(node.tag == "pair" for node in document.nodes())
+    pairs = bool(document.nodes("//pair"))
     meshes: dict[str, bytes] = {}
     for one in document.every():
-        screen(one)
-        take_meshes(one, meshes)
+        screen(one, meshes)
     compiled = compile_text(document, meshes)
     refuse_numbers(compiled)
     if compiled.model.nbody == 1:

@@ -1,18 +1,19 @@
-"""Refuse or remove elements before MuJoCo compiles the file.
+"""Refuse, remove or read what stands in the file before MuJoCo compiles it.
 
 Visuals, sensors, cameras, lights and contacts are removed: they do not change the dynamics that hybridyn
-computes. MuJoCo then opens no files, and allocates memory for the robot only.
+computes. Meshes are read only where inertias are computed from them; a tetrahedron of the same name stands
+for any other. MuJoCo then opens no files, and allocates memory for the robot only.
 """
 
 from __future__ import annotations
 
+import math
 import os
-import re
 
 from lxml import etree
 
 from ..urdf.xml_node import LARGEST_NUMBER, Node
-from .document import Document
+from .document import FILE, Document
 
 #: Elements that do not change the dynamics that hybridyn computes.
 LEFT_OUT = {
@@ -45,34 +46,58 @@ OF_ACTUATORS = {
 #: Most elements, replicas counted; the time of MuJoCo's compiler grows with the square of their number.
 MOST_COMPILED = 50_000
 
-_UNBOUNDED = re.compile(r"[+-]?(inf(inity)?|nan)", re.IGNORECASE)
-_NUMERAL = re.compile(r"[+-]?\.?\d")
+#: Largest number of a built-in mesh: the count of its subdivisions.
+MOST_SUBDIVISIONS = 100.0
+
+#: Corners of the mesh that replaces a mesh that is not needed.
+TETRAHEDRON = "0 0 0 1 0 0 0 1 0 0 0 1"
+
+#: Meshes that MuJoCo reads.
+ENDINGS = (".stl", ".obj", ".msh")
+
+#: Elements whose children belong to the body around them.
+TRANSPARENT = ("frame", "replicate")
 
 
-def screen(document: Document) -> None:
+def screen(document: Document, meshes: dict[str, bytes]) -> None:
     """Refuse what cannot be read, and remove what does not change the dynamics.
 
     Args:
-        document: The file; its tree is changed.
+        document: The file; its tree is changed: paths of meshes become names of contents.
+        meshes: Content of each mesh by the name that the tree now has for it; filled in place.
 
     Raises:
-        ModelError: An element is refused, a number is not finite, or elements are too many.
+        ModelError: An element is refused, a number is not finite, a mesh that is needed cannot be read, or
+            elements are too many.
     """
-    for node in list(document.nodes()):
+    for node in document.nodes():
         if node.tag in LEFT_OUT:
-            _take_out(node)
+            _take_out(node.xml)
         elif node.tag == "plugin":
             _take_plugin(document, node)
+    _take_meshes(document, meshes)
     for node in document.nodes():
         if node.tag in REFUSED:
             raise node.error(REFUSED[node.tag])
-        for name in node.attributes():
-            if name not in NAMES:
-                _refuse_unbounded(node, name)
+        for name in {*node.attributes()} - NAMES:
+            _refuse_unbounded(node, name)
         node.xml.attrib.pop("material", "")
-        if node.tag == "hfield":
-            _flatten(node)
+        if node.tag == "hfield":  # a terrain has no mass, and may be large: a flat one stands for it
+            _stand_in(node, "size", nrow="2", ncol="2")
     _refuse_too_many(document)
+
+
+def mesh_folder(document: Document) -> str:
+    """Take the folder of meshes out of `<compiler>`; what is stated last counts."""
+    stated: dict[str, str] = {}
+    for node in document.nodes("//compiler"):
+        for name in ("assetdir", "meshdir", "texturedir", "strippath"):
+            if name in node.xml.attrib:
+                stated[name] = str(node.xml.attrib.pop(name))
+    if stated.get("strippath") == "true":
+        for node in document.nodes("//mesh[@file]"):
+            node.xml.set("file", os.path.basename(str(node.xml.get("file"))))
+    return stated.get("meshdir", stated.get("assetdir", ""))
 
 
 def _take_plugin(document: Document, node: Node) -> None:
@@ -85,17 +110,47 @@ def _take_plugin(document: Document, node: Node) -> None:
     place = "{}:{}: ".format(*node.place) + f"<plugin> in <{above.tag}>"
     if above.tag == "actuator":
         node.xml.tag = "general"
-        for name in set(node.attributes()) - OF_ACTUATORS:
+        for name in {*node.attributes()} - OF_ACTUATORS:
             del node.xml.attrib[name]
         node.xml.set("biastype", "affine")
-        for child in list(node.xml):
-            node.xml.remove(child)
-    elif above.tag == "geom" and _has_mass(next(above.iterancestors())):
-        _take_out(Node(above, node.file))
+        del node.xml[:]
+    elif above.tag == "geom" and _has_mass(_body(above)):
+        _take_out(above)
         document.notes.append(f"{place} is not read: it only makes a shape, without mass")
     elif above.tag == "mesh":
-        _take_out(node)
+        _take_out(node.xml)
         document.notes.append(f"{place} is not read: it only makes a shape")
+
+
+def _take_meshes(document: Document, contents: dict[str, bytes]) -> None:
+    """Read the meshes that inertias need, and replace all others."""
+    always = document.nodes("//compiler[@inertiafromgeom='true' or @settotalmass]")
+    needed: dict[str, str] = {}
+    for node in document.nodes("//geom[@mesh]"):
+        body = _body(node.xml)
+        if body.tag != "worldbody" and (always or not _has_mass(body)):
+            needed.setdefault(str(node.xml.get("mesh")), str(body.get("name", "")))
+    folder = document.beside(mesh_folder(document))
+    for node in document.nodes("//asset/mesh"):
+        name = _name(node)
+        if name not in needed:
+            _stand_in(node, "class", vertex=TETRAHEDRON)
+        elif "file" in node.xml.attrib:
+            mend = (
+                f"; the inertia of body '{needed[name]}' comes from it: put the file there, or give the body "
+                "an <inertial> (then hybridyn reads no mesh)"
+            )
+            ending = os.path.splitext(node.text("file"))[1].lower()
+            if ending not in ENDINGS:
+                raise node.error(f"mesh '{node.text('file')}' is none of {', '.join(ENDINGS)}{mend}")
+            key = f"mesh{len(contents)}{ending}"
+            contents[key], _ = document.read(node, [folder], mend)
+            node.xml.attrib.update({"name": name, "file": key})
+
+
+def _body(xml: etree._Element) -> etree._Element:
+    """Return the body, world or class to which an element in it belongs."""
+    return next(above for above in xml.iterancestors() if above.tag not in TRANSPARENT)
 
 
 def _has_mass(body: etree._Element) -> bool:
@@ -103,45 +158,45 @@ def _has_mass(body: etree._Element) -> bool:
     return body.tag == "worldbody" or body.find("inertial") is not None
 
 
-def _take_out(node: Node) -> None:
-    parent = node.xml.getparent()
-    if parent is not None:
-        parent.remove(node.xml)
+def _name(node: Node) -> str:
+    """Return the name of an asset, which is that of its file where it states none."""
+    stem, _ = os.path.splitext(os.path.basename(str(node.xml.get("file", ""))))
+    return str(node.xml.get("name") or stem)
+
+
+def _take_out(xml: etree._Element) -> None:
+    if (parent := xml.getparent()) is not None:
+        parent.remove(xml)
+
+
+def _stand_in(node: Node, kept: str, **attributes: str) -> None:
+    """Replace an asset by another one of the same name, which keeps one of its attributes."""
+    attributes["name"] = _name(node)
+    for name in {*map(str, node.xml.attrib)} - {kept, FILE}:
+        del node.xml.attrib[name]
+    del node.xml[:]
+    for name, value in attributes.items():
+        node.xml.set(name, value)
 
 
 def _refuse_unbounded(node: Node, name: str) -> None:
     """Refuse numbers that are not finite or absurdly large; ranges may be infinite."""
-    for word in str(node.xml.get(name, "")).split():
-        if _UNBOUNDED.fullmatch(word):
-            if not name.endswith("range") or "nan" in word.lower():
-                raise node.error(f"attribute '{name}': '{word}' is not a finite number")
-        elif _NUMERAL.match(word) and abs(_number(word)) > LARGEST_NUMBER:
-            raise node.error(f"attribute '{name}': '{word[:40]}' is too large (limit {LARGEST_NUMBER:g})")
-
-
-def _number(word: str) -> float:
-    """Return a number, or 0 for what is none: MuJoCo refuses that itself."""
-    try:
-        return float(word)
-    except ValueError:
-        return 0.0
-
-
-def _flatten(node: Node) -> None:
-    """Replace a terrain by a flat one of the same size: it has no mass, and may be large."""
-    file = os.path.basename(str(node.xml.get("file", "")))
-    node.xml.set("name", str(node.xml.get("name") or os.path.splitext(file)[0]))
-    for name in ("file", "content_type", "elevation"):
-        node.xml.attrib.pop(name, "")
-    node.xml.set("nrow", "2")
-    node.xml.set("ncol", "2")
+    limit = MOST_SUBDIVISIONS if name == "params" else LARGEST_NUMBER
+    for word in str(node.xml.get(name)).split():
+        try:
+            size = abs(float(word))
+        except ValueError:
+            continue  # MuJoCo refuses what is no number where it needs one
+        if math.isnan(size) or (math.isinf(size) and word[-1].isalpha() and not name.endswith("range")):
+            raise node.error(f"attribute '{name}': '{word}' is not a finite number")
+        if size > limit and not word[-1].isalpha():
+            raise node.error(f"attribute '{name}': '{word[:40]}' is too large (limit {limit:g})")
 
 
 def _refuse_too_many(document: Document) -> None:
     """Refuse a robot that would take MuJoCo minutes, or all memory."""
     factors: dict[object, float] = {}
-    total = 0.0
-    attached = sum(1 for model in document.every()[1:] for _ in model.nodes())
+    total, attached = 0.0, sum(len(model.nodes()) for model in document.every()[1:])
     for node in document.nodes():
         factor = factors.get(node.xml.getparent(), 1.0)
         if node.tag == "replicate":

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...description.mjcf.document import Document
-from ...description.mjcf.meshes import mesh_folder
+from ...description.mjcf.screening import mesh_folder
 from ...description.sdf.library import Library
 from ...description.shape_files import MeshFiles, MissingMeshError
 from ...description.urdf.xml_node import Node
@@ -38,11 +38,9 @@ def _of_mjcf(subject: Subject) -> Iterator[tuple[Node, str, bool]]:
     """Yield each mesh of an MJCF file, its file's name, and whether there is no such file."""
     document = Document(subject.root, [os.fspath(folder) for folder in subject.package_dirs])
     folder = mesh_folder(document)
-    for node in document.nodes():
-        above = node.xml.getparent()
-        if node.tag == "mesh" and above is not None and above.tag == "asset" and "file" in node.xml.attrib:
-            name = node.text("file")
-            yield node, name, not os.path.isfile(document.beside(folder, name))
+    for node in document.nodes("//asset/mesh[@file]"):
+        name = node.text("file")
+        yield node, name, not os.path.isfile(document.beside(folder, name))
 
 
 def _of_sdf(subject: Subject) -> Iterator[tuple[Node, str, bool]]:
