@@ -154,6 +154,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "closure from the base": ("loop", closed("revolute", "base", "tool")),
     "closure to the base": ("loop", closed("universal", "tool", "base")),
     "closure at a massless end": ("", closed("spherical", d=link(**WEIGHTLESS))),
+    "massless end on the base": ("", closed("spherical", "base", "tool", d=link(**WEIGHTLESS))),
     **{
         f"author's axes, {kind}": ("loop", closed(kind, turn=CYCLIC))
         for kind in ("fixed", "spherical", "revolute", "prismatic", "universal", "rows_xz_parallel")

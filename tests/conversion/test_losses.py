@@ -154,6 +154,7 @@ closure without a row           rows        rows              rows          rows
 closure from the base           kept        pins              home          kept
 closure to the base             kept        follow            home          cross
 closure at a massless end       kept        follow+body       home          kept
+massless end on the base        kept        follow+body       home          kept
 author's axes, fixed            kept        kept              home          kept
 author's axes, spherical        kept        kept              home          kept
 author's axes, revolute         kept        pins              home          kept

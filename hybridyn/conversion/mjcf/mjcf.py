@@ -2,24 +2,42 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from xml.etree import ElementTree as ET
 
-from ...description.poses import poses_at
+from ...description.names import listed
+from ...description.poses import outwards
 from ...description.records import Description
 from ...description.side_cars.model_text import model_file
-from ...description.weightless import Bodies
-from ..numerals import numeral, numerals
+from ...errors import ModelError
+from ..numerals import numeral
 from ..request import USUAL_GRAVITY, Losses, Request, Written
-from .bodies import Builder, Tree
-from .checks import check_depth, check_names
-from .closures import add_closures, needs_follower
-from .couplings import add_couplings
-from .followers import follower_of
-from .forces import SAID, add_forces, add_motors
-from .inertias import inertias_of
-from .softness import acceleration, add_softness, softness
+from .bodies import Tree, add, put
+from .equalities import add_closures, add_couplings
+from .forces import SAID, add_forces, list_losses, with_effects
+from .inertias import sizes_of
+from .parts import Parts
 from .visuals import add_visuals
+
+#: Most bodies one inside the other; XML readers stop at 256 elements.
+DEEPEST = 240
+#: Elements that share their names, and the element that holds them.
+GROUPS = {
+    "worldbody": (("body",), ("joint", "freejoint"), ("site",)),
+    "equality": (("connect", "weld", "joint", "tendon"),),
+    "tendon": (("fixed",),),
+}  # fmt: skip
+#: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
+FREE_FALL = 10.0
+#: Gravity where the robot has none [m/s^2].
+EARTH = 9.81
+#: Impedance of equalities, the largest that MuJoCo takes.
+HARDEST = 0.9999
+#: Longest time step [s]; slower motions than those of the closures need to be followed, too.
+LONGEST_STEP = 1e-3
+#: Part of a unit by which a step of two digits may miss it.
+TWO_DIGITS = 1e-9
 
 
 def write_mjcf(request: Request, losses: Losses) -> Written:
@@ -29,29 +47,12 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
         ModelError: The robot is too deep for nested bodies, or names would occur twice.
     """
     d = request.description
-    check_depth(d)
-    root = ET.Element("mujoco", model=d.name)
-    ET.SubElement(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
-    option = ET.SubElement(root, "option", gravity=numerals(d.gravity or USUAL_GRAVITY))
-    option.set("integrator", "implicitfast")
-    chosen = softness(d, request.tightness)
+    _check_depth(d)
+    root, notes = ET.Element("mujoco", model=d.name), list[str]()
+    add(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
+    option = add(root, "option", gravity=d.gravity or USUAL_GRAVITY, integrator="implicitfast")
     if d.closures or d.couplings:
-        add_softness(root, option, chosen)
-    tree = _add_robot(root, d, losses)
-    add_visuals(root, request, tree, losses)
-    add_motors(root, d)
-    if tree.qpos:
-        keyframe = ET.SubElement(root, "keyframe")
-        ET.SubElement(keyframe, "key", name="home", qpos=numerals(tree.qpos))
-    check_names(root)
-    ET.indent(root)
-    beside = [name for name, _ in d.effects if name not in SAID]
-    notes = []
-    if d.closures or d.couplings:
-        tight = (
-            f"closures stay within {numeral(request.tightness)} m up to accelerations of "
-            f"{acceleration(d):.3g} m/s^2: time step {chosen.step:.2g} s, solref {chosen.constant:.2g} s"
-        )
+        tight = _add_softness(root, option, d, request.tightness)
         notes.append(tight)
         root.insert(0, ET.Comment(f" {tight} "))
         if any(name in SAID for name, _ in d.effects):
@@ -59,6 +60,13 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
                 "this does not count springs and dampers: stiff ones open the closures further, or break up "
                 "the simulation; then convert with a smaller tightness"
             )
+    tree = _add_robot(root, d, losses)
+    add_visuals(root, request, tree, losses)
+    if tree.qpos:
+        add(add(root, "keyframe"), "key", name="home", qpos=tree.qpos)
+    _check_names(root)
+    ET.indent(root)
+    beside = [name for name, _ in d.effects if name not in SAID]
     if beside:
         notes.append(f"MuJoCo does not see these effects, which the model.toml holds: {', '.join(beside)}")
     model = model_file(d, motors=not d.motors, effects=beside)
@@ -67,55 +75,76 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
 
 
 def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
-    """Add bodies, closures, couplings and forces."""
-    inertias, poses, still = inertias_of(d), poses_at(d, d.home), _still(d)
-    ends = _weightless_ends(d, still)
-    followers = {
-        closure.name: follower_of(closure, inertias, poses, still, losses)
-        for closure in d.closures
-        if needs_follower(closure) or closure.link_a in ends or closure.link_b in ends
-    }
-    tree = Builder(d, inertias, followers.values(), ends, losses).build()
+    """Add bodies, closures, couplings, forces and motors."""
+    sizes = sizes_of(d)
+    parts = Parts(with_effects(d), sizes, losses).described()
+    tree = Tree(parts, sizes, losses)
     root.append(tree.worldbody)
-    add_forces(d, tree, losses)
+    list_losses(d, tree, losses)
     if d.closures or d.couplings:
-        equality = ET.SubElement(root, "equality")
-        add_closures(equality, d.closures, followers, tree, inertias.size, losses)
-        add_couplings(root, equality, d.couplings, tree.refs)
-    _add_lost_names(d, {*tree.bodies}, losses)
+        equality = add(root, "equality")
+        add_closures(equality, parts, tree, sizes.size, losses)
+        add_couplings(root, equality, parts)
+    add_forces(root, parts, tree)
+    for link in d.links:
+        if link.name not in tree.bodies:
+            losses.add("names of massless links that only carry a joint or end a closure", link.name)
+    for joint in d.joints:
+        if joint.kind == "fixed" and joint.child in tree.bodies and joint.name != f"{joint.child}_fixed":
+            losses.add("names of fixed joints, which MuJoCo does not have", joint.name)
     return tree
 
 
-def _add_lost_names(d: Description, kept: set[str], losses: Losses) -> None:
-    """List the fixed joints and the links whose names the file does not hold; `kept` are those of links."""
-    for link in d.links:
-        if link.name not in kept:
-            losses.add("names of massless links that only carry a joint or end a closure", link.name)
-    for joint in d.joints:
-        if joint.kind == "fixed" and joint.child in kept and joint.name != f"{joint.child}_fixed":
-            losses.add("names of fixed joints, which MuJoCo does not have", joint.name)
+def _add_softness(root: ET.Element, option: ET.Element, d: Description, tightness: float) -> str:
+    """Add the time step and how equalities act, so that closures stay as tight as the user asks.
 
+    MuJoCo pulls a closure shut like a critically damped spring with time constant T. Where the links of a
+    closure would part with acceleration c without it, it opens by about c T^2. Equalities are as hard as
+    MuJoCo allows, so that the load on a closure adds little to this. The time step is T / 2, the longest that
+    MuJoCo takes.
 
-def _weightless_ends(d: Description, still: set[str]) -> dict[str, str]:
-    """Return the moving links that have no inertia and only end a closure, each with that closure.
+    Args:
+        root: The root element, which receives `<default>`.
+        option: The element `<option>`.
+        d: The robot.
+        tightness: Distance by which closures may open [m].
 
-    MuJoCo refuses bodies without mass: the follower of the closure takes their place.
+    Returns:
+        These numbers in words.
     """
-    carrying = {joint.parent for joint in d.joints}
-    ends = {
-        link.name
-        for link in d.links
-        if not link.mass and not link.inertia.any() and link.name not in carrying | still
-    }
-    counted = Counter(end for closure in d.closures for end in (closure.link_a, closure.link_b))
-    return {
-        end: closure.name
-        for closure in d.closures
-        for end, other in ((closure.link_a, closure.link_b), (closure.link_b, closure.link_a))
-        if end in ends and counted[end] == 1 and other not in ends
-    }
+    acceleration = FREE_FALL * (math.hypot(*d.gravity) if d.gravity and any(d.gravity) else EARTH)
+    step = min(math.sqrt(tightness / acceleration) / 2, LONGEST_STEP)
+    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    step = float(f"{math.floor(step / unit * (1 + TWO_DIGITS)) * unit:.1e}")  # two digits, rounded down
+    put(option, timestep=step)
+    add(add(root, "default"), "equality", solref=(2 * step, 1), solimp=(HARDEST, HARDEST, 0.001, 0.5, 2))
+    return (
+        f"closures stay within {numeral(tightness)} m up to accelerations of {acceleration:.3g} m/s^2: "
+        f"time step {step:.2g} s, solref {2 * step:.2g} s"
+    )
 
 
-def _still(d: Description) -> set[str]:
-    """Return the names of the links that do not move."""
-    return {link for link, body in Bodies(d).of.items() if body == d.root and d.base == "fixed"}
+def _check_depth(d: Description) -> None:
+    """Refuse robots that are too deep to be written as nested bodies."""
+    depth = {d.root: 1}
+    for joint in outwards(d.joints, [d.root]):
+        depth[joint.child] = depth[joint.parent] + 1
+        if depth[joint.child] > DEEPEST:
+            raise ModelError(
+                f"more than {DEEPEST} joints one behind the other, up to link '{joint.child}'; bodies of "
+                "MJCF stand inside one another, and XML readers go no deeper",
+                element=joint.child,
+            )
+
+
+def _check_names(root: ET.Element) -> None:
+    """Refuse names that would be mixed up."""
+    for place, groups in GROUPS.items():
+        for tags in groups:
+            found = [str(x.get("name")) for one in root.iterfind(place) for x in one.iter() if x.tag in tags]
+            if twice := [name for name, count in Counter(found).items() if count > 1]:
+                raise ModelError(
+                    f"in MJCF, <{tags[0]}> would have these names twice: {listed(twice)}; rename them in the "
+                    "robot's file",
+                    element=twice[0],
+                )

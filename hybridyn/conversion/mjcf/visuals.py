@@ -7,9 +7,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from ...description.urdf.shapes import Shape
-from ..numerals import numerals
 from ..request import Losses, Request
-from .bodies import Tree, pose
+from .bodies import Tree, add, pose, put
 
 #: Endings of the meshes that MuJoCo reads.
 MESHES = (".stl", ".obj", ".msh")
@@ -29,26 +28,22 @@ def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) 
         body = tree.bodies.get(shape.link)
         if body is None:
             losses.add("visual shapes of massless links that have no body", shape.link)
-            continue
-        attributes = {"type": shape.kind, "group": "2", "contype": "0", "conaffinity": "0", "mass": "0"}
-        if shape.kind == "mesh":
-            if not (name := _asset(assets, shape, request, losses)):
-                continue
-            attributes["mesh"] = name
-        elif any(size <= 0 for size in shape.size):
+        elif shape.kind != "mesh" and any(size <= 0 for size in shape.size):
             losses.add("visual shapes without extent", shape.link)
-            continue
-        else:
-            attributes["size"] = numerals(_size(shape))
-        if shape.colour is not None:
-            attributes["rgba"] = numerals(shape.colour)
-        ET.SubElement(body, "geom", attributes | pose(shape.placement))
-    if assets:
-        asset = ET.SubElement(root, "asset")
-        for (file, scale), name in assets.items():
-            element = ET.SubElement(asset, "mesh", name=name, file=file, inertia="shell")
-            if any(factor != 1 for factor in scale):
-                element.set("scale", numerals(scale))
+        elif shape.kind != "mesh" or _is_readable(shape, losses):
+            geom = add(body, "geom", type=shape.kind, group="2", contype="0", conaffinity="0", mass="0")
+            if shape.kind == "mesh":
+                assert shape.path is not None
+                file = os.path.relpath(shape.path.resolve(), request.target.resolve().parent)
+                name = f"{shape.path.stem}_{len(assets)}"
+                put(geom, mesh=assets.setdefault((file, shape.size), name))
+            else:
+                put(geom, size=_size(shape))
+            put(geom, rgba=shape.colour, **pose(shape.placement))
+    asset = add(root, "asset") if assets else root
+    for (file, scale), name in assets.items():
+        factors = scale if any(factor != 1 for factor in scale) else None
+        add(asset, "mesh", name=name, file=file, inertia="shell", scale=factors)
 
 
 def _size(shape: Shape) -> tuple[float, ...]:
@@ -58,27 +53,22 @@ def _size(shape: Shape) -> tuple[float, ...]:
     return (shape.size[0], *(length / 2 for length in shape.size[1:]))
 
 
-def _asset(
-    assets: dict[tuple[str, tuple[float, ...]], str], shape: Shape, request: Request, losses: Losses
-) -> str:
-    """Return the name of a mesh, "" if MuJoCo cannot read it."""
+def _is_readable(shape: Shape, losses: Losses) -> bool:
+    """Say whether MuJoCo reads a mesh, as far as its ending and the head of an STL file tell."""
     if shape.path is None:
         losses.add("meshes that were not found", shape.file)
-        return ""
-    if not _is_readable(shape.path):
+        return False
+    ending = shape.path.suffix.lower()
+    readable = ending in MESHES and (ending != ".stl" or _is_binary(shape.path))
+    if not readable:
         losses.add(
             f"meshes that MuJoCo does not read (it takes {', '.join(MESHES)}; STL in binary)", shape.file
         )
-        return ""
-    file = os.path.relpath(shape.path.resolve(), request.target.resolve().parent)
-    return assets.setdefault((file, shape.size), f"{shape.path.stem}_{len(assets)}")
+    return readable
 
 
-def _is_readable(file: Path) -> bool:
-    """Say whether MuJoCo reads a mesh, as far as its ending and the head of an STL file tell."""
-    ending = file.suffix.lower()
-    if ending != ".stl":
-        return ending in MESHES
+def _is_binary(file: Path) -> bool:
+    """Say whether an STL file is a binary one that MuJoCo reads."""
     with open(file, "rb") as content:
         head = content.read(84)
     faces = int.from_bytes(head[80:84], "little")

@@ -15,7 +15,7 @@ from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
 from ...description.usd.schema import DEGREES
-from ..mjcf.inertias import POINT_INERTIA, inertias_of
+from ..mjcf.inertias import POINT_INERTIA, sizes_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed
 from .bodies import add_body, add_shape
 from .closures import add_closure
@@ -74,7 +74,7 @@ def valid_name(name: str) -> str:
 
 def _with_inertias(d: Description, losses: Losses) -> Description:
     """Return a robot without point masses: USD takes an inertia of zero for none stated."""
-    size = inertias_of(d).size
+    size = sizes_of(d).size
     links = []
     for link in d.links:
         if link.mass and not link.inertia.any():
