@@ -15,6 +15,8 @@ from .common.options import RobotChoice, RobotCommand, takes_effects
 from .common.progress import Progress
 
 if TYPE_CHECKING:
+    from ..description.records import Array
+    from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
     from ..view.picture import Picture
     from ..view.render import Image
@@ -41,14 +43,14 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
     "view", cls=RobotCommand, short_help="Show a robot in 3-D: drag motors, play motions; PNG, MP4."
 )
 @click.argument("motion", required=False, callback=existing_file)
-@click.option("--png", metavar="FILE", callback=ends_in(".png"), help="Write a picture instead.")
 @click.option(
-    "--mp4",
+    "--plot",
     metavar="FILE",
-    callback=ends_in(".mp4"),
-    help="Write a film of the motion instead; without a motion, the camera moves around the robot.",
+    callback=ends_in(".png", ".mp4"),
+    help="Write a picture, .png, or a film, .mp4, instead; without a motion, the camera of the film moves "
+    "around the robot.",
 )
-@click.option("--at", type=float, help="Time that the picture shows [s].  [default: the first]")
+@click.option("--time", "at", type=float, metavar="T", help="Time of the picture [s].  [default: the first]")
 @click.option(
     "--size", default="960x720", show_default=True, callback=_size, help="Pixels of picture or film."
 )
@@ -73,8 +75,7 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
 def command(
     load: RobotChoice,
     motion: str | None,
-    png: str | None,
-    mp4: str | None,
+    plot: str | None,
     at: float | None,
     size: tuple[int, int],
     colours: str,
@@ -86,26 +87,18 @@ def command(
     """Show ROBOT in 3-D, on a page in the browser: modules in colours, closures yellow, motors as sliders.
 
     Loops stay closed while you drag a motor. If they cannot be closed any further, the motor stops, and the
-    page says why. MOTION is a trajectory or the result of a simulation (see 'hybridyn idm --help'), which you
-    can play on the page. Bars show the efforts in MOTION, or else those that 'hybridyn idm' computes. Ctrl-C
-    ends the command.
+    page says why. MOTION is a trajectory or the result of a simulation, which you can play on the page. Bars
+    show the efforts in MOTION, or else those that 'hybridyn idm' computes. Ctrl-C ends the command.
 
-    --png and --mp4 need neither browser nor screen. Links are drawn with their URDF visuals, or as rods and
-    plates between their joints if a mesh file is missing.
+    --plot needs neither browser nor screen. Links are drawn with their URDF visuals, or as rods and plates
+    between their joints if a mesh file is missing.
     """
-    for need in [
-        name for name, wanted in (("page", not (png or mp4)), (".png", png), (".mp4", mp4)) if wanted
-    ]:
-        _check_installed(need)
+    _check_installed(plot[-4:].lower() if plot else "page")
     robot = load()
     picture = _picture(robot, load)
     run = None if motion is None else _run(robot, motion, effects)
-    if png or mp4:
-        own = colours == "file"
-        if png:
-            _write_png(robot, picture, run, at, size, own, png)
-        if mp4:
-            _write_mp4(robot, picture, run, size, own, mp4)
+    if plot:
+        _write(robot, picture, run, at, size, colours == "file", plot)
         return
     _serve(robot, picture, run, host, port, browser=not no_browser)
 
@@ -128,23 +121,52 @@ def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
     return draw(robot, visuals, notes)
 
 
-def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
+def _run(robot: HybridRobot, file: str, effects: tuple[str, ...]) -> Run:
     """Read a motion, and read or compute the efforts along it."""
     import numpy as np
 
     from ..streams.one_pass import read_postures
     from ..view.run import MOST, Run
-    from .view_efforts import efforts_along
 
-    found = read_postures(robot, motion)[1]
-    tau, origin = efforts_along(robot, motion, found, effects)
+    found = read_postures(robot, file)[1]
+    tau, origin = _efforts(robot, file, found, effects)
     step, time = -(-len(found.q) // MOST), found.motion.time
     shown = np.arange(1.0, len(found.q) + 1) if time is None else time
-    efforts = None if tau is None else tau[::step]
-    return Run(shown[::step], found.q[::step], efforts, origin, time is not None)
+    return Run(shown[::step], found.q[::step], None if tau is None else tau[::step], origin, time is not None)
 
 
-def _write_png(
+def _efforts(
+    robot: HybridRobot, file: str, found: Postures, effects: tuple[str, ...]
+) -> tuple[Array | None, str]:
+    """Return the efforts along a motion: the table's where it has all of them, else the inverse model's.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m], or None; and their origin, or the reason why there are none.
+    """
+    import numpy as np
+
+    from ..effects import choose
+    from ..errors import HybridynError
+    from ..streams.efforts import efforts_in_blocks
+    from ..tables.opening import open_table
+
+    wanted = [f"{motor}/effort" for motor in robot.motors]
+    if not wanted:
+        return None, "there are no motors"
+    with open_table(file) as table:
+        if set(wanted) <= set(table.columns):
+            at = [table.columns.index(name) for name in wanted]
+            return np.concatenate([block.values[:, at] for block in table.blocks]), "of the table"
+    motion, q, v, a = found
+    try:
+        on = choose(robot, effects)
+        tau = efforts_in_blocks(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time)
+    except HybridynError as error:
+        return None, f"cannot be had: {str(error).partition('. ')[0]}"
+    return tau, "of the inverse model"
+
+
+def _write(
     robot: HybridRobot,
     picture: Picture,
     run: Run | None,
@@ -153,42 +175,24 @@ def _write_png(
     own_colours: bool,
     target: str,
 ) -> None:
-    from ..description.writing import appearing
-    from ..view.camera import camera_around
-    from ..view.placing import extent, place_bodies
-    from ..view.render import labelled, render, save_png
-
-    if at is not None and run is None:
-        raise click.UsageError("--at says a time of a motion, and there is no motion")
-    if run is not None and at is not None and not run.begin <= at <= run.end:
-        raise click.UsageError(f"--at {at:g}: the motion goes from {run.begin:g} to {run.end:g}")
-    number = 0 if run is None or at is None else run.index(at)
-    placement = place_bodies(robot, robot.home if run is None else run.q[number])
-    image = render(
-        picture, placement, camera_around(extent(picture, placement), *size), own_colours=own_colours
-    )
-    when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
-    with appearing(target) as draft:
-        save_png(labelled(image, f"{robot.name}{when}"), str(draft))
-
-
-def _write_mp4(
-    robot: HybridRobot,
-    picture: Picture,
-    run: Run | None,
-    size: tuple[int, int],
-    own_colours: bool,
-    target: str,
-) -> None:
+    """Write a picture or a film, as the ending of the file says."""
     from ..description.writing import appearing
     from ..view.film import frames_around, frames_of_run, pictures_of, save_mp4
+    from ..view.render import save_png
 
-    if run is None:
-        frames = frames_around(robot, picture, robot.home, size, own_colours=own_colours)
-    else:
-        frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
-    whole, _ = pictures_of(run)
+    if at is not None and run is None:
+        raise click.UsageError("--time says a time of a motion, and there is no motion")
+    if run is not None and at is not None and not run.begin <= at <= run.end:
+        raise click.UsageError(f"--time {at:g}: the motion goes from {run.begin:g} to {run.end:g}")
     with appearing(target) as draft, Progress("pictures") as progress:
+        if target.lower().endswith(".png"):
+            save_png(_image(robot, picture, run, at, size, own_colours), str(draft))
+            return
+        if run is None:
+            frames = frames_around(robot, picture, robot.home, size, own_colours=own_colours)
+        else:
+            frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
+        whole, _ = pictures_of(run)
 
         def told() -> Iterator[Image]:
             """Yield the frames, and show the progress after each."""
@@ -197,6 +201,26 @@ def _write_mp4(
                 yield frame
 
         save_mp4(told(), size, str(draft))
+
+
+def _image(
+    robot: HybridRobot,
+    picture: Picture,
+    run: Run | None,
+    at: float | None,
+    size: tuple[int, int],
+    own_colours: bool,
+) -> Image:
+    """Draw the robot at a time of its motion, or at home."""
+    from ..view.camera import camera_around
+    from ..view.placing import extent, place_bodies
+    from ..view.render import labelled, render
+
+    number = 0 if run is None or at is None else run.index(at)
+    placement = place_bodies(robot, robot.home if run is None else run.q[number])
+    camera = camera_around(extent(picture, placement), *size)
+    when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
+    return labelled(render(picture, placement, camera, own_colours=own_colours), f"{robot.name}{when}")
 
 
 def _serve(

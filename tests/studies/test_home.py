@@ -139,7 +139,7 @@ def test_all_postures_become_a_table_that_other_commands_read(
         assert np.abs(turns - np.round(turns)).max() < EXACT
     call(capsys, "idm", file, target)
     needs("view", "trimesh")
-    call(capsys, "view", file, target, "--png", tmp_path / "second.png", "--at", "2")
+    call(capsys, "view", file, target, "--plot", tmp_path / "second.png", "--time", "2")
 
 
 @pytest.mark.parametrize("text", ["home.drive = 0.1\n", "home = { drive = 0.1 }\n"])

@@ -299,7 +299,7 @@ def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest
 
     files = [tmp_path / "a.png", tmp_path / "b.png"]
     for file, at in zip(files, (0.0, 0.3), strict=True):
-        words = ("view", "delta", "delta/traj.csv", "--png", file, "--at", at, "--size", "200x160")
+        words = ("view", "delta", "delta/traj.csv", "--plot", file, "--time", at, "--size", "200x160")
         call(capsys, *words)
     images = [np.asarray(Image.open(file)) for file in files]
     assert [image.shape for image in images] == [(160, 200, 3)] * 2
@@ -315,7 +315,7 @@ def test_the_command_writes_a_film(tmp_path: Path, capsys: pytest.CaptureFixture
     header = next(i for i, line in enumerate(lines) if not line.startswith("#"))
     table.write_text("\n".join(lines[header : header + 300]) + "\n")
     film = tmp_path / "short.mp4"
-    call(capsys, "view", "delta", table, "--mp4", film, "--size", "160x120")
+    call(capsys, "view", "delta", table, "--plot", film, "--size", "160x120")
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
     times = np.loadtxt(table, delimiter=",", skiprows=1, usecols=0)
     assert seconds == pytest.approx(np.ptp(times), abs=0.1)
@@ -356,7 +356,7 @@ def test_shapes_need_the_extra_too(
         capsys,
         "view",
         "delta",
-        "--png",
+        "--plot",
         "a.png",
         status=2,
         says=f"this needs {package}: {install_advice('view')}",
