@@ -28,7 +28,7 @@ TARGET = ROOT / "benchmarks" / "results" / "sweeps.csv"
 PAGE = ROOT / "benchmarks" / "sweeps.md"
 HEAD = """# What a sweep costs
 
-Written by `python -m benchmarks.sweeps` from sweeps of the five-bar by the general path (`--no-compile`).
+Written by `python -m benchmarks.sweeps` from sweeps of the five-bar by the general path (`--engine general`).
 Times are processor times of all child processes; Ray's processes are not among them. With one process, loky
 computes in the program itself.
 """
@@ -84,7 +84,8 @@ def run(engine: str, workers: int, designs: int, postures: int) -> Run:
         np.savetxt(Path(place, "pick.csv"), rows, "%.6f", ",", header=header, comments="")
         words = [
             "sweep",
-            "--no-compile",
+            "--engine",
+            "general",
             "study.toml",
             "-o",
             "out",

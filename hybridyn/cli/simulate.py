@@ -16,7 +16,7 @@ import click
 
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
 from .common.figures import plot_option, save_chart
-from .common.files import check_targets, complete_robot, existing_file, result_file, scene_file
+from .common.files import check_targets, complete_robot, result_file, scene_file
 from .common.progress import Progress
 from .common.summary import effects_line
 from .common.text import counted
@@ -50,12 +50,7 @@ AT_ONCE = 4096
 @click.option(
     "--until", type=click.FloatRange(0, min_open=True), help="Stop after the step that reaches this time [s]."
 )
-@click.option(
-    "--resume",
-    metavar="RUN",
-    callback=existing_file,
-    help="Continue a run that was stopped: its result file, or the '.state' file beside it.",
-)
+@click.option("--resume", is_flag=True, help="Continue the run in FILE, which was stopped.")
 @click.option("--overwrite", is_flag=True, help="Begin anew where FILE holds a run that was stopped.")
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
 @takes_engine
@@ -64,7 +59,7 @@ def command(
     scene: str,
     output: str | None,
     until: float | None,
-    resume: str | None,
+    resume: bool,
     overwrite: bool,
     allow_python: bool,
     engine: str | None,
@@ -78,11 +73,11 @@ def command(
     back as a trajectory. Lines with '#' before the header name the effects that were on and off.
 
     Ctrl-C stops after the current step. The rows so far are written to FILE, and the state to FILE.state.
-    '--resume FILE' continues the run; the result is the same, bit for bit, as that of a run without a stop.
+    --resume continues the run; the result is the same, bit for bit, as that of a run without a stop.
     FILE.state is also written every 1,000 steps, and removed at the end. While it exists, a new run into FILE
     needs --overwrite.
     """
-    from ..scenes.stage import files_of, identity, play, stage
+    from ..scenes.stage import files_of, play, stage
 
     started = time.perf_counter()
     ready = stage(scene, allow_python=allow_python)
@@ -92,11 +87,11 @@ def command(
         raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
     if state is not None and os.path.exists(state) and not (resume or overwrite):
         raise click.UsageError(
-            f"'{target}' holds a run that was stopped: '--resume {target}' continues it, --overwrite begins "
-            "anew"
+            f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew"
         )
     check_targets(files_of(ready.source), (target, state, plot))
-    earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
+    if resume:
+        _check_earlier(ready, target, state)
     chosen = _engine(ready, engine)
     with Progress("steps") as bar, _between_steps() as stop:
         steps, reached = 0, 0.0
@@ -109,7 +104,13 @@ def command(
             if stop or (until is not None and t >= until):
                 raise KeyboardInterrupt
 
-        result = play(ready, progress=after_step, checkpoint=state, resume=earlier, compiled=chosen.model)
+        result = play(
+            ready,
+            progress=after_step,
+            checkpoint=state,
+            resume=state if resume else None,
+            compiled=chosen.model,
+        )
     finished = result.status in ("finished", "event")
     _write(ready, result, target, chosen)
     if plot and len(result.t):
@@ -202,21 +203,22 @@ def _between_steps() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _earlier(ready: Stage, run: str, scene: str) -> str:
-    """Find the state file of a run that was stopped."""
+def _check_earlier(ready: Stage, target: str | None, state: str | None) -> None:
+    """Check that the result file holds a run of this scene that was stopped."""
     from ..errors import TrajectoryError
+    from ..scenes.stage import identity
     from ..simulation.result import Result
 
-    path = f"{run}.state" if os.path.isfile(f"{run}.state") else run
-    if not path.endswith(".state"):
+    if state is None:
+        raise click.UsageError("--resume continues the run in a result file: name it with -o")
+    if not os.path.isfile(state):
         raise TrajectoryError(
-            "there is no '.state' file beside it: the run is finished, or was not begun here", file=run
+            "there is no '.state' file beside it: the run is finished, or was not begun here", file=target
         )
-    if Result.load(path).origin.scene != scene:
+    if Result.load(state).origin.scene != identity(ready.source):
         raise TrajectoryError(
-            f"was not begun with this scene as it stands in '{ready.source.file}' now", file=path
+            f"was not begun with this scene as it stands in '{ready.source.file}' now", file=state
         )
-    return path
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
@@ -280,7 +282,7 @@ def _finish(result: Result, scene: str, target: str | None, state: str | None, *
         return 1
     if result.status == "interrupted":
         how = (
-            f"go on with: hybridyn simulate {scene} --resume {target} -o {target}"
+            f"go on with: hybridyn simulate {scene} --resume -o {target}"
             if state is not None
             else "to be able to go on, give a result file (-o)"
         )

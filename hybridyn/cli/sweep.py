@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import HybridynError
+from .common.engine import takes_engine
 from .common.figures import figure_file
 from .common.progress import Progress
+from .common.tables import jobs_option, pool_options
 from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
@@ -17,31 +20,20 @@ if TYPE_CHECKING:
     from ..studies.sweep.sensitivity import Index
     from ..studies.sweep.sweep import Swept
 
-#: Pools of `hybridyn.studies.sweep.engines`, which is imported when it is used.
-POOLS = ("loky", "dask", "ray")
 #: Designs of the Pareto front that are printed; the others are counted.
 MOST_PRINTED = 50
 
 
-@click.command("sweep", short_help="Evaluate many designs of a robot, and find the best.")
+@click.command(
+    "sweep",
+    params=[jobs_option("one per core"), *pool_options("")],
+    short_help="Evaluate many designs of a robot, and find the best.",
+)
 @click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
 @click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
-@click.option(
-    "--pool", type=click.Choice(POOLS), default="loky", show_default=True,
-    help="Processes of this machine (loky), or Dask or Ray: of this machine, or of a cluster.",
-)  # fmt: skip
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Address of a running cluster: tcp://host:8786 (Dask), host:6379 (Ray).",
-)
-@click.option(
-    "-j", "--jobs", type=click.IntRange(1, 4096), help="Number of processes.  [default: one per core]"
-)
-@click.option("--resume", is_flag=True, help="Continue from the shards in FOLDER.")
 @click.option("--format", type=click.Choice(["parquet", "csv"]), help="Format of the shards.")
 @click.option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files.")
-@click.option("--no-compile", is_flag=True, help="Evaluate every design by the general path.")
+@takes_engine
 @click.option(
     "--best", metavar="A,-B,...",
     help="Print the designs in which A is smallest and B largest; with several, the Pareto front.",
@@ -63,13 +55,13 @@ MOST_PRINTED = 50
 def command(
     study: str | None,
     output: str,
-    pool: PoolName,
+    pool: PoolName | None,
     scheduler: str | None,
     jobs: int | None,
     resume: bool,
     format: str | None,
     allow_python: bool,
-    no_compile: bool,
+    engine: str | None,
     best: str | None,
     where: str | None,
     top: int,
@@ -94,7 +86,7 @@ def command(
     if where is not None and best is None and plot is None:
         raise click.UsageError("--where belongs to --best or --plot")
     if study is not None:
-        _run(study, output, pool, scheduler, jobs, resume, allow_python, format, no_compile)
+        _run(study, output, pool, scheduler, jobs, resume, allow_python, format, engine)
     if best is not None:
         from ..studies.sweep.best import find_best
 
@@ -114,8 +106,8 @@ def command(
 
 
 def _run(
-    study: str, output: str, pool: PoolName, scheduler: str | None, jobs: int | None, resume: bool,
-    allow_python: bool, format: str | None, no_compile: bool,
+    study: str, output: str, pool: PoolName | None, scheduler: str | None, jobs: int | None, resume: bool,
+    allow_python: bool, format: str | None, engine: str | None,
 ) -> None:  # fmt: skip
     """Evaluate a study, and print what became of its designs."""
     from ..studies.sweep.sweep import sweep
@@ -131,8 +123,8 @@ def _run(
                 bar.show(state.now, state.now / open_before)
 
             state = sweep(
-                study, output, pool=pool, jobs=jobs, scheduler=scheduler,
-                resume=resume, allow_python=allow_python, format=format, compiled=not no_compile,
+                study, output, pool=pool or "loky", jobs=jobs, scheduler=scheduler,
+                resume=resume, allow_python=allow_python, format=format, compiled=engine != "general",
                 progress=show,
             )  # fmt: skip
     except BaseException:
@@ -144,6 +136,8 @@ def _run(
         raise
     for line in _summary(state, output):
         click.echo(line, err=True)
+    if engine == "compiled" and state.why_general:
+        raise HybridynError(f"--engine compiled: {state.why_general}")
 
 
 def _summary(state: Swept, output: str) -> list[str]:

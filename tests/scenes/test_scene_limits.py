@@ -120,7 +120,7 @@ def refused(run, stopped: tuple[Path, Path], text: str) -> None:
     scene, target = stopped
     state = Path(f"{target}.state")
     before = target.read_bytes(), state.read_bytes()
-    said = run("simulate", scene, "--resume", target, "-o", target, status=1, says=["run.csv.state", text])
+    said = run("simulate", scene, "--resume", "-o", target, status=1, says=["run.csv.state", text])
     assert "bug" not in said.err
     assert (target.read_bytes(), state.read_bytes()) == before
 

@@ -129,18 +129,16 @@ def jobs_option(default: str) -> Brief:
 def pool_options(of: str) -> tuple[click.Option, ...]:
     """Return the options of other processes. `of`: the beginning of their help."""
     return (
+        click.Option(["--resume"], is_flag=True, help=f"{of} Continue an earlier run.".lstrip()),
         click.Option(
-            ["--resume"], is_flag=True, help=f"{of}continue an earlier run."
+            ["--pool"],
+            type=click.Choice(["loky", "dask", "ray"]),
+            help=f"{of} What runs the processes.  [default: loky]".lstrip(),
         ),
         click.Option(
-            ["--pool"], type=click.Choice(["loky", "dask", "ray"]),
-            help=f"{of}what runs the processes.  [default: loky]",
+            ["--scheduler"], metavar="ADDRESS", help=f"{of} A running cluster of Dask or Ray.".lstrip()
         ),
-        click.Option(
-            ["--scheduler"], metavar="ADDRESS",
-            help=f"{of}a running cluster of Dask or Ray.",
-        ),
-    )  # fmt: skip
+    )
 
 
 def _table_options(plot: str) -> tuple[click.Option, ...]:
@@ -159,7 +157,7 @@ def _table_options(plot: str) -> tuple[click.Option, ...]:
         plot_option(plot, page=True),
         click.Option(["-q", "--quiet"], is_flag=True, help="No summary."),
         jobs_option("1; one per core for long tables"),
-        *pool_options("Several tables: "),
+        *pool_options("Several tables:"),
     )
 
 

@@ -193,7 +193,7 @@ class CompiledDesigns:
                 raise HybridynError(
                     f"{self.source.file}: design {number}, task '{task.name}': compiled models and the "
                     f"general path differ by {off:.1e} of the largest number: sweep without compiled "
-                    "models (--no-compile)"
+                    "models (--engine general)"
                 )
             largest = max(largest, off)
         return largest
