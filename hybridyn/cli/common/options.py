@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
 #: Letters of an option's name and value, beyond which a help explains it in the next line.
 MOST_LETTERS = 30
-#: Largest closure residual that counts as closed, of the module's size: that of `hybridyn.load`.
-CLOSED = 1e-4
 
 
 def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
@@ -133,6 +131,42 @@ PACKAGES = Shared(
     multiple=True,
     help="Folder of packages, and of files that robots name.",
 )
+
+
+@dataclasses.dataclass(frozen=True)
+class RobotChoice:
+    """The robot that the user names, and how to load it; a call loads the robot.
+
+    Attributes:
+        robot: The robot's file.
+        base: As in `hybridyn.load`, like all that follow.
+        motors: Names of the driven joints, or None.
+        gravity: Acceleration of gravity, [m/s^2].
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders of packages.
+        rank_tolerance: Relative singular value, or None.
+        closure_tolerance: Largest residual that counts as closed.
+        strict: Whether notes are errors.
+    """
+
+    robot: str
+    base: Base | None = None
+    motors: list[str] | None = None
+    gravity: tuple[float, float, float] | None = None
+    xacro_args: dict[str, str] = dataclasses.field(default_factory=dict)
+    package_dirs: tuple[str, ...] = ()
+    rank_tolerance: float | None = None
+    closure_tolerance: float = 1e-4
+    strict: bool = False
+
+    def __call__(self) -> HybridRobot:
+        """Load the robot."""
+        import hybridyn
+
+        words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
+        return hybridyn.load(words.pop("robot"), **words)
+
+
 #: The options with which commands load a robot: the fields of `RobotChoice`.
 ROBOT_OPTIONS = (
     Shared(
@@ -160,46 +194,12 @@ ROBOT_OPTIONS = (
         ["--closure-tolerance"],
         type=click.FloatRange(0, 1, min_open=True),
         metavar="NUMBER",
-        default=CLOSED,
+        default=RobotChoice.closure_tolerance,
         show_default=True,
         help="Largest residual of closed loops.",
     ),
     Shared(["--strict"], is_flag=True, help="Refuse a robot of which something was read past."),
 )  # fmt: skip
-
-
-@dataclasses.dataclass(frozen=True)
-class RobotChoice:
-    """The robot that the user names, and how to load it; a call loads the robot.
-
-    Attributes:
-        robot: The robot's file.
-        base: As in `hybridyn.load`, like all that follow.
-        motors: Names of the driven joints, or None.
-        gravity: Acceleration of gravity, [m/s^2].
-        xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders of packages.
-        rank_tolerance: Relative singular value, or None.
-        closure_tolerance: Largest residual that counts as closed.
-        strict: Whether notes are errors.
-    """
-
-    robot: str
-    base: Base | None = None
-    motors: list[str] | None = None
-    gravity: tuple[float, float, float] | None = None
-    xacro_args: dict[str, str] = dataclasses.field(default_factory=dict)
-    package_dirs: tuple[str, ...] = ()
-    rank_tolerance: float | None = None
-    closure_tolerance: float = CLOSED
-    strict: bool = False
-
-    def __call__(self) -> HybridRobot:
-        """Load the robot."""
-        import hybridyn
-
-        words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
-        return hybridyn.load(words.pop("robot"), **words)
 
 
 class RobotCommand(Command):
