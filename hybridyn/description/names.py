@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 #: How many names an error message lists before it writes "and n more".
 LISTED_NAMES = 8
@@ -55,3 +55,9 @@ def listed(names: Iterable[str]) -> str:
     if len(quoted) <= LISTED_NAMES:
         return ", ".join(quoted)
     return ", ".join(quoted[:LISTED_NAMES]) + f" and {len(quoted) - LISTED_NAMES} more"
+
+
+def noted(found: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return the remarks that concern something; "{}" in them stands for its names, each once."""
+    named = {text: dict.fromkeys(names) for text, names in found.items()}
+    return [text.replace("{}", listed(names)) for text, names in named.items() if names]

@@ -49,7 +49,7 @@ def open_file(
     file, model = split_model(path)
     root, notes = _expanded(file, xacro_args, package_dirs)
     if model:
-        from .sdf.world import keep_model
+        from .sdf.library import keep_model
 
         keep_model(root, model)
     return root, notes

@@ -44,7 +44,7 @@ PARTS = [
     ('<include merge="true"><uri>part.sdf</uri></include>', "merge is not read; write an include"),
     ("<include><uri>part.sdf</uri><placement_frame>c</placement_frame></include>", "is not read; write"),
     (f'<model name="in" placement_frame="c">{link("c")}</model>', "placement_frame is not read"),
-    (f'<model name="in" canonical_link="c">{link("c")}</model>', "inside another is not read; remove it"),
+    (f'<model name="in" canonical_link="c">{link("c")}</model>', "canonical_link is not read; write"),
     (joint("j", "revolute", "base", "a", "<pose>1 2 3</pose>"), "text has 3 numbers instead of 6"),
     (joint("j", "revolute", "base", "a", '<pose relative_to="j">1 2 3 0 0 0</pose>'), "in a circle: 'j'"),
     (joint("j", "ball", "base", "a", "<axis><mimic joint='j'/></axis>", axis=""), "<mimic> in an axis"),

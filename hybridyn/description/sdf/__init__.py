@@ -1,7 +1,6 @@
 """Read SDFormat, the robot and world files of Gazebo, into plain records.
 
-Start with `sdf` (the order of the steps), then `schema` (which elements exist), `fields` (texts and numbers
-of elements), `library` (included files), `world` (which model is the robot), `models` (names, and where
-everything stands), `links`, and `joints` (as the file states them). `description.joint_graph` makes a tree
-of them.
+Start with `sdf` (the order of the steps), then `elements` (what is read, noted and refused; numbers),
+`library` (which model is the robot, included files), `models` (names, and where everything stands), and
+`stated` (links and joints as the file states them). `description.joint_graph` makes a tree of them.
 """

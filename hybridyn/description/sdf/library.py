@@ -1,18 +1,21 @@
-"""Open the files that an SDF file includes: only local ones, in the robot's folders, within limits."""
+"""The files of an SDF robot: which model is the robot, and the files that it includes.
+
+Included files are local ones, in the robot's folders, within limits.
+"""
 
 from __future__ import annotations
 
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import ModelError
+from ..names import did_you_mean, listed
 from ..shipped import shown
 from ..urdf.robot_folders import RobotFolders
 from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
-from .schema import READ, Unread, check
+from .elements import READ, Notes, check, flag, word
 
 #: Oldest and newest version of SDFormat that is read, as (1, minor).
 VERSIONS = (4, 12)
@@ -23,23 +26,24 @@ MOST_FILES = 1000
 #: Deepest nesting of models and of files.
 DEEPEST = 50
 
+#: Models of Gazebo that are only scenery; they are not opened.
+SCENERY = ("sun", "ground_plane")
+
+ONE_ROBOT = "hybridyn reads one robot: name it after the file, 'FILE#MODEL', or nest them in one <model>"
+
+STATIC = (
+    "a static model does not move at all, nor do its joints; to hold only its base, remove <static> and "
+    "write a fixed joint with <parent>world</parent>"
+)
+
 _VERSION = re.compile(r"1\.(\d{1,3})(\.\d+)?")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://(.*)", re.DOTALL)
 
+#: Paths of a file and of those that include it, the outermost first.
+Files = tuple[str, ...]
 
-@dataclass(frozen=True)
-class Source:
-    """A file, and how to understand it.
-
-    Attributes:
-        path: Absolute path.
-        minor: Its version of SDFormat is 1.minor.
-        above: Paths of the files that include it.
-    """
-
-    path: str
-    minor: int
-    above: tuple[str, ...] = ()
+#: The element that places a model (`<include>`, or the model itself), the model, and the files around it.
+Placed = tuple[Node, Node, Files]
 
 
 class Library:
@@ -47,11 +51,11 @@ class Library:
 
     Attributes:
         root: Root element of the robot's own file.
-        source: The robot's own file.
-        unread: What the files hold that is left out and noted.
+        own: The robot's own file.
+        notes: What the files hold that is left out and noted.
     """
 
-    def __init__(self, root: Node, package_dirs: Sequence[str]) -> None:
+    def __init__(self, root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
         """Check the robot's own file.
 
         Args:
@@ -61,55 +65,94 @@ class Library:
         Raises:
             ModelError: The version is not read, or an element is unknown.
         """
-        path = os.path.abspath(root.file)
-        self.root = root
-        self.unread = Unread()
-        self._folders = RobotFolders(path, package_dirs, [], LARGEST_FILE)
+        self.root, self.notes = root, Notes()
+        self.own: Files = (os.path.abspath(root.file),)
+        folders = [os.fspath(folder) for folder in package_dirs]
+        self._folders = RobotFolders(self.own[0], folders, [], LARGEST_FILE)
         self._files = self._count = self._size = 0
-        self.source = Source(path, _minor(root), (path,))
         self._check(root)
 
-    def open(self, node: Node, source: Source) -> tuple[Node, Source]:
-        """Return the model of an included file.
+    def robot(self) -> Placed:
+        """Return the only model that can move; note the static ones.
+
+        Raises:
+            ModelError: There is no such model, or there are several.
+        """
+        worlds, models = self.root.children("world"), self.root.children("model")
+        if len(worlds) > 1 or (worlds and models):
+            names = listed(node.text("name") for node in (*worlds, *models))
+            raise self.root.error(f"{len(worlds) + len(models)} worlds and models: {names}; {ONE_ROBOT}")
+        found: list[Placed] = []
+        still: list[str] = []
+        for own in worlds[0].children("model", "include") if worlds else models:
+            if own.tag == "include" and _names(own)[0] in SCENERY:
+                still += _names(own)
+                continue
+            model, files = self.open(own, self.own)
+            if flag(own, "static", flag(model, "static")):
+                still.append(name_of(own, model))
+            else:
+                found.append((own, model, files))
+        if not found:
+            static = f"no model that moves, only {listed(still)}; {STATIC}"
+            raise self.root.error(static if still else "no <model>; a robot is one")
+        if len(found) > 1:
+            names = listed(name_of(own, model) for own, model, _ in found)
+            raise self.root.error(f"{len(found)} models that move: {names}; {ONE_ROBOT}")
+        self.notes["static models are left out: {}"] = still
+        return found[0]
+
+    def open(self, node: Node, files: Files) -> tuple[Node, Files]:
+        """Return the model of an `<include>` with the files around it, or a model itself.
 
         Raises:
             ModelError: The file is not local, cannot be read, includes itself, or holds no single model.
         """
+        if node.tag != "include":
+            return node, files
         uri = node.required_child("uri")
         name = uri.content()
-        if not name:
-            raise uri.error("is empty; name a file or a folder of a model")
-        path = self._locate(uri, name, source)
-        real = os.path.realpath(path)
-        if real in source.above:
-            raise uri.error(f"'{name}' includes itself")
-        if len(source.above) >= DEEPEST:
-            raise uri.error(f"includes are nested more than {DEEPEST} deep")
-        content = self._read(uri, name, path)
-        self._size += len(content)
+        try:
+            path = self._locate(name, files[-1])
+            if os.path.realpath(path) in map(os.path.realpath, files):
+                raise ModelError(f"'{name}' includes itself")
+            if len(files) >= DEEPEST:
+                raise ModelError(f"includes are nested more than {DEEPEST} deep")
+            content = self._folders.read(path)
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise uri.error(f"'{name[:80]}' cannot be read: {reason}") from None
+        except ModelError as error:
+            raise uri.error(str(error)) from None
         root = parse(content, shown(Path(path)))
-        self._refuse_too_much(uri, root)
+        self._refuse_too_much(uri, root, len(content))
         if root.tag != "sdf":
             raise uri.error(f"the root element of '{name}' is <{root.tag}> instead of <sdf>")
-        inner = Source(path, _minor(root), (*source.above, real))
-        self.unread.repaired += root.notes
+        self.notes |= {note: [name] for note in root.notes}
         self._check(root)
         models = root.children("model")
         if len(models) != 1 or root.children("world"):
             raise uri.error(f"'{name}' holds {len(models)} models; an included file holds one <model>")
-        return models[0], inner
+        return models[0], (*files, path)
 
     def _check(self, root: Node) -> None:
+        minor_of(root)
         waiting = [root]
         while waiting:
             node = waiting.pop()
-            check(node, self.unread)
+            check(node, self.notes)
             kind = "axis" if node.tag == "axis2" else node.tag
             known = (child for child in node.children(*READ[kind]) if child.tag != "physics")
             waiting += [child for child in known if child.tag in READ or child.tag == "axis2"]
 
-    def _locate(self, uri: Node, name: str, source: Source) -> str:
-        """Return the path of an included file."""
+    def _locate(self, name: str, file: str) -> str:
+        """Return the path of the file that another one includes.
+
+        Raises:
+            ModelError: It is not local, or there is no such package.
+        """
+        if not name:
+            raise ModelError("is empty; name a file or a folder of a model")
         match = _SCHEME.fullmatch(name)
         scheme, rest = (match[1].lower(), match[2]) if match else ("", name)
         if scheme in ("model", "package"):
@@ -117,41 +160,26 @@ class Library:
             try:
                 path = os.path.join(self._folders.find(package), below)
             except ModelError as error:
-                raise uri.error(
-                    str(error).replace("package", "model" if scheme == "model" else "package", 1)
-                ) from None
+                raise ModelError(str(error).replace("package", scheme, 1)) from None
         elif scheme in ("", "file"):
-            path = os.path.normpath(os.path.join(os.path.dirname(source.path), rest))
+            path = os.path.normpath(os.path.join(os.path.dirname(file), rest))
         else:
-            raise uri.error(f"'{name[:80]}' is not a local file; download it, and write its path")
-        if os.path.isdir(path):
-            path = os.path.join(path, self._file_of_model(uri, name, path))
-        return path
+            raise ModelError(f"'{name[:80]}' is not a local file; download it, and write its path")
+        return os.path.join(path, self._file_of_model(path)) if os.path.isdir(path) else path
 
-    def _file_of_model(self, uri: Node, name: str, folder: str) -> str:
+    def _file_of_model(self, folder: str) -> str:
         """Return the name of the SDF file in a folder: the newest that `model.config` states."""
         config = os.path.join(folder, "model.config")
-        if not os.path.isfile(config):
-            return "model.sdf"
-        root = parse(self._read(uri, name, config), shown(Path(config)))
-        stated: dict[int, str] = {}
-        for node in root.children("sdf"):
-            match = _VERSION.fullmatch(str(node.xml.get("version", "1.4")).strip())
-            if match and VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
-                stated[int(match[1])] = node.content()
-        return stated[max(stated)] if stated else "model.sdf"
+        stated = {0: "model.sdf"}
+        if os.path.isfile(config):
+            for node in parse(self._folders.read(config), shown(Path(config))).children("sdf"):
+                match = _VERSION.fullmatch(str(node.xml.get("version", "1.4")).strip())
+                if match and VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
+                    stated[int(match[1])] = node.content()
+        return stated[max(stated)]
 
-    def _read(self, uri: Node, name: str, path: str) -> bytes:
-        try:
-            return self._folders.read(path)
-        except ModelError as error:
-            raise uri.error(str(error)) from None
-        except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            raise uri.error(f"'{name[:80]}' cannot be read: {reason}") from None
-
-    def _refuse_too_much(self, uri: Node, root: Node) -> None:
-        self._files += 1
+    def _refuse_too_much(self, uri: Node, root: Node, size: int) -> None:
+        self._files, self._size = self._files + 1, self._size + size
         self._count += sum(1 for _ in root.xml.iter("*"))
         if self._files > MOST_FILES or self._count > MOST_ELEMENTS or self._size > LARGEST_FILE:
             raise uri.error(
@@ -160,8 +188,45 @@ class Library:
             )
 
 
-def _minor(root: Node) -> int:
-    """Return the minor number of a file's version."""
+def keep_model(root: Node, name: str) -> None:
+    """Remove all models and worlds but one model and its world.
+
+    Args:
+        root: Root element of a robot file; it is changed.
+        name: Name of the model, or of the folder from which a world includes it.
+
+    Raises:
+        ModelError: The file is not SDF, or no model or several ones have this name.
+    """
+    if root.tag != "sdf":
+        raise root.error(f"only an SDF file has several models; remove '#{name}'")
+    stated = [
+        own for holder in (root, *root.children("world")) for own in holder.children("model", "include")
+    ]
+    kept = [own for own in stated if name in _names(own)]
+    if len(kept) != 1:
+        known = [known for own in stated for known in _names(own)]
+        count = f"{len(kept)} models are" if kept else "no model is"
+        raise root.error(f"{count} named '{name}'{did_you_mean(name, known)}; the file has {listed(known)}")
+    around = {kept[0].xml, *kept[0].xml.iterancestors()}
+    for other in (*stated, *root.children("world")):
+        holder = other.xml.getparent()
+        if other.xml not in around and holder is not None:
+            holder.remove(other.xml)
+
+
+def name_of(own: Node, model: Node) -> str:
+    """Return the name of a model, which the element `<include>` may name otherwise."""
+    return (word(own, "name") if own.tag == "include" else "") or model.text("name")
+
+
+def minor_of(node: Node) -> int:
+    """Return the minor number of the version of an element's file.
+
+    Raises:
+        ModelError: This version is not read.
+    """
+    root = Node(node.xml.getroottree().getroot(), node.file)
     text = root.text("version")
     match = _VERSION.fullmatch(text)
     if not match or int(match[1]) > VERSIONS[1]:
@@ -169,3 +234,10 @@ def _minor(root: Node) -> int:
     if int(match[1]) < VERSIONS[0]:
         raise root.error(f"version '{text[:20]}' of SDFormat is too old; convert it with `gz sdf -p`")
     return int(match[1])
+
+
+def _names(own: Node) -> list[str]:
+    """Return the name of a model as its world knows it, or the folder of an included one."""
+    if own.tag == "model":
+        return [own.text("name")]
+    return [word(own, "name") or word(own, "uri").rstrip("/").rpartition("/")[2]]

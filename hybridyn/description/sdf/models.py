@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Literal
@@ -12,8 +12,8 @@ import numpy as np
 from ..names import did_you_mean, listed
 from ..records import Array
 from ..urdf.xml_node import Node
-from . import fields
-from .library import DEEPEST, Library, Source
+from .elements import flag, pose, relative_to
+from .library import DEEPEST, Files, Library, minor_of, name_of
 
 Kind = Literal["link", "joint", "frame", "model"]
 
@@ -33,7 +33,6 @@ class Item:
         name: Its name.
         scope: The model in which it stands, None for the world.
         node: The element.
-        minor: The version of its file is 1.minor.
         model: The element `<model>` of an included model, else the element itself.
     """
 
@@ -41,13 +40,12 @@ class Item:
     name: str
     scope: Item | None
     node: Node
-    minor: int
     model: Node
 
     def __post_init__(self) -> None:
-        pose = self.node.child("pose") or (self.model.child("pose") if self.kind == "model" else None)
-        self.pose = fields.pose(pose)
-        self.relative_to = fields.relative_to(pose)
+        stated = self.node.child("pose") or (self.model.child("pose") if self.kind == "model" else None)
+        self.pose, self.relative_to = pose(stated), relative_to(stated)
+        self.minor = minor_of(self.model)
 
     @property
     def path(self) -> str:
@@ -65,35 +63,34 @@ class Models:
 
     Attributes:
         robot: The robot's model.
+        world: The element `<world>`, or the root element.
     """
 
-    def __init__(self, world: Node, model: Node, source: Source, own: Node, library: Library) -> None:
+    def __init__(self, library: Library) -> None:
         """Read every element that has a name.
 
-        Args:
-            world: The element `<world>`, or the root element.
-            model: The element `<model>` of the robot.
-            source: The file in which the model stands.
-            own: The element that places it: `<include>`, or the model itself.
-            library: Opens included files.
-
         Raises:
-            ModelError: A name is missing or doubled, a frame is unknown, frames stand relative to each other
-                in a circle, or a nested model is static.
+            ModelError: There is not one robot, a name is missing or doubled, a frame is unknown, frames stand
+                relative to each other in a circle, or a nested model is static.
         """
         self._library = library
         self._items: dict[str, dict[Kind, Item]] = {}
-        self._carriers: dict[Item, Item | None] = {}
-        for node in world.children("joint", "frame"):
-            self._add(node, None, library.source)
-        self.robot = self._add_model(own, model, None, source)
-        self._poses = self._placed()
+        own, model, files = library.robot()
+        self.world = library.root.child("world") or library.root
+        for node in self.world.children("joint", "frame"):
+            self._add(node, None)
+        self.robot = self._add_model(own, model, None, files)
+        self._links: dict[Item | None, Item | None] = {None: None}
+        for item, holder in self._ordered(self._carrier, "frames are attached to each other in a circle: {}"):
+            self._links[item] = item if item.kind == "link" else self._links[holder]
+        self._poses: dict[Item | None, Array] = {None: np.eye(4)}
+        for item, base in self._ordered(self._base, "poses are relative to each other in a circle: {}"):
+            self._poses[item] = self._poses[base] @ item.pose
 
-    def every(self, kind: Kind) -> Iterator[Item]:
-        """Yield the elements of a kind."""
+    def every(self, *kinds: Kind) -> Iterator[Item]:
+        """Yield the elements of some kinds."""
         for items in self._items.values():
-            if kind in items:
-                yield items[kind]
+            yield from (item for kind, item in items.items() if kind in kinds)
 
     def pose(self, item: Item | None) -> Array:
         """Return the pose of an element in the world, shape (4, 4); None is the world itself."""
@@ -121,11 +118,11 @@ class Models:
             return scope
         found = self.find(scope, name)
         if not found:
-            known = [item.name for item in self._every() if item.scope is scope]
+            known = [item.name for item in self.every(*KINDS) if item.scope is scope]
             hint = did_you_mean(name, known) or f"; known: {listed(known) or 'none'}"
             raise node.error(f"unknown frame '{name[:80]}'{hint}")
         kinds = [kind for kind in KINDS if kind in found]
-        if len(kinds) > 1 and (self._library.source if scope is None else scope).minor >= 7:
+        if len(kinds) > 1 and (minor_of(self._library.root) if scope is None else scope.minor) >= 7:
             raise node.error(
                 f"'{name[:80]}' is the name of a {' and a '.join(kinds)}; since SDFormat 1.7 names differ: "
                 "rename one"
@@ -133,28 +130,12 @@ class Models:
         return found[kinds[0]]
 
     def link(self, scope: Item | None, name: str, node: Node) -> Item | None:
-        """Return the link that carries a frame, None for the world.
+        """Return the link that carries a frame, None for the world; the arguments are those of `resolve`."""
+        return None if name == "world" else self._links[self.resolve(scope, name, node)]
 
-        Raises:
-            ModelError: As for `resolve`, or frames are attached to each other in a circle.
-        """
-        found = None if name == "world" else self.resolve(scope, name, node)
-        passed: dict[Item, None] = {}
-        while found is not None and found.kind != "link":
-            if found in self._carriers:
-                found = self._carriers[found]
-                break
-            if found in passed:
-                raise found.node.error("frames are attached to each other in a circle")
-            passed[found] = None
-            found = self._carrier(found)
-        self._carriers |= dict.fromkeys(passed, found)
-        return found
-
-    def _add(self, node: Node, scope: Item | None, source: Source, model: Node | None = None) -> Item:
+    def _add(self, node: Node, scope: Item | None, model: Node | None = None) -> Item:
         kind: Kind = {"include": "model"}.get(node.tag, node.tag)  # type: ignore[assignment]
-        model = model or node
-        item = Item(kind, fields.name_of(node, model), scope, node, source.minor, model)
+        item = Item(kind, name_of(node, model or node), scope, node, model or node)
         if item.name == "world" or (item.name.startswith("__") and item.name.endswith("__")):
             raise node.error(f"the name '{item.name}' is SDFormat's own; rename it")
         items = self._items.setdefault(item.path, {})
@@ -163,44 +144,39 @@ class Models:
         items[kind] = item
         return item
 
-    def _add_model(self, own: Node, model: Node, scope: Item | None, source: Source, depth: int = 0) -> Item:
+    def _add_model(self, own: Node, model: Node, scope: Item | None, files: Files, depth: int = 0) -> Item:
         """Add a model with all that it nests and includes."""
         if depth > DEEPEST:
             raise model.error(f"models are nested more than {DEEPEST} deep")
-        item = self._add(own, scope, source, model)
+        item = self._add(own, scope, model)
         if own is not model and own.child("pose") is None and item.relative_to:
             raise own.error(
                 f"the model of the included file has a pose relative to '{item.relative_to}', which the file "
                 "does not have; write <pose> in <include>"
             )
         for node in model.children("link", "joint", "frame"):
-            self._add(node, item, source)
+            self._add(node, item)
         for node in model.children("model", "include"):
-            inner, file = self._library.open(node, source) if node.tag == "include" else (node, source)
-            if fields.flag(node, "static", fields.flag(inner, "static")):
+            inner, around = self._library.open(node, files)
+            if flag(node, "static", flag(inner, "static")):
                 raise node.error(
                     "a static model inside another stands still in the world; remove <static>, and join it "
                     "to the world by a fixed joint"
                 )
-            if inner.xml.get("canonical_link"):
-                raise inner.error("canonical_link of a model inside another is not read; remove it")
-            self._add_model(node, inner, item, file, depth + 1)
+            self._add_model(node, inner, item, around, depth + 1)
         return item
 
-    def _placed(self) -> dict[Item | None, Array]:
-        """Return the pose of every element in the world."""
-        bases = {item: self._base(item) for item in self._every()}
-        needs = {item: [] if base is None else [base] for item, base in bases.items()}
+    def _ordered(
+        self, before: Callable[[Item], Item | None], circle: str
+    ) -> Iterator[tuple[Item, Item | None]]:
+        """Yield every element after the one that it needs, with that; a `circle` of them is an error."""
+        needs = {item: before(item) for item in self.every(*KINDS)}
         try:
-            order = list(TopologicalSorter(needs).static_order())
+            order = [*TopologicalSorter({item: [need] for item, need in needs.items()}).static_order()]
         except CycleError as error:
-            circle = list(error.args[1][1:])
-            names = listed(item.name for item in circle)
-            raise circle[0].node.error(f"poses are relative to each other in a circle: {names}") from None
-        poses: dict[Item | None, Array] = {None: np.eye(4)}
-        for item in order:
-            poses[item] = poses[bases[item]] @ item.pose
-        return poses
+            found = [item for item in error.args[1][1:] if item is not None]
+            raise found[0].node.error(circle.format(listed(item.name for item in found))) from None
+        yield from ((item, needs[item]) for item in order if item is not None)
 
     def _base(self, item: Item) -> Item | None:
         """Return the element relative to which a pose is stated, None for the world."""
@@ -217,15 +193,12 @@ class Models:
         return None if child.content() == "world" else self.resolve(item.scope, child.content(), child)
 
     def _carrier(self, item: Item) -> Item | None:
-        """Return what carries a frame: of a model its canonical or first link."""
+        """Return what carries a frame: of a model its first link."""
+        if item.kind == "link":
+            return None
         if item.kind != "model":
             return self._holder(item)
-        if name := str(item.model.xml.get("canonical_link", "")).strip():
-            return self.resolve(item, name, item.model)
         first = next((one for one in self.every("link") if one.path.startswith(f"{item.path}::")), None)
         if first is None:
-            raise item.model.error("the model has no link")
+            raise item.model.error("the model has no <link>; a robot has at least one")
         return first
-
-    def _every(self) -> list[Item]:
-        return [item for items in self._items.values() for item in items.values()]

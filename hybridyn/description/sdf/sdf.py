@@ -5,6 +5,7 @@ Forces and joints that hybridyn does not have are errors. Plugins, sensors and s
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 
@@ -12,16 +13,28 @@ import numpy as np
 
 from ..closure_forms import FORMS
 from ..joint_graph import WORLD, Chain, Closing, JointGraph, Step, span, starts
-from ..names import listed
+from ..names import noted
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..records import Array, Coupling, JointKind
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
-from .joints import AXES, Axis, Mimic, Remarks, Stated, read_joints
+from .elements import Notes, numbers
 from .library import Library
-from .links import add_links
-from .models import MODEL, Item, Models
-from .world import choose_model, gravity_of
+from .models import Item, Models
+from .stated import AXES, Axis, Stated, read_joints, read_link
+
+#: Gravity of a world that states none [m/s^2].
+GRAVITY = (0.0, 0.0, -9.8)
+
+#: What is noted of the tree.
+FLOATS = (
+    "nothing joins the model to the world, so its base floats; to hold it, load it with base='fixed', or "
+    "write a fixed joint with <parent>world</parent>"
+)
+CLOSED = (
+    "limits of closures are not read: {}; to keep them, cut another joint of the loop "
+    "(<physics><simbody><must_be_loop_joint>true)"
+)
 
 #: Kinds of joints by type; those of several axes are chains.
 KINDS: dict[str, JointKind] = {
@@ -51,61 +64,65 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) ->
         ModelError: The file has several robots or none, an element is invalid, or it states something that
             hybridyn does not have.
     """
-    library = Library(root, [os.fspath(folder) for folder in package_dirs])
-    robot = RobotFile("robot", root.file, format="SDF")
-    chosen = choose_model(root, library, robot)
-    models = Models(chosen.world or root, chosen.model, chosen.source, chosen.own, library)
-    links = list(models.every("link"))
-    if not links:
-        raise chosen.model.error("the model has no <link>; a robot has at least one")
-    robot.name = models.robot.name
-    robot.gravity = gravity_of(chosen.world)
-    remarks = Remarks()
-    joints = read_joints(models, robot.file, remarks)
-    add_links(robot, links)
-    _Builder(robot, models, links, joints).build(joints)
-    robot.notes += [*remarks.notes(), *library.unread.notes()]
+    library = Library(root, package_dirs)
+    models = Models(library)
+    robot = RobotFile(models.robot.name, root.file, format="SDF")
+    robot.gravity = _gravity(models.world)
+    joints = read_joints(models, robot.file, library.notes)
+    robot.links += [read_link(item, robot.file, library.notes) for item in models.every("link")]
+    _Builder(robot, models).build(joints, library.notes)
+    robot.notes += noted(library.notes)
     return robot
+
+
+def _gravity(world: Node) -> tuple[float, float, float] | None:
+    """Return the acceleration of gravity of a world [m/s^2], None without a world."""
+    if world.tag != "world":
+        return None
+    holders = world, *world.children("physics")  # <physics> in SDFormat 1.4
+    node = next((node for holder in holders if (node := holder.child("gravity")) is not None), None)
+    if node is None or not node.content():
+        return GRAVITY
+    x, y, z = (float(number) for number in node.content_numbers(3))
+    return x, y, z
 
 
 class _Builder:
     """Makes the record of a robot of its links and joints."""
 
-    def __init__(self, robot: RobotFile, models: Models, links: list[Item], joints: list[Stated]) -> None:
-        self.robot, self.models, self.links = robot, models, links
-        names = {link.full_name: link.full_name for link in links}
-        self.graph = JointGraph(robot, names, {joint.name for joint in joints}, "{child}_fixed")
+    def __init__(self, robot: RobotFile, models: Models) -> None:
+        self.robot, self.models = robot, models
         self.steps: dict[Item, list[str]] = {}
 
-    def build(self, joints: list[Stated]) -> None:
-        """Add joints, closures, couplings and springs to the robot."""
-        model = self.models.robot
-        named = bool(model.model.xml.get("canonical_link"))
-        first = self.models.link(model, MODEL, model.model) if named else None
-        poses = {link.full_name: self.models.pose(link) for link in self.links}
-        tree = span(starts(poses, joints, [] if first is None else [first.full_name]), joints)
+    def build(self, joints: list[Stated], notes: Notes) -> None:
+        """Add joints, closures, couplings and springs to the robot; `notes` takes what is noted."""
+        poses = {link.full_name: self.models.pose(link) for link in self.models.every("link")}
+        self.graph = JointGraph(
+            self.robot, {name: name for name in poses}, {joint.name for joint in joints}, "{child}_fixed"
+        )
+        tree = span(starts(poses, joints, ()), joints)
         welds = [
             joint for joint in joints if joint.kind == "fixed" and WORLD in joint.ends
             and np.array_equal(self.models.pose(joint.links[joint.ends[0] == WORLD]), np.eye(4))
         ]  # fmt: skip
         self.graph.fill(tree, poses, welds, self._chain, self._closing)
         if self.robot.base == "floating":
-            self.robot.notes.append(
-                "nothing joins the model to the world, so its base floats; to hold it, load it with "
-                "base='fixed', or write a fixed joint with <parent>world</parent>"
-            )
-        whole = [joint for joint in tree.cut if not joint.needed]
-        if limited := [joint.name for joint in whole if any(axis.limited for axis in joint.axes)]:
-            self.robot.notes.append(
-                f"limits of closures are not read: {listed(limited)}; to keep them, cut another joint of the "
-                "loop (<physics><simbody><must_be_loop_joint>true)"
-            )
+            notes[FLOATS] = [self.robot.name]
+        limited = [
+            joint for joint in tree.cut if any(axis.limited for axis in joint.axes) and not joint.needed
+        ]
+        if limited:
+            notes[CLOSED] = [joint.name for joint in limited]
+        springs: dict[str, tuple[float, float]] = {}
         for joint in joints:
-            for number, axis in enumerate(joint.axes):
-                if axis.mimic is not None:
-                    name = self.steps[joint.item][number]
-                    self.robot.couplings.append(self._coupling(name, axis.mimic, joint.line))
-        self._add_springs(joints)
+            for name, axis in zip(self.steps.get(joint.item, ()), joint.axes, strict=False):
+                if axis.mimic is not None and axis.leader is not None:
+                    self.robot.couplings.append(self._coupling(name, axis.mimic, axis.leader, joint.line))
+                if axis.spring[0]:
+                    springs[name] = axis.spring
+        if springs:
+            stiffness, rest = ({name: spring[i] for name, spring in springs.items()} for i in (0, 1))
+            self.robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
 
     def _chain(self, joint: Stated, forward: bool) -> Chain:
         """Return a joint as a chain from the link above to that below, and its frame in both.
@@ -123,7 +140,7 @@ class _Builder:
         for name, axis in zip(names, joint.axes, strict=bool(joint.axes)):
             along = tidy(end[:3, :3].T @ axis.direction)
             steps.append(Step(name, KINDS[joint.kind], along, _numbers(joint, axis)))
-            if axis.initial:
+            if axis.initial and not math.isnan(axis.initial):
                 self.robot.home[name] = (axis.initial,)
         if kind == "spherical":
             steps.append(Step(joint.name, kind))
@@ -140,27 +157,20 @@ class _Builder:
         frames = [inverse(self.models.pose(link)) @ joint.at for link in joint.links]
         return Closing(kind, frames, form.translations, form.rotation, turns)
 
-    def _coupling(self, follower: str, mimic: Mimic, line: int | None) -> Coupling:
-        kind = mimic.joint.node.text("type")
-        if mimic.number >= AXES[kind]:
-            which = "second axis" if mimic.number else "axis"
-            raise mimic.node.error(f"joint '{mimic.joint.full_name}' has no {which} that could lead")
-        leader = self.steps[mimic.joint][mimic.number]
-        if leader == follower:
-            raise mimic.node.error("a joint cannot follow itself")
-        return Coupling(follower, ((follower, 1.0), (leader, -mimic.multiplier)), mimic.offset, line)
-
-    def _add_springs(self, joints: list[Stated]) -> None:
-        """Add the springs of joints as an effect."""
-        springs = {
-            name: axis
-            for joint in joints if joint.item in self.steps
-            for name, axis in zip(self.steps[joint.item], joint.axes, strict=False) if axis.stiffness
-        }  # fmt: skip
-        if springs:
-            stiffness = {name: axis.stiffness for name, axis in springs.items()}
-            rest = {name: axis.rest for name, axis in springs.items()}
-            self.robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
+    def _coupling(self, follower: str, mimic: Node, leader: Item, line: int | None) -> Coupling:
+        """Return the coupling: position = multiplier (position of the leader - reference) + offset."""
+        which = str(mimic.xml.get("axis", "")).strip() or "axis"
+        if which not in ("axis", "axis2"):
+            raise mimic.error(f"axis '{which}' instead of 'axis' or 'axis2'")
+        number = ("axis", "axis2").index(which)
+        if number >= AXES[leader.node.text("type")]:
+            word = "second axis" if number else "axis"
+            raise mimic.error(f"joint '{leader.full_name}' has no {word} that could lead")
+        name = self.steps[leader][number]
+        if name == follower:
+            raise mimic.error("a joint cannot follow itself")
+        ratio, offset, reference = numbers(mimic, "mimic").values()
+        return Coupling(follower, ((follower, 1.0), (name, -ratio)), offset - ratio * reference, line)
 
 
 def tidy(axis: Array) -> Array:

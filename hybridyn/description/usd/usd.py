@@ -15,7 +15,7 @@ from pxr import Tf
 from ...errors import ModelError
 from ..closure_forms import ROWS, form_of_rows
 from ..joint_graph import Chain, Closing, JointGraph, Step, Tree, span
-from ..names import listed
+from ..names import listed, noted
 from ..records import JointKind
 from ..robot_file import MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
@@ -145,7 +145,7 @@ class _Builder:
         own = [joint.prim.path for joint in tree.cut if not joint.closes]
         kept = [joint.prim.path for joint, _ in tree.branches if joint.closes]
         limited = [joint.prim.path for joint in tree.cut if joint.limited and not joint.needed]
-        _note(self.robot, {
+        self.robot.notes += noted({
             "joints {} close loops and are cut there; to cut other joints, set "
             "physics:excludeFromArticulation = true on those": own,
             "joints {} are excluded from the articulation, but are driven or coupled, or are the only joint "
@@ -177,7 +177,7 @@ def _add_notes(robot: RobotFile, stage: Stage) -> None:
     prims = stage.prims.values()
     light = [link for link in robot.links if not link.mass and not link.between_joints]
     moving = ("physics:velocity", "physics:angularVelocity")
-    _note(robot, {
+    robot.notes += noted({
         "the file states no metersPerUnit: lengths are in centimetres, the default of USD":
             [] if stage.usd.HasAuthoredMetadata("metersPerUnit") else [stage.file],
         "bodies {} are kinematic or disabled: they are read as parts of the world":
@@ -199,8 +199,3 @@ def _cones(prim: Prim) -> list[float]:
     words = ("physics:coneAngle0Limit", "physics:coneAngle1Limit")
     found = [prim.number(word, np.inf, finite=False) for word in words]
     return [angle for angle in found if angle >= 0]
-
-
-def _note(robot: RobotFile, found: dict[str, list[str]]) -> None:
-    """Add the remarks that concern something; "{}" in them stands for its names."""
-    robot.notes += [text.format(listed(names)) for text, names in found.items() if names]

@@ -45,15 +45,15 @@ def _of_mjcf(subject: Subject) -> Iterator[tuple[Node, str, bool]]:
 
 def _of_sdf(subject: Subject) -> Iterator[tuple[Node, str, bool]]:
     """Yield each mesh of an SDF file and of the files that it includes, as `_of_mjcf`."""
-    library = Library(subject.root, [os.fspath(folder) for folder in subject.package_dirs])
-    waiting = [(subject.root, library.source)]
+    library = Library(subject.root, subject.package_dirs)
+    waiting = [(subject.root, library.own)]
     while waiting:
-        root, source = waiting.pop()
-        find = MeshFiles(Path(source.path).parent, subject.package_dirs)
+        root, files = waiting.pop()
+        find = MeshFiles(Path(files[-1]).parent, subject.package_dirs)
         for node in root.descendants():
             if node.tag == "include":
                 with contextlib.suppress(ModelError):  # of a model that is not read
-                    waiting.append(library.open(node, source))
+                    waiting.append(library.open(node, files))
             elif node.tag == "mesh" and (uri := node.child("uri")) is not None:
                 try:
                     find(uri.content())

@@ -1,0 +1,288 @@
+"""SDFormat's elements: what is read, noted and refused, and their texts and numbers.
+
+Values are texts of children, not attributes; the writer asks `NUMBERS`, too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..names import closest, did_you_mean, listed
+from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
+from ..records import Array
+from ..urdf.foreign import LEGACY_FORMS
+from ..urdf.placement import SMALLEST_AXIS
+from ..urdf.xml_node import Node
+
+#: Remarks, each with the names that it concerns (see `names.noted`).
+Notes = dict[str, list[str]]
+
+#: Deviation of a quaternion's length from 1 that is rounding: files keep 4 digits and more. Programs disagree
+#: on what longer and shorter ones mean.
+QUATERNION_SLACK = 1e-3
+
+#: Children of each element that are numbers, with SDFormat's defaults [SI].
+NUMBERS: dict[str, dict[str, float]] = {
+    "velocity_decay": {"linear": 0.0, "angular": 0.0},
+    "inertial": {"mass": 1.0},
+    "inertia": {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0},
+    "joint": {"drake:rotor_inertia": 0.0, "drake:gear_ratio": 1.0},
+    "axis": {"initial_position": math.nan},
+    "limit": {
+        "lower": -math.inf, "upper": math.inf, "effort": math.inf, "velocity": math.inf, "stiffness": 1e8,
+        "dissipation": 1.0,
+    },
+    "dynamics": {"damping": 0.0, "friction": 0.0, "spring_reference": 0.0, "spring_stiffness": 0.0},
+    "mimic": {"multiplier": 1.0, "offset": 0.0, "reference": 0.0},
+}  # fmt: skip
+
+#: Numbers that are not negative.
+POSITIVE = ("mass", "drake:rotor_inertia", "damping", "friction", "spring_stiffness")
+
+#: Attributes of each element that is read.
+ATTRIBUTES: dict[str, tuple[str, ...]] = {
+    "sdf": ("version",),
+    "world": ("name", "namespace"),
+    "model": ("name", "namespace"),
+    "frame": ("name", "attached_to"),
+    "link": ("name",),
+    "inertial": ("auto",),
+    "joint": ("name", "type"),
+    "mimic": ("joint", "axis"),
+    "pose": ("relative_to", "frame", "rotation_format", "degrees"),
+    "xyz": ("expressed_in",),
+}
+
+#: Children of each element that are read, beside its numbers.
+READ: dict[str, tuple[str, ...]] = {
+    "sdf": ("model", "world"),
+    "world": ("model", "include", "joint", "frame", "gravity", "physics"),
+    "model": ("static", "pose", "frame", "link", "joint", "include", "model"),
+    "include": ("uri", "name", "pose", "static"),
+    "frame": ("pose",),
+    "link": ("pose", "inertial", "gravity", "kinematic", "velocity_decay"),
+    "inertial": ("pose", "inertia", "fluid_added_mass"),
+    "joint": ("parent", "child", "pose", "axis", "axis2", "physics"),
+    "axis": ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame"),
+}
+READ = {tag: (*READ.get(tag, ()), *NUMBERS.get(tag, ())) for tag in [*READ, *NUMBERS]}
+READ |= {tag: () for tags in [*READ.values()] for tag in tags if tag not in READ}
+
+#: What SDFormat has and hybridyn does not read, and what to write in its place.
+REFUSED = {
+    "canonical_link": "this link first in the model",
+    "placement_frame": "a pose of the model itself",
+    "merge": "an include without it, whose links are named model::link",
+    "screw_thread_pitch": "a revolute and a prismatic joint, and <mimic>",
+    "thread_pitch": "a revolute and a prismatic joint, and <mimic>",
+    "gearbox_ratio": "<mimic>",
+    "gearbox_reference_body": "<mimic>",
+}
+
+#: Children of each element that do not change the dynamics, or that others read or note.
+LEFT_OUT: dict[str, tuple[str, ...]] = {
+    "sdf": ("light", "actor"),
+    "world": (
+        "audio", "wind", "magnetic_field", "atmosphere", "gui", "scene", "light", "actor", "plugin", "road",
+        "spherical_coordinates", "state", "population",
+    ),
+    "model": ("self_collide", "allow_auto_disable", "enable_wind", "plugin", "gripper", "model_state"),
+    "include": ("plugin", "model_state"),
+    "link": (
+        "enable_wind", "self_collide", "must_be_base_link", "collision", "visual", "sensor", "projector",
+        "audio_sink", "audio_source", "battery", "light", "particle_emitter", "plugin", "frame",
+    ),
+    "inertial": ("density", "auto_inertia_params", "frame"),
+    "joint": ("sensor", "plugin", "frame"),
+}  # fmt: skip
+
+#: Elements that carry the dynamics: none may stand where it is not read.
+DYNAMIC = {"link", "joint", "inertial", "axis", "axis2", "mimic"}
+
+#: Elements of other programs with a namespace that are read.
+NAMESPACED = {tag for tags in READ.values() for tag in tags if ":" in tag}
+
+#: Elements that are left out with a note; "{}" stands for their names, or for those of what they are in.
+NOTED = {
+    "plugin": "plugins are not read: {}",
+    "state": "the <state> of the world is not read: poses are those of the models",
+    **dict.fromkeys(
+        ("stiffness", "dissipation"),
+        "joints {}: stiffness and dissipation of joint stops are not read (the effect stop has them)",
+    ),
+}
+
+#: What is noted of elements with a namespace.
+CUSTOM = "elements of other programs are not read: {}"
+
+
+def check(node: Node, notes: Notes) -> None:
+    """Refuse what SDFormat does not have there where it resembles what it has, and note the rest.
+
+    Attributes, joints, links, inertias and numbers that are read elsewhere may not be misplaced, either.
+
+    Args:
+        node: An element; `axis2` counts as `axis`, `velocity` etc. by their own names.
+        notes: Takes what is left out and noted.
+
+    Raises:
+        ModelError: Something is unknown, or stands where it is not read.
+    """
+    kind = "axis" if node.tag == "axis2" else node.tag
+    attributes = ATTRIBUTES.get(kind, ())
+    for name in node.attributes():
+        if name in REFUSED:
+            raise node.error(f"{name} is not read; write {REFUSED[name]}")
+        if name not in attributes:
+            known = listed(attributes) or "none"
+            raise node.error(f"unknown attribute '{name}'{did_you_mean(name, attributes)}; known: {known}")
+    read, left_out = READ[kind], LEFT_OUT.get(kind, ())
+    for child in node.children():
+        if child.tag in NOTED:
+            name = str(child.xml.get("name") or child.xml.get("filename") or around(child).xml.get("name"))
+            notes.setdefault(NOTED[child.tag], []).append(name[:80])
+        if child.tag in left_out:
+            refuse_lost(child)
+        elif child.tag not in read:
+            _refuse_unknown(child, node, (*read, *left_out), notes)
+
+
+def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], notes: Notes) -> None:
+    if child.tag in REFUSED:
+        raise child.error(f"is not read; write {REFUSED[child.tag]}")
+    if child.tag in LEGACY_FORMS:
+        raise child.error(f"{LEGACY_FORMS[child.tag].split(';')[0]}, which is not read in SDF; remove it")
+    if ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:"):
+        refuse_lost(child)
+        notes.setdefault(CUSTOM, []).append(child.tag)
+        return
+    elsewhere = child.tag in READ and child.tag != "static"
+    if elsewhere or child.tag.startswith("hybridyn:") or closest(child.tag, known):
+        hint = did_you_mean(child.tag, known)
+        raise child.error(f"unknown in {node.label}{hint}; known: {listed(known) or 'nothing'}")
+    refuse_lost(child)
+    file, line = child.place
+    notes[f"{file}:{line}: <{child.tag}> in {node.label} is ignored, as Gazebo does"] = [child.tag]
+
+
+def around(node: Node) -> Node:
+    """Return an element, or the nearest one around it that has a name."""
+    holders = (xml for xml in (node.xml, *node.xml.iterancestors()) if xml.get("name"))
+    return Node(next(holders, node.xml), node.file)
+
+
+def refuse_lost(node: Node) -> None:
+    """Refuse joints, links and inertias inside an element that is left out; a plugin's own names are free.
+
+    Raises:
+        ModelError: There is one.
+    """
+    if node.tag in ("frame", "state", "population", "actor", "gripper", "gui", "model_state"):
+        return
+    for inner in node.descendants():
+        lost = inner.tag in DYNAMIC
+        if node.tag in ("plugin", "sensor"):
+            lost = inner.tag == "joint" and {"parent", "child"} <= {child.tag for child in inner.children()}
+        if lost:
+            raise inner.error(f"is not read inside <{node.tag}>; move it to the place where SDFormat has it")
+
+
+def word(node: Node, tag: str) -> str:
+    """Return the text of a child, "" if it is absent.
+
+    Raises:
+        ModelError: The child is stated twice.
+    """
+    child = node.child(tag)
+    return "" if child is None else child.content()
+
+
+def numbers(node: Node | None, tag: str) -> dict[str, float]:
+    """Return the numbers in the children of an element; absent and empty children have their defaults.
+
+    Args:
+        node: The element, or None where it is absent.
+        tag: Its kind, a key of `NUMBERS`.
+
+    Raises:
+        ModelError: A text is no number, a number is negative that may not be, or a child is stated twice.
+    """
+    out = dict(NUMBERS[tag])
+    if node is None:
+        return out
+    for name in out:
+        child = node.child(name)
+        if child is not None and child.content():
+            out[name] = child.content_number(infinite=tag == "limit")
+            if out[name] < 0 and name in POSITIVE:
+                raise node.error(f"negative {name} {out[name]:g} of {around(node).label}")
+    return out
+
+
+def flag(node: Node, tag: str, default: bool = False) -> bool:
+    """Return a child as true or false; the default if it is absent or empty.
+
+    Raises:
+        ModelError: The text is neither, or the child is stated twice.
+    """
+    text = word(node, tag).lower() or str(default).lower()
+    if text not in ("true", "false", "1", "0"):
+        raise node.required_child(tag).error(f"text '{text[:40]}' instead of true or false")
+    return text in ("true", "1")
+
+
+def direction(node: Node) -> Array:
+    """Return the unit vector that an element states, shape (3,).
+
+    Raises:
+        ModelError: A number does not parse, or the vector is zero.
+    """
+    axis = node.content_numbers(3)
+    norm = float(np.linalg.norm(axis))
+    if norm < SMALLEST_AXIS:
+        raise node.error("the axis is zero; give a direction such as <xyz>0 0 1</xyz>")
+    return axis / norm
+
+
+def pose(node: Node | None) -> Array:
+    """Return the placement that a `<pose>` states, shape (4, 4); the identity for None or an empty text.
+
+    Raises:
+        ModelError: A number does not parse, a quaternion is zero, or an attribute is unknown.
+    """
+    if node is None or not node.content():
+        return np.eye(4)
+    form = str(node.xml.get("rotation_format", "")).strip() or "euler_rpy"
+    degrees = node.flag("degrees", False)
+    if form == "euler_rpy":
+        numbers = node.content_numbers(6)
+        angles = np.radians(numbers[3:]) if degrees else numbers[3:]
+        return placement_from(rotation_from_rpy(*angles), numbers[:3])
+    if form != "quat_xyzw":
+        raise node.error(f"rotation_format '{form}' instead of 'euler_rpy' or 'quat_xyzw'")
+    if degrees:
+        raise node.error("states both degrees and a quaternion; keep one")
+    numbers = node.content_numbers(7)
+    norm = float(np.linalg.norm(numbers[3:]))
+    if abs(norm - 1) > QUATERNION_SLACK:
+        raise node.error(f"its quaternion has length {norm:g}; a unit quaternion is needed")
+    return placement_from(rotation_from_quaternion(*(numbers[3:] / norm)), numbers[:3])
+
+
+def relative_to(node: Node | None) -> str:
+    """Return the name of the frame in which a `<pose>` is expressed, "" for the default.
+
+    Raises:
+        ModelError: It names a frame in the attribute of SDFormat 1.5 and 1.6, which never had a meaning.
+    """
+    name, old = (
+        "" if node is None else str(node.xml.get(word, "")).strip() for word in ("relative_to", "frame")
+    )
+    if node is not None and old and not name:
+        raise node.error(
+            f'frame="{old}": this attribute of SDFormat 1.5 and 1.6 never had a meaning; write '
+            f'relative_to="{old}" and version="1.7", or remove it'
+        )
+    return name
