@@ -14,6 +14,9 @@ from ..errors import ModelError
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot, joint_position, positions
 
+#: Decimals of a distance that decide which joint is farther; at a tie the joint that stands first is.
+TIED = 9
+
 
 @dataclass(frozen=True, eq=False)
 class HomePosture:
@@ -76,7 +79,8 @@ def homes(
     for q, count, residual, within in zip(
         found.q, found.counts, found.residual, found.within_limits, strict=True
     ):
-        distances = dict(sorted(_distances(robot, q, robot.home).items(), key=lambda item: -item[1]))
+        distances = _distances(robot, q, robot.home)
+        distances = dict(sorted(distances.items(), key=lambda item: -round(item[1], TIED)))
         joint, distance = next(iter(distances.items()), ("", 0.0))
         out.append(HomePosture(q, float(residual), bool(within), joint, distance, int(count), distances))
     return Homes(tuple(out), found.unseen)

@@ -100,7 +100,7 @@ def test_motors_that_turn_the_rows_beyond_a_fold(compiled: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "steps", "largest"), [("five_bar", 25, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
+    ("name", "steps", "largest"), [("five_bar", 10, 2.5), slow("five_bar", 400, 2.5), slow("delta", 100, 1.6)]
 )
 def test_steps_of_shipped_robots(name: str, steps: int, largest: float) -> None:
     robot = hybridyn.load(name)

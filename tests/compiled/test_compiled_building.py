@@ -100,6 +100,7 @@ def test_a_cache_that_cannot_be_used_is_named(empty_cache: Path) -> None:
     refused(lambda: cached("a robot", source), hybridyn.CompileError, "cache folder .* cannot be used")
 
 
+@pytest.mark.slow
 def test_a_new_model_may_differ_as_roundings_of_the_robot_do(tmp_path: Path) -> None:
     """A slider of 1e-7 kg carries one of 1 kg: efforts are differences of numbers 1e7 times as large.
 

@@ -223,6 +223,7 @@ def to_point(folder: Path, samples: int) -> Stage:
     return stage(written(folder, f"{text}rate = {samples / 0.2!r}\n"))
 
 
+@pytest.mark.slow
 def test_the_samples_of_a_prescribed_motion_take_the_memory_that_is_checked(tmp_path: Path) -> None:
     """Beyond a block, of which one is computed at a time, samples take what `check_run_size` counts."""
     peaks = []

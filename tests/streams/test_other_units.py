@@ -44,6 +44,7 @@ def test_tables(
     assert words in said.err
 
 
+@pytest.mark.slow
 def test_a_slide_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = [f"m1_leg{i}_slide/position" for i in range(1, 7)]
     rows = np.column_stack([TIME, *[50.0 + TIME] * 6])

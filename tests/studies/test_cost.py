@@ -166,6 +166,7 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
     assert spline < 1e-6 < differences
 
 
+@pytest.mark.slow
 def test_friction_matters_more_when_the_same_path_is_slower() -> None:
     robot = hybridyn.load("five_bar")
     study = study_models(robot, motion(robot, 40), choose(robot, "model"))
@@ -363,6 +364,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     assert typical_step(5, 0.05) <= 0.05
 
 
+@pytest.mark.slow
 def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
     needs("compiled")
     monkeypatch.setattr(runs, "clock", Clock(tick=0.1))  # s a step

@@ -193,9 +193,9 @@ class CompiledEngine:
         own = np.matmul(np.swapaxes(R, 2, 3), w[..., None])
         spin = np.matmul(inertia, own)
         speed = x[:, :, 12:15] + np.cross(w, arm)
-        kinetic = ((speed**2).sum(axis=2) @ mass + (own * spin).sum(axis=(1, 2, 3))) / 2
+        kinetic = ((mass * (speed**2).sum(axis=2)).sum(axis=1) + (own * spin).sum(axis=(1, 2, 3))) / 2
         weight = robot.gravity if on.gravity is not None else np.zeros(3)
-        potential = -((x[:, :, 9:12] + arm) @ weight) @ mass
+        potential = -(mass * ((x[:, :, 9:12] + arm) @ weight)).sum(axis=1)  # `@ mass` rounds by the batch
         add_energy_of_laws(robot, q, v, on, kinetic, potential)
         return np.stack([kinetic, potential], axis=1)
 
