@@ -7,6 +7,7 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot
+from hybridyn.assembly import follow
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.mechanisms import KINDS, random_mechanism
@@ -19,6 +20,8 @@ Step = Callable[[Array, Array], Array]
 SAME = 1e-6
 #: Rows of the fine motion.
 FINE = 60
+#: A step of the delta's motors that meets a singularity on its straight way.
+BEYOND = np.array([0.1509, 0.1798, -1.6443]), np.array([0.9059, 1.1365, -1.7454])
 
 
 def end_of_fine_motion(robot: HybridRobot, q: Array, x: Array, target: Array) -> Array | None:
@@ -62,17 +65,25 @@ def judged(robot: HybridRobot, steps: int, largest: float, step_to: Step) -> int
     return followed
 
 
-@pytest.mark.parametrize("fine", [False, slow(True)])
-def test_a_step_that_straight_motions_cannot_make_is_an_error(fine: bool) -> None:
+@pytest.mark.parametrize("finest", [16, slow(follow.FINEST)])
+def test_a_step_that_straight_motions_cannot_make_is_an_error(
+    finest: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The straight motion of the delta's arms meets a singularity; Newton's method finds a posture beyond."""
+    monkeypatch.setattr(follow, "FINEST", finest)
     robot = hybridyn.load("delta")
-    x, target = np.array([0.1509, 0.1798, -1.6443]), np.array([0.9059, 1.1365, -1.7454])
-    q = hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)))[0]
-    if fine:
-        assert end_of_fine_motion(robot, q, x, target) is None
-        return
+    x, target = BEYOND
+    q = hybridyn.assemble(robot, motors=x)[0]
     with pytest.raises(AssemblyError, match=r"at sample 0 straight from the guess|do not close at sample 0"):
         step_of(robot)(target, q)
+
+
+@pytest.mark.slow
+def test_the_fine_motion_ends_there_too() -> None:
+    """As the step of the test above."""
+    robot = hybridyn.load("delta")
+    x, target = BEYOND
+    assert end_of_fine_motion(robot, hybridyn.assemble(robot, motors=x)[0], x, target) is None
 
 
 def test_a_step_whose_ends_look_alike_ends_on_its_branch() -> None:

@@ -139,6 +139,7 @@ def motion(robot: hybridyn.HybridRobot, rows: int = 130) -> Trajectory:
     return Trajectory(*hybridyn.assemble(robot, motors=waves(robot, time, 0.2)), time)
 
 
+@pytest.mark.slow
 def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
     needs("compiled")
     robot = hybridyn.load("five_bar")
@@ -248,6 +249,7 @@ def measured(swing: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runs, "study_runs", filled)
 
 
+@pytest.mark.slow
 def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
     by_line: dict[str, list[float]] = {}
     for p in swing.points:
@@ -260,6 +262,7 @@ def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
     assert {one.effect for one in swing.worth if one.computed} == {"leg_inertia", "velocity"}
 
 
+@pytest.mark.slow
 def test_what_an_effect_of_a_scene_changes_is_the_way_between_two_runs(swing: Study) -> None:
     ready = stage(SWING)
     for names, effect in (
@@ -271,6 +274,7 @@ def test_what_an_effect_of_a_scene_changes_is_the_way_between_two_runs(swing: St
         assert found == pytest.approx(distance(ready.robot, *ends), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scene_on_the_command_line(
     tmp_path: Path, measured: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -285,6 +289,7 @@ def test_a_scene_on_the_command_line(
     assert figure.read_text().startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_was_measured(
     swing: Study, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -316,6 +321,7 @@ def test_the_lines_of_a_target_run_and_reach_it(
     call(capsys, "simulate", mine, "-o", tmp_path / "run.csv")
 
 
+@pytest.mark.slow
 def test_a_target_out_of_reach_prints_nothing_to_paste(
     measured: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
