@@ -87,7 +87,7 @@ def test_of_joints_that_are_equally_far_the_first_is_named() -> None:
 
 
 def test_a_posture_is_printed_without_rounding_noise(capsys: pytest.CaptureFixture[str]) -> None:
-    (_, *lines) = call(capsys, "home", "gough_stewart").out.splitlines()
+    (_, *lines) = call(capsys, "home", "gough_stewart", "--starts", 5).out.splitlines()
     assert {float(line.split(" = ")[1]) for line in lines} == {0.0}
 
 
