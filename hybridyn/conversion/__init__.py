@@ -1,7 +1,7 @@
 """Write robots in other formats: MJCF, URDF, USD and the files beside them, with a list of what is lost.
 
 Read `request` first (what a writer receives and returns, and how it lists what its format cannot say), then
-`writers` (which chooses the writer by the ending of the file), `convert` (from a robot to files), and one
+`convert` (which chooses the writer by the ending of the file, and goes from a robot to files), and one
 format. `shapes` reads the visual shapes of a URDF; `numerals` turns numbers and rotations into text; `home`
 closes loops that are open at home.
 

@@ -1,16 +1,22 @@
-"""`convert`: write a robot in another format."""
+"""`convert`: write a robot in another format, by the writer of the file's ending.
+
+A new format is one entry of `WRITERS`: a function that receives a `Request`, adds what is lost to `Losses`,
+and returns `Written`.
+"""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..description import Description, read
+from ..description.closure_forms import words_of_rows
+from ..description.names import did_you_mean
 from ..description.opening import split_model
 from ..description.records import StatedBase
 from ..description.shipped import find_robot
@@ -18,13 +24,24 @@ from ..description.side_cars.companions import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
 from .home import closed_at_home
+from .mjcf.mjcf import write_mjcf
 from .request import TIGHTNESS, Losses, Request, Written
+from .sdf.sdf import write_sdf
 from .shapes import read_shapes
-from .writers import write, writer_of
+from .urdf.urdf import write_urdf
+from .usd.usd import write_usd
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
 
+#: Writers by the ending of the file.
+WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
+    ".urdf": write_urdf,
+    ".xml": write_mjcf,
+    ".sdf": write_sdf,
+    ".usda": write_usd,
+    ".usd": write_usd,
+}
 #: Ending of the model file.
 MODEL = ".model.toml"
 #: Ending of the side-car of a URDF.
@@ -115,6 +132,57 @@ def convert(
     return _write(target, replace(written, losses=lost, notes=(*notes, *written.notes)))
 
 
+def write(request: Request) -> Written:
+    """Return the text of a robot's file, the files beside it, and what is lost.
+
+    Raises:
+        ModelError: No writer has this ending, or the format cannot hold the robot.
+    """
+    losses = Losses()
+    d = _sayable(request.description, losses)
+    written = writer_of(request.target)(replace(request, description=d), losses)
+    return replace(written, losses=losses.lines())
+
+
+def writer_of(target: Path) -> Callable[[Request, Losses], Written]:
+    """Return the writer of a file.
+
+    Raises:
+        ModelError: No writer has this ending.
+    """
+    ending = target.suffix.lower()
+    if ending in WRITERS:
+        return WRITERS[ending]
+    raise ModelError(
+        f"unknown ending '{ending}'{did_you_mean(ending, WRITERS)}; known: {', '.join(WRITERS)}",
+        file=str(target),
+    )
+
+
+def _sayable(d: Description, losses: Losses) -> Description:
+    """Return a robot without what no format says: closures without rows, terms of couplings that are zero.
+
+    Args:
+        losses: Receives what is left out.
+    """
+    rowless = [c.name for c in d.closures if not words_of_rows(c.translations, c.rotation)]
+    for reason, names in (
+        ("position limits of which the lower is above the upper", d.crossed),
+        ("which part of a link is an added body", [load.name for load in d.loads]),
+        ("closures left out, since they have no row", rowless),
+    ):
+        for name in names:
+            losses.add(reason, name)
+    return replace(
+        d,
+        name=d.name or "robot",
+        closures=tuple(closure for closure in d.closures if closure.name not in rowless),
+        couplings=tuple(
+            replace(c, terms=tuple((name, factor) for name, factor in c.terms if factor)) for c in d.couplings
+        ),
+    )
+
+
 def _refuse_names(d: Description) -> None:
     """Refuse names that no file can hold, but for a robot without a name."""
     names = [d.name or "robot", *(link.name for link in d.links), *(joint.name for joint in d.joints)]
@@ -151,8 +219,9 @@ def _write(target: Path, written: Written) -> Conversion:
     if other not in (None, files[SIDE_CAR]):
         texts.setdefault(SIDE_CAR, NO_SIDE_CAR)
     head = f"# {MARK} for {target.name!a}\n"
+    own = [file for file in files.values() if file.exists() and file.read_bytes().startswith(head.encode())]
     for ending, file in files.items():
-        if file.exists() and not _starts_with(file, head) and (ending in texts or file == other):
+        if file.exists() and file not in own and (ending in texts or file == other):
             raise ModelError(
                 f"is read with {target.name}, but exists and is not from convert; move it away, or write to "
                 "another name",
@@ -162,7 +231,7 @@ def _write(target: Path, written: Written) -> Conversion:
     for ending, file in files.items():
         if ending in texts:
             write_text(file, head + texts[ending])
-        elif file.exists() and _starts_with(file, head):
+        elif file in own:
             file.unlink()  # of an earlier conversion
     beside = (file for ending, file in files.items() if ending in texts)
     return Conversion((target, *beside), written.losses, written.notes)
@@ -181,8 +250,3 @@ def file_beside(target: Path, ending: str) -> Path:
 def _last_line(target: Path) -> str:
     """Return the last line of a robot file from `convert`."""
     return f"# {MARK}\n" if target.suffix.lower().startswith(".usd") else f"<!-- {MARK} -->\n"
-
-
-def _starts_with(file: Path, head: str) -> bool:
-    with open(file, encoding="utf-8", errors="replace") as text:
-        return text.readline() == head

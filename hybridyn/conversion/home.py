@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..assembly.assemble import assemble
-from ..description.poses import angle_of, poses_at
+from ..description.placement import angle_of, poses_at
 from ..description.records import Description, Joint
 from ..description.robot_file import ZERO
 from ..errors import HybridynError, ModelError

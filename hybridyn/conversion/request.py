@@ -52,7 +52,7 @@ class Written:
         beside: Content of the files beside it that hybridyn also reads, by their ending: ".model.toml" after
             the file's name (see `writing_toml`), ".yaml" in place of its ending.
         losses: What the format cannot say, one line each, with the names of joints, links and closures. What
-            hybridyn reads back from the files beside is not lost. `writers.write` adds them.
+            hybridyn reads back from the files beside is not lost. `convert.write` adds them.
     """
 
     text: str

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from .records import Array, RotationKind
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Form:
     """The translations and rotations that a kind of closure locks; its axis is z.
 
@@ -17,11 +17,14 @@ class Form:
         translations: Axes of frame A along which B's origin may not move.
         rotation: The locked part of the rotation.
         has_axis: Whether this kind of closure has an axis.
+        rotation_of_frames: Rotation of both frames about their own axes that brings the closure into this
+            form, shape (3, 3).
     """
 
     translations: tuple[int, ...]
     rotation: RotationKind
     has_axis: bool = True
+    rotation_of_frames: Array = field(default_factory=lambda: np.eye(3))
 
 
 #: Closures by name; in this order they have 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows.
@@ -53,22 +56,7 @@ SINGLE_ROTATION = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class RowsForm:
-    """A general closure in canonical form.
-
-    Attributes:
-        translations: As in `records.Closure`, in the turned frames.
-        rotation: As in `records.Closure`.
-        rotation_of_frames: Rotation of both frames about their own axes, shape (3, 3).
-    """
-
-    translations: tuple[int, ...]
-    rotation: RotationKind
-    rotation_of_frames: Array
-
-
-def form_of_rows(text: str) -> RowsForm:
+def form_of_rows(text: str) -> Form:
     """Convert `rows="tx ty rx ry"` to canonical form by a cyclic permutation of the frames' axes.
 
     Two locked rotations leave the third axes of both frames parallel; that axis becomes z.
@@ -84,20 +72,17 @@ def form_of_rows(text: str) -> RowsForm:
         raise ValueError("a row is stated twice")
     if not words:
         raise ValueError("no row is stated, so nothing is closed")
-    locked = [axis for axis in range(3) if ROWS[axis] in words]
-    turns = [axis for axis in range(3) if ROWS[3 + axis] in words]
-    if PERPENDICULAR in words:
-        if turns:
-            raise ValueError(f"'{PERPENDICULAR}' is the only rotation row that may be stated with itself")
-        return RowsForm(tuple(locked), "perpendicular", np.eye(3))
+    locked, turns = ([axis for axis in range(3) if kind + "xyz"[axis] in words] for kind in "tr")
+    if PERPENDICULAR in words and turns:
+        raise ValueError(f"'{PERPENDICULAR}' is the only rotation row that may be stated with itself")
     if len(turns) == 1:
         raise ValueError(SINGLE_ROTATION)
-    if len(turns) != 2:
-        return RowsForm(tuple(locked), "fixed" if turns else "free", np.eye(3))
-    z = ({0, 1, 2} - set(turns)).pop()
-    order = [(z + 1) % 3, (z + 2) % 3, z]
-    translations = tuple(sorted(order.index(axis) for axis in locked))
-    return RowsForm(translations, "parallel", np.eye(3)[:, order])
+    if len(turns) == 2:
+        z = ({0, 1, 2} - set(turns)).pop()
+        order = [(z + 1) % 3, (z + 2) % 3, z]
+        translations = tuple(sorted(order.index(axis) for axis in locked))
+        return Form(translations, "parallel", rotation_of_frames=np.eye(3)[:, order])
+    return Form(tuple(locked), "perpendicular" if PERPENDICULAR in words else "fixed" if turns else "free")
 
 
 def words_of_rows(translations: tuple[int, ...], rotation: RotationKind) -> list[str]:

@@ -7,6 +7,7 @@ and `check` list them.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ import numpy as np
 
 from .motors import EVERY_JOINT
 from .names import listed
-from .poses import poses_at_zero
+from .placement import poses_at_zero
 from .records import Description, Format, Joint
 from .robot_file import FREEDOMS
 from .weightless import Bodies
@@ -66,10 +67,7 @@ class Sign(NamedTuple):
 def lost_loops(description: Description) -> list[Sign]:
     """Return the signs that a robot had loops which its file does not state."""
     out = [*_paired_frames(description)]
-    if not description.closures:
-        out += _passive_joints(description)
-        out += _files_beside(description)
-    return out
+    return out if description.closures else [*out, *_passive_joints(description), *_files_beside(description)]
 
 
 def _paired_frames(description: Description) -> Iterator[Sign]:
@@ -122,24 +120,24 @@ def _coincident(
     """Return the pairs that coincide in the zero posture, but not at the joint between their bodies."""
     if not pairs:
         return set()
-    above = {joint.child: joint for joint in description.joints}
     at = {description.root: np.zeros(3)}
     at |= {link: pose[:3, 3] for link, pose in poses_at_zero(description.joints).items()}
     near = TOGETHER * float(np.linalg.norm(np.ptp(np.array([*at.values()]), axis=0)))
+    joined = {(joint.child, bodies.of[joint.parent]) for joint in description.joints}
 
     def together(one: str, other: str) -> bool:
+        """Return whether the origins of two links coincide."""
         return bool(np.linalg.norm(at[one] - at[other]) <= near)
 
-    def at_joint(one: str, child: str, parent: str) -> bool:
-        joins = child in above and bodies.of[above[child].parent] == parent
-        return joins and together(one, child)
-
-    out = set()
-    for _, one, other in pairs:
-        ends = bodies.of[one], bodies.of[other]
-        if together(one, other) and not at_joint(one, *ends) and not at_joint(one, *ends[::-1]):
-            out.add((one, other))
-    return out
+    return {
+        (one, other)
+        for _, one, other in pairs
+        if together(one, other)
+        and not any(
+            ends in joined and together(one, ends[0])
+            for ends in itertools.permutations((bodies.of[one], bodies.of[other]))
+        )
+    }
 
 
 def _words(name: str) -> set[str]:
@@ -188,12 +186,10 @@ def _is_suspicious(description: Description, free: list[Joint], weak: list[Joint
     They are if each of several joints states effort 0, or if the tree branches: a loop that was cut open
     leaves two chains.
     """
-    if len(weak) == len(free) > 1:
-        return True
+    movable = [joint for joint in description.joints if joint.kind != "fixed"]
     bodies = Bodies(description)
-    moving = {joint.child for joint in description.joints if joint.kind != "fixed"}
-    bearing = {bodies.of[joint.parent] for joint in description.joints if joint.kind != "fixed"}
-    return len(moving - bearing) > 1
+    ends = {joint.child for joint in movable} - {bodies.of[joint.parent] for joint in movable}
+    return len(weak) == len(free) > 1 or len(ends) > 1
 
 
 def _files_beside(description: Description) -> Iterator[Sign]:
@@ -201,10 +197,9 @@ def _files_beside(description: Description) -> Iterator[Sign]:
     if description.source is None:
         return
     folder = Path(description.source).absolute().parent
-    folders = [folder]
-    for above in (folder, folder.parent):
-        folders += [p for p in _entries(above) if p.name.lower().startswith(FOLDERS) and p.is_dir()]
-    found = [file for place in folders for file in _entries(place) if BESIDE.fullmatch(file.name)]
+    beside = [place for above in (folder, folder.parent) for place in _entries(above)]
+    folders = [p for p in beside if p.name.lower().startswith(FOLDERS) and p.is_dir()]
+    found = [file for place in (folder, *folders) for file in _entries(place) if BESIDE.fullmatch(file.name)]
     if found:
         names = listed(dict.fromkeys(file.name for file in found))
         yield Sign(
@@ -215,7 +210,6 @@ def _files_beside(description: Description) -> Iterator[Sign]:
 
 def _entries(folder: Path) -> list[Path]:
     """Return the entries of a folder, sorted; none if the folder cannot be read."""
-    try:
+    with contextlib.suppress(OSError):
         return sorted(itertools.islice(folder.iterdir(), MOST_FILES))
-    except OSError:
-        return []
+    return []

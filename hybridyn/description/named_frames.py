@@ -18,8 +18,7 @@ from ..errors import ModelError
 from .closure_forms import FORMS
 from .groups import Groups
 from .names import listed
-from .placement import placement_from, rotation_to_axis
-from .poses import poses_at_zero, relative
+from .placement import placement_from, poses_at_zero, relative, rotation_to_axis
 from .records import Closure
 from .robot_file import MotorStatement, RobotFile
 

@@ -1,10 +1,14 @@
-"""Build rotation matrices, and placements: 4 x 4 matrices of a rotation and a position."""
+"""Build rotations and placements (4 x 4 matrices of a rotation and a position); pose all links."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator, Mapping
+
 import numpy as np
 
-from .records import Array
+from ..spatial import rotation_from_axis_angle
+from .records import Array, Description, Joint
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
@@ -56,3 +60,82 @@ def turned(placement: Array, rotation: Array) -> Array:
 def inverse(placement: Array) -> Array:
     """Return the inverse of a placement, shape (4, 4)."""
     return placement_from(placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3])
+
+
+def poses_at_zero(joints: Iterable[Joint]) -> dict[str, Array]:
+    """Compute the frame of every link in the frame of its root, all joints at zero.
+
+    The joints need not form a tree yet: links of a cycle are left out, and a link with two parents takes the
+    first.
+
+    Returns:
+        Placements by link name, each of shape (4, 4).
+    """
+    every = list(joints)
+    children = {joint.child for joint in every}
+    out = {joint.parent: np.eye(4) for joint in every if joint.parent not in children}
+    for joint in outwards(every, list(out)):
+        out.setdefault(joint.child, out[joint.parent] @ joint.placement)
+    return out
+
+
+def poses_at(
+    d: Description, positions: Mapping[str, tuple[float, ...]], root: Array | None = None
+) -> dict[str, Array]:
+    """Return the pose of each link in a posture, shapes (4, 4).
+
+    Args:
+        positions: Joint positions by name, as in `Description.home`; zero for those left out.
+        root: Pose of the root link, shape (4, 4); None for the identity.
+    """
+    poses = {d.root: np.eye(4) if root is None else root}
+    for joint in outwards(d.joints, [d.root]):
+        poses[joint.child] = poses[joint.parent] @ joint.placement @ motion_of(joint, positions)
+    return poses
+
+
+def outwards(joints: Iterable[Joint], roots: list[str]) -> Iterator[Joint]:
+    """Yield the joints from the roots outwards, each after the joint that carries it."""
+    below: dict[str, list[Joint]] = {}
+    for joint in joints:
+        below.setdefault(joint.parent, []).append(joint)
+    waiting = list(roots)
+    while waiting:
+        for joint in below.pop(waiting.pop(), ()):
+            yield joint
+            waiting.append(joint.child)
+
+
+def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array:
+    """Return the motion of a joint from position zero, shape (4, 4)."""
+    at = positions.get(joint.name)
+    if at is None or joint.kind == "fixed":
+        return np.eye(4)
+    if joint.kind == "prismatic":
+        return placement_from(np.eye(3), joint.axis * at[0])
+    if joint.kind in ("spherical", "floating"):
+        return free_pose(((0.0,) * 3 + at)[-7:])
+    if joint.kind == "planar":
+        return placement_from(turn_about(joint.axis, angle_of(at[2:])), np.array([at[0], at[1], 0.0]))
+    return placement_from(turn_about(joint.axis, angle_of(at)), np.zeros(3))
+
+
+def angle_of(at: tuple[float, ...]) -> float:
+    """Return the position of a joint with one freedom [m or rad], also from cosine and sine."""
+    return math.atan2(at[1], at[0]) if len(at) == 2 else float(at[0])
+
+
+def free_pose(at: tuple[float, ...]) -> Array:
+    """Return the pose of a free body from position [m] and quaternion x, y, z, w, shape (4, 4)."""
+    return placement_from(rotation_from_quaternion(*at[3:7]), np.array(at[:3]))
+
+
+def turn_about(axis: Array, angle: float) -> Array:
+    """Return the rotation about a unit axis (3,) by an angle [rad], shape (3, 3)."""
+    return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))
+
+
+def relative(pose_a: Array, pose_b: Array) -> Array:
+    """Compute the placement of frame B in frame A from both poses, shape (4, 4)."""
+    rotation = pose_a[:3, :3].T
+    return placement_from(rotation @ pose_b[:3, :3], rotation @ (pose_b[:3, 3] - pose_a[:3, 3]))

@@ -21,7 +21,6 @@ from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .unread_forms import unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
-from .urdf.xml_node import Node
 from .validate import validate
 
 #: Readers by the name of the root element: a module here, imported only for its format, and a function.
@@ -60,8 +59,32 @@ def read(
         ModelError: A file is invalid; the message names the file, the line and the correction. Or there are
             notes, and this is `strict`; the message lists them.
     """
-    opened = open_file(path, xacro_args or {}, package_dirs)
-    out = _description(split_model(path)[0], opened, motors, xacro_args or {}, package_dirs)
+    root, notes = open_file(path, xacro_args or {}, package_dirs)
+    file = split_model(path)[0]
+    if root.tag not in FORMATS:
+        raise root.error(
+            unread_format(root.tag)
+            or "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
+        )
+    module, reader = FORMATS[root.tag]
+    content = root.file if root.tag == "_usd" else root  # USD is no XML
+    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)
+    robot.notes += notes
+    if root.tag == "robot":
+        _read_side_cars(robot, file)
+    home = _read_model_file(robot, file)
+    validate(robot)
+    if root.tag == "robot":
+        refuse_unclosed_frames(robot)
+    out = replace(
+        complete(robot, motors=motors, home=home, source=file),
+        read_from=ReadFrom(
+            file,
+            None if motors is None else tuple(motors),
+            dict(xacro_args or {}),
+            tuple(os.fspath(folder) for folder in package_dirs),
+        ),
+    )
     if strict:
         _refuse_notes(out)
     return out
@@ -78,41 +101,6 @@ def _refuse_notes(description: Description) -> None:
             f"{counted(len(found), 'note')}, where strict reading allows none: {listed}",
             file=description.source,
         )
-
-
-def _description(
-    file: str,
-    opened: tuple[Node, list[str]],
-    motors: Sequence[str] | None,
-    xacro_args: Mapping[str, object],
-    package_dirs: Sequence[str | os.PathLike[str]],
-) -> Description:
-    """Return the description of a robot file's root element and the notes of xacro, see `read`."""
-    root, notes = opened
-    if root.tag not in FORMATS:
-        raise root.error(
-            unread_format(root.tag)
-            or "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
-        )
-    module, reader = FORMATS[root.tag]
-    content = root.file if root.tag == "_usd" else root  # USD is no XML
-    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)
-    robot.notes += notes
-    if root.tag == "robot":
-        _read_side_cars(robot, file)
-    home = _read_model_file(robot, file)
-    validate(robot)
-    if root.tag == "robot":
-        refuse_unclosed_frames(robot)
-    return replace(
-        complete(robot, motors=motors, home=home, source=file),
-        read_from=ReadFrom(
-            file,
-            None if motors is None else tuple(motors),
-            dict(xacro_args),
-            tuple(os.fspath(folder) for folder in package_dirs),
-        ),
-    )
 
 
 def complete(

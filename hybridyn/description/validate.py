@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .names import did_you_mean, listed
-from .poses import outwards
+from .placement import outwards
 from .records import Closure, Coupling, Joint, Link
 from .robot_file import FREEDOMS, RobotFile
 

@@ -6,7 +6,7 @@ from collections.abc import Container
 
 import numpy as np
 
-from .poses import outwards
+from .placement import outwards
 from .records import Array, Description, Joint
 
 #: Axes meet if they are closer than this fraction of the robot's largest offset: files keep 5 or 6 digits.

@@ -7,8 +7,7 @@ import numpy as np
 
 from hybridyn.conversion.home import home_of
 from hybridyn.description import Closure, Description
-from hybridyn.description.placement import inverse, turned
-from hybridyn.description.poses import poses_at
+from hybridyn.description.placement import inverse, poses_at, turned
 
 #: A pose passes through angles, quaternions and degrees once.
 SAME = 1e-12

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Closure, Coupling, Description, Joint, Link
-from hybridyn.description.placement import inverse, placement_from, turned
-from hybridyn.description.poses import poses_at
+from hybridyn.description.placement import inverse, placement_from, poses_at, turned
 from hybridyn.description.records import JointKind, Load
 from tests.sketch import CLOSURES
 

@@ -16,9 +16,8 @@ import pinocchio as pin
 
 from hybridyn import HybridRobot, assemble, ddm, idm, mass_matrix
 from hybridyn.assembly.task import closure_residual
-from hybridyn.conversion.convert import MODEL, file_beside
+from hybridyn.conversion.convert import MODEL, file_beside, write
 from hybridyn.conversion.request import Request, Written
-from hybridyn.conversion.writers import write
 from hybridyn.description import Closure, Description, read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot

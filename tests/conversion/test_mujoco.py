@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 from hybridyn import HybridRobot, ddm
+from hybridyn.conversion.convert import write
 from hybridyn.conversion.request import Request
-from hybridyn.conversion.writers import write
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.placement import placement_from
 from hybridyn.description.shipped import find_robot

@@ -8,12 +8,11 @@ import pytest
 from lxml import etree
 
 import hybridyn
+from hybridyn.conversion.convert import write
 from hybridyn.conversion.request import Request
-from hybridyn.conversion.writers import write
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.closure_forms import FORMS
-from hybridyn.description.placement import inverse, placement_from
-from hybridyn.description.poses import poses_at
+from hybridyn.description.placement import inverse, placement_from, poses_at
 from hybridyn.description.urdf.shapes import Shape
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to

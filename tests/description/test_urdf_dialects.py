@@ -1,5 +1,6 @@
 """Loops as other tools write them in URDF: each gives the robot that the same loop as `<loop>` gives."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -268,6 +269,7 @@ def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
         ),
         (lambda text: text.replace("    predecessor_body: tip\n", ""), "predecessor_body is missing"),
         (lambda text: text.replace("[drive, elbow", "[drive, elbwo"), "no joint is called 'elbwo'"),
+        (lambda text: re.sub("predecessor_body: .*", "predecessor_body: [a]", text), "no link is called"),
         (lambda text: text + "    - axis: [1, 0, 0, 0, 0, 0]\n", "a single rotation row"),
         (lambda text: text + "    - axis: [0, 0, 0, 1, 1, 0]\n", "one number that is not zero"),
         (lambda text: text + "    - axis: [0, 0, 0, 0, 0, 0]\n", "one number that is not zero"),

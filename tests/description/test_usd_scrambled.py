@@ -18,8 +18,7 @@ from hybridyn.conversion.usd.joints import add_ends, axis_of
 from hybridyn.conversion.usd.prims import Prim
 from hybridyn.conversion.usd.usd import valid_name
 from hybridyn.description import Description, read
-from hybridyn.description.placement import placement_from, rotation_from_rpy
-from hybridyn.description.poses import poses_at
+from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy
 from tests.conversion.judge import SINGLE, same_robot, states
 from tests.extras import needs
 from tests.files import save

@@ -15,8 +15,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.placement import inverse
-from ...description.poses import motion_of
+from ...description.placement import inverse, motion_of
 from ...description.records import Array, Description, Joint, JointKind, Link
 from ...description.robot_file import ZERO
 from ..home import home_of

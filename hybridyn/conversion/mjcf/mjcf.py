@@ -7,7 +7,7 @@ from collections import Counter
 from xml.etree import ElementTree as ET
 
 from ...description.names import listed
-from ...description.poses import outwards
+from ...description.placement import outwards
 from ...description.records import Description
 from ...description.side_cars.model_text import model_file
 from ...errors import ModelError

@@ -16,8 +16,7 @@ import numpy as np
 
 from ...description.closure_forms import SIDEWAYS
 from ...description.names import unique
-from ...description.placement import inverse, placement_from
-from ...description.poses import poses_at
+from ...description.placement import inverse, placement_from, poses_at
 from ...description.records import Array, Closure, Description, Joint, JointKind, Link
 from ...description.weightless import Bodies
 from ..home import home_of

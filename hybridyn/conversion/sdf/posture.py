@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...description.poses import angle_of, motion_of
+from ...description.placement import angle_of, motion_of
 from ...description.records import Coupling, Description
 from ..request import Losses
 

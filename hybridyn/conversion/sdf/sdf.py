@@ -6,7 +6,7 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 from ...description.names import listed
-from ...description.poses import free_pose, poses_at
+from ...description.placement import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint, Link
 from ...description.side_cars.model_text import model_file
 from ...description.urdf.shapes import Shape

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...description.placement import rotation_to_axis
-from ...description.poses import angle_of
+from ...description.placement import angle_of, rotation_to_axis
 from ...description.records import Array, Joint
 from ...description.usd.schema import AXES, DEGREES
 from ..numerals import quaternion_of

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...description.poses import free_pose, poses_at
+from ...description.placement import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file

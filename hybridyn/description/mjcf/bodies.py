@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..names import unique
-from ..placement import placement_from, rotation_from_quaternion
-from ..poses import motion_of
+from ..placement import motion_of, placement_from, rotation_from_quaternion
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import RobotFile
 from .compiling import Compiled

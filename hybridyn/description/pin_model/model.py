@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from ...errors import ModelError
 from ..names import counted, listed, unique
-from ..poses import angle_of
+from ..placement import angle_of
 from ..records import Array, Joint, Link
 from ..robot_file import ZERO, RobotFile
 from .checking import check_model, is_finite

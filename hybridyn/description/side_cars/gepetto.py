@@ -102,10 +102,7 @@ def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
             raise document.error(("type", index), f"unknown type '{stated}'; known: '3d' and '6d'")
         if len(pair) != 2:
             raise document.error(place, f"{len(pair)} frames instead of a pair")
-        for at, name in enumerate(pair):
-            if name not in frames:
-                hint = did_you_mean(name, frames)
-                raise document.error((*place, at), f"no link or joint is called '{name}'{hint}")
+        document.refuse_unknown(place, pair, frames, "link or joint")
         link_a, link_b = (frames[name] for name in pair)
         line = document.lines[place][0]
         robot.closures.append(weld_or_point("-".join(pair), stated.lower(), link_a, link_b, line))
@@ -118,12 +115,7 @@ def _retype(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
         raise document.error(("joint_type",), f"{len(types)} types for {len(names)} names in joint_name")
     if len(names) != len({*names}):
         raise document.error(("joint_name",), "a joint is named twice")
-    known = [joint.name for joint in robot.joints]
-    for index, name in enumerate(names):
-        if name not in known:
-            raise document.error(
-                ("joint_name", index), f"no joint is called '{name}'{did_you_mean(name, known)}"
-            )
+    document.refuse_unknown(("joint_name",), names, (joint.name for joint in robot.joints), "joint")
     kinds = dict(zip(names, types, strict=True))
     joints: list[Joint] = []
     for joint in robot.joints:

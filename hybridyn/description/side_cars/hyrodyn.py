@@ -25,14 +25,16 @@ import numpy as np
 
 from ..closure_forms import ROWS, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import turned
-from ..poses import poses_at_zero, relative
+from ..placement import poses_at_zero, relative, turned
 from ..records import Closure
 from ..robot_file import MotorStatement, RobotFile
 from .yaml_file import Place, YamlFile
 
 #: Rows by the position in HyRoDyn's spatial vectors: rotations first.
 ORDER = (*ROWS[3:], *ROWS[:3])
+
+#: Keys of the two links of a constraint.
+BODIES = ("predecessor_body", "successor_body")
 
 #: Types whose loops are the mimicking joints of the URDF.
 BY_MIMIC = ("TRANSMISSION", "PARALLELOGRAMCHAIN")
@@ -48,27 +50,19 @@ def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
     if robot.closures:
         robot.notes.append(f"{file} is beside the robot file, which states closures itself, and was not read")
         return
-    entries = _list(document, (), "submechanisms")
-    known = {joint.name for joint in robot.joints}
     poses = poses_at_zero(robot.joints)
     motors: dict[str, None] = {}
-    for number, entry in enumerate(entries):
-        place: Place = ("submechanisms", number)
+    for place, entry in _entries(document, (), document.data, "submechanisms"):
         if not isinstance(entry, dict):
             raise document.error(place, "a submechanism is a table of keys")
-        active, spanning = (
-            _names(document, place, entry, key) for key in ("jointnames_active", "jointnames_spanningtree")
-        )
-        if not active and not set(spanning) & known:
-            continue  # HyRoDyn's free joint of a floating base
-        for key, names in (("jointnames_spanningtree", spanning), ("jointnames_active", active)):
-            for index, name in enumerate(names):
-                if name not in known:
-                    raise document.error(
-                        (*place, key, index), f"no joint is called '{name}'{did_you_mean(name, known)}"
-                    )
+        active, spanning = _joints(robot, document, place, entry)
         motors |= dict.fromkeys(active)
-        _apply(robot, document, place, entry, (active, spanning), poses)
+        if entry.get("loop_constraints") is None:
+            passive = [name for name in spanning if name not in active]
+            _refuse_without_geometry(robot, document, place, entry, passive)
+        else:
+            for here, constraint in _entries(document, place, entry, "loop_constraints"):
+                robot.closures.append(_closure(robot, document, here, constraint, poses))
     if motors:
         line = document.lines[("submechanisms",)][0]
         where = f"jointnames_active of {file}"
@@ -77,42 +71,44 @@ def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
         robot.notes.append(f"exoskeletons of {file} are not read")
 
 
-def _apply(
-    robot: RobotFile,
-    document: YamlFile,
-    place: Place,
-    entry: dict[str, Any],
-    joints: tuple[list[str], list[str]],
-    poses: dict[str, Any],
+def _joints(
+    robot: RobotFile, document: YamlFile, place: Place, entry: dict[str, Any]
+) -> tuple[list[str], list[str]]:
+    """Return the active joints of a submechanism and those of its tree; none of HyRoDyn's free joint."""
+    known = [joint.name for joint in robot.joints]
+    found: list[list[str]] = []
+    for key in ("jointnames_active", "jointnames_spanningtree"):
+        names = entry.get(key) or []
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise document.error((*place, key), "must be a list of joint names")
+        found.append(names)
+    active, spanning = found
+    if not active and not set(spanning) & set(known):
+        return [], []
+    document.refuse_unknown((*place, "jointnames_spanningtree"), spanning, known, "joint")
+    document.refuse_unknown((*place, "jointnames_active"), active, known, "joint")
+    return active, spanning
+
+
+def _refuse_without_geometry(
+    robot: RobotFile, document: YamlFile, place: Place, entry: dict[str, Any], passive: list[str]
 ) -> None:
-    """Add the closures of one submechanism."""
-    active, spanning = joints
+    """Raise for a submechanism of which nothing closes the loop: passive joints that mimic no other."""
+    passive = [name for name in passive if name not in {coupling.name for coupling in robot.couplings}]
     kind = str(entry.get("type", ""))
-    constraints = entry.get("loop_constraints")
-    if constraints is not None:
-        for index in range(len(_list(document, place, "loop_constraints"))):
-            here = (*place, "loop_constraints", index)
-            robot.closures.append(_closure(robot, document, here, constraints[index], poses))
-        return
-    coupled = {coupling.name for coupling in robot.couplings}
-    passive = [name for name in spanning if name not in active and name not in coupled]
-    if not passive:
-        return  # serial, or every passive joint mimics another
     name = entry.get("contextual_name") or entry.get("name") or kind
     if kind in BY_MIMIC:
-        raise document.error(
-            (*place, "type"), f"submechanism '{name}': joints {listed(passive)} mimic no other joint in the "
-            "URDF; write <mimic> in them",
-        )  # fmt: skip
-    if kind == "NUMERICAL":
-        missing = "loop_constraints is missing"
+        problem = f"joints {listed(passive)} mimic no other joint in the URDF; write <mimic> in them"
     else:
         missing = f"type '{kind}' states no geometry (which bodies meet where is in HyRoDyn's own code)"
-    raise document.error(
-        (*place, "type"), f"submechanism '{name}': {missing}, so nothing closes its loop over the passive "
-        f"joints {listed(passive)}. Write type: NUMERICAL with loop_constraints (predecessor_body, "
-        "successor_body, constraint_axes), or <loop> in the URDF",
-    )  # fmt: skip
+        missing = "loop_constraints is missing" if kind == "NUMERICAL" else missing
+        problem = (
+            f"{missing}, so nothing closes its loop over the passive joints {listed(passive)}. Write "
+            "type: NUMERICAL with loop_constraints (predecessor_body, successor_body, constraint_axes), "
+            "or <loop> in the URDF"
+        )
+    if passive:
+        raise document.error((*place, "type"), f"submechanism '{name}': {problem}")
 
 
 def _closure(
@@ -121,17 +117,13 @@ def _closure(
     """Return one loop constraint as a closure."""
     if not isinstance(entry, dict):
         raise document.error(place, "a loop constraint is a table of keys")
-    links = []
-    for key in ("predecessor_body", "successor_body"):
-        name = entry.get(key)
-        if name not in poses:
-            hint = did_you_mean(str(name), poses)
-            raise document.error(
-                (*place, key), f"no link is called '{name}'{hint}" if name else f"{key} is missing"
-            )
-        links.append(str(name))
-    axes = _list(document, place, "constraint_axes")
-    words = [_row(document, (*place, "constraint_axes", i), axis) for i, axis in enumerate(axes)]
+    links = [str(entry.get(key) or "") for key in BODIES]
+    for key, link in zip(BODIES, links, strict=True):
+        if link not in poses:
+            hint = did_you_mean(link, poses)
+            problem = f"no link is called '{link}'{hint}" if link else f"{key} is missing"
+            raise document.error((*place, key), problem)
+    words = [_row(document, *axis) for axis in _entries(document, place, entry, "constraint_axes")]
     try:
         form = form_of_rows(" ".join(words))
     except ValueError as error:
@@ -155,11 +147,8 @@ def _closure(
 def _row(document: YamlFile, place: Place, axis: Any) -> str:
     """Return the row of one constraint axis: a unit vector of six numbers, rotation first."""
     numbers = axis.get("axis") if isinstance(axis, dict) else None
-    if (
-        not isinstance(numbers, list)
-        or len(numbers) != 6
-        or not all(isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in numbers)
-    ):
+    plain = isinstance(numbers, list) and all(type(x) in (int, float) and np.isfinite(x) for x in numbers)
+    if not isinstance(numbers, list) or not plain or len(numbers) != 6:
         raise document.error(place, "needs axis: six numbers, the rotation first")
     (found, *others) = np.flatnonzero(numbers).tolist() or [-1, -1]
     if others:
@@ -171,21 +160,10 @@ def _row(document: YamlFile, place: Place, axis: Any) -> str:
     return ORDER[found]
 
 
-def _list(document: YamlFile, place: Place, key: str) -> list[Any]:
-    """Return a list below a place of the document; it must not be missing or empty."""
-    value = document.data
-    for part in place:
-        value = value[part]
-    found = value.get(key) if isinstance(value, dict) else None
+def _entries(document: YamlFile, place: Place, table: Any, key: str) -> list[tuple[Place, Any]]:
+    """Return the entries of a list in a table at a place, each with its place; it must not be empty."""
+    found = table.get(key) if isinstance(table, dict) else None
     if not isinstance(found, list) or not found:
-        here = (*place, key) if isinstance(value, dict) and key in value else place
+        here = (*place, key) if isinstance(table, dict) and key in table else place
         raise document.error(here, f"needs a list '{key}' with at least one entry")
-    return found
-
-
-def _names(document: YamlFile, place: Place, entry: dict[str, Any], key: str) -> list[str]:
-    """Return a list of joint names, empty if it is missing."""
-    value = entry.get(key) or []
-    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise document.error((*place, key), "must be a list of joint names")
-    return value
+    return [((*place, key, index), entry) for index, entry in enumerate(found)]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
 from ...errors import ModelError
+from ..names import did_you_mean
 
 #: Largest YAML file read [bytes]; side-cars have a few kilobytes.
 LARGEST_YAML = 2**20
@@ -45,6 +46,14 @@ class YamlFile:
     def mark(self, place: Place, node: yaml.Node) -> None:
         """Record line and column of a node."""
         self.lines[place] = (node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def refuse_unknown(self, place: Place, names: Sequence[str], known: Iterable[str], what: str) -> None:
+        """Raise for the first name of a list at a place that is not known."""
+        every = list(known)
+        for index, name in enumerate(names):
+            if name not in every:
+                hint = did_you_mean(name, every)
+                raise self.error((*place, index), f"no {what} is called '{name}'{hint}")
 
     def error(self, place: Place, message: str) -> ModelError:
         """Return (do not raise) an error that names file, line, column and key."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from ..closure_forms import FORMS, LARGEST_COSINE
 from ..names import did_you_mean, listed
-from ..placement import placement_from, rotation_from_rpy, rotation_to_axis, turned
-from ..poses import poses_at_zero, relative
+from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis, turned
 from ..records import Array, Closure
 from ..robot_file import RobotFile
 from .placement import SMALLEST_AXIS

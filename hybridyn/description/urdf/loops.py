@@ -165,11 +165,10 @@ def _axis(node: Node | None) -> Array:
 
 def _rows_closure(node: Node, link_a: str, frame_a: Array, link_b: str, frame_b: Array) -> Closure:
     try:
-        rows = form_of_rows(node.text("rows"))
+        form = form_of_rows(node.text("rows"))
     except ValueError as error:
         raise node.error(str(error)) from None
-    form = Form(rows.translations, rows.rotation)
-    turn = rows.rotation_of_frames
+    turn = form.rotation_of_frames
     return _closure(node, "rows", form, (link_a, frame_a, turn), (link_b, frame_b, turn))
 
 

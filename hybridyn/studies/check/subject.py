@@ -9,7 +9,7 @@ from os import PathLike
 
 import numpy as np
 
-from ...description.poses import poses_at_zero
+from ...description.placement import poses_at_zero
 from ...description.records import Description, Joint, Link
 from ...description.urdf.xml_node import Node
 from ...spatial import Array
