@@ -53,14 +53,12 @@ class MeshFiles:
             MissingMeshError: There is no such file.
         """
         name = unquote(name)
-        for prefix in ("package://", "model://"):
-            if name.startswith(prefix):
-                inside = name.removeprefix(prefix)
-                package, _, rest = inside.partition("/")
-                places = [root / inside for root in self.roots]
-                # The root may be the package's own folder, or hold its files without the package's name.
-                places += [root / rest for root in self.roots if not self.named or root.name == package]
-                break
+        scheme, _, inside = name.rpartition("://")
+        if scheme in ("package", "model"):
+            package, _, rest = inside.partition("/")
+            places = [root / inside for root in self.roots]
+            # The root may be the package's own folder, or hold its files without the package's name.
+            places += [root / rest for root in self.roots if not self.named or root.name == package]
         else:
             places = [self.folder / name.removeprefix("file://")]
         if found := next((place for place in places if place.is_file()), None):
