@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import atan2, cos, hypot, sin
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -20,6 +21,22 @@ def numeral(value: float) -> str:
 def numerals(values: Iterable[float]) -> str:
     """Return numbers with spaces between them."""
     return " ".join(numeral(value) for value in values)
+
+
+def add(parent: ET.Element, tag: str, **attributes: str | float | Iterable[float] | None) -> ET.Element:
+    """Add an element and return it; see `put`."""
+    out = ET.SubElement(parent, tag)
+    put(out, **attributes)
+    return out
+
+
+def put(element: ET.Element, **attributes: str | float | Iterable[float] | None) -> None:
+    """Set attributes: texts, numbers that read back as the same, or none."""
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            element.set(name, value)
+        elif value is not None:
+            element.set(name, numerals(value if isinstance(value, Iterable) else [value]))
 
 
 def angles_of(rotation: Array) -> tuple[float, float, float]:

@@ -96,7 +96,7 @@ def test_example_of_a_loop_is_read_as_the_page_says(example: Block, tmp_path: Pa
 
 def test_every_accepted_element_has_an_example() -> None:
     from hybridyn.description.closure_forms import FORMS
-    from hybridyn.description.urdf.urdf import CLOSURE_READERS
+    from hybridyn.description.urdf.loops import CLOSURE_READERS
 
     text = "".join(block.text for block in examples())
     for element in (*CLOSURE_READERS, "coupling", "mimic", "transmission"):

@@ -19,7 +19,7 @@ from ...description.placement import inverse, motion_of
 from ...description.records import Array, Description, Joint, JointKind, Link
 from ...description.robot_file import ZERO
 from ..home import home_of
-from ..numerals import numeral, numerals, principal, quaternion_of
+from ..numerals import add, numeral, principal, put, quaternion_of
 from ..request import Losses
 from .inertias import LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless
 
@@ -180,22 +180,6 @@ def _add_inertial(body: ET.Element, link: Link, sizes: Sizes, moving: bool, loss
         possible[largest] = np.nextafter(others.sum(), 0)
     quat = None if np.array_equal(axes, np.eye(3)) else quaternion_of(axes)
     add(body, "inertial", pos=link.com, mass=mass, diaginertia=possible, quat=quat)
-
-
-def add(parent: ET.Element, tag: str, **attributes: str | float | Iterable[float] | None) -> ET.Element:
-    """Add an element and return it; see `put`."""
-    out = ET.SubElement(parent, tag)
-    put(out, **attributes)
-    return out
-
-
-def put(element: ET.Element, **attributes: str | float | Iterable[float] | None) -> None:
-    """Set attributes: texts, numbers that read back as the same, or none."""
-    for name, value in attributes.items():
-        if isinstance(value, str):
-            element.set(name, value)
-        elif value is not None:
-            element.set(name, numerals(value if isinstance(value, Iterable) else [value]))
 
 
 def pose(at: Array) -> dict[str, Iterable[float]]:

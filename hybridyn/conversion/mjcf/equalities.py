@@ -17,8 +17,9 @@ from ...description.names import unique
 from ...description.placement import placement_from, turned
 from ...description.records import Description
 from ..home import home_of
+from ..numerals import add
 from ..request import Losses
-from .bodies import Tree, add, pose
+from .bodies import Tree, pose
 
 
 def add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, losses: Losses) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from ...description.records import Description
 from ...description.robot_file import FREEDOMS
+from ..numerals import add, put
 from ..request import Losses, add_limits
-from .bodies import Tree, add, put
+from .bodies import Tree
 
 #: Effects that stand in the file itself; the others go to model.toml.
 SAID = ("spring", "damper")

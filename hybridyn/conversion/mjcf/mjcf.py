@@ -11,9 +11,9 @@ from ...description.placement import outwards
 from ...description.records import Description
 from ...description.side_cars.model_text import model_file
 from ...errors import ModelError
-from ..numerals import numeral
+from ..numerals import add, numeral, put
 from ..request import USUAL_GRAVITY, Losses, Request, Written
-from .bodies import Tree, add, put
+from .bodies import Tree
 from .equalities import add_closures, add_couplings
 from .forces import SAID, add_forces, list_losses, with_effects
 from .inertias import sizes_of

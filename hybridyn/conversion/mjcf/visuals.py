@@ -7,8 +7,9 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from ...description.urdf.shapes import Shape
+from ..numerals import add, put
 from ..request import Losses, Request
-from .bodies import Tree, add, pose, put
+from .bodies import Tree, pose
 
 #: Endings of the meshes that MuJoCo reads.
 MESHES = (".stl", ".obj", ".msh")

@@ -10,15 +10,14 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.records import Array, Coupling, Description, Joint, Link
+from ...description.records import Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
-from ...description.urdf.urdf import UNLIMITED
-from ..numerals import angles_of, numeral, numerals
+from ...description.urdf.shapes import Shape
+from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
+from ..numerals import add, numerals, put
 from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits
-from .closures import add_closure
-from .couplings import add_couplings
-from .visuals import add_visual
+from .closures import add_closure, add_couplings, add_origin
 
 
 def write_urdf(request: Request, losses: Losses) -> Written:
@@ -29,41 +28,48 @@ def write_urdf(request: Request, losses: Losses) -> Written:
         element = _add_link(root, link)
         for shape in request.shapes:
             if shape.link == link.name:
-                add_visual(element, shape)
+                _add_visual(element, shape)
     elements = {j.name: _add_joint(root, j, endless=j.name in d.endless_gears) for j in d.joints}
     for closure in d.closures:
         add_closure(root, closure, losses)
     couplings = add_couplings(root, d, elements, losses)
     for motor in d.motors:
-        _add_transmission(root, motor)
+        element = add(root, "transmission", name=f"{motor}_transmission")
+        add(element, "type").text = "transmission_interface/SimpleTransmission"
+        add(element, "joint", name=motor)
+        add(element, "actuator", name=f"{motor}_motor")
     _add_losses(d, losses)
     ET.indent(root)
-    beside = {".model.toml": _model_file(d, couplings), ".yaml": _side_car(d)}
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
-    return Written(text, tuple(_notes(d)), {key: out for key, out in beside.items() if out})
-
-
-def add_origin(element: ET.Element, placement: Array) -> None:
-    """Add `<origin>` to an element, unless the placement is the identity."""
-    if not np.array_equal(placement, np.eye(4)):
-        angles = angles_of(placement[:3, :3])
-        ET.SubElement(element, "origin", xyz=numerals(placement[:3, 3]), rpy=numerals(angles))
+    return Written(text, *_beside(d, couplings))
 
 
 def _add_link(root: ET.Element, link: Link) -> ET.Element:
-    element = ET.SubElement(root, "link", name=link.name)
-    if not link.mass and not link.inertia.any():
-        return element
-    inertial = ET.SubElement(element, "inertial")
-    if link.com.any():
-        ET.SubElement(inertial, "origin", xyz=numerals(link.com))
-    ET.SubElement(inertial, "mass", value=numeral(link.mass))
-    words = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    moments = link.inertia[np.triu_indices(3)]
-    ET.SubElement(
-        inertial, "inertia", {word: numeral(moment) for word, moment in zip(words, moments, strict=True)}
-    )
+    element = add(root, "link", name=link.name)
+    if link.mass or link.inertia.any():
+        inertial = add(element, "inertial")
+        if link.com.any():
+            add(inertial, "origin", xyz=link.com)
+        add(inertial, "mass", value=link.mass)
+        moments = link.inertia[np.triu_indices(3)].tolist()
+        add(inertial, "inertia", **dict(zip(INERTIA_ATTRIBUTES, moments, strict=True)))
     return element
+
+
+def _add_visual(link: ET.Element, shape: Shape) -> None:
+    visual = add(link, "visual")
+    add_origin(visual, shape.placement)
+    element = add(add(visual, "geometry"), shape.kind)
+    if shape.kind == "box":
+        put(element, size=shape.size)
+    elif shape.kind == "mesh":
+        scale = shape.size if any(factor != 1 for factor in shape.size) else None
+        put(element, filename=shape.file, scale=scale)
+    else:
+        put(element, **dict(zip(("radius", "length"), shape.size, strict=False)))
+    if shape.colour is not None:
+        material = add(visual, "material", name=f"rgba {numerals(shape.colour)}")
+        add(material, "color", rgba=shape.colour)
 
 
 def _add_joint(root: ET.Element, joint: Joint, *, endless: bool) -> ET.Element:
@@ -73,54 +79,30 @@ def _add_joint(root: ET.Element, joint: Joint, *, endless: bool) -> ET.Element:
         endless: Whether it is a gear that turns without limits, which URDF calls continuous.
     """
     kind = "continuous" if endless else "revolute" if joint.kind == "spherical" else joint.kind
-    element = ET.SubElement(root, "joint", name=joint.name, type=kind)
+    element = add(root, "joint", name=joint.name, type=kind)
     add_origin(element, joint.placement)
-    ET.SubElement(element, "parent", link=joint.parent)
-    ET.SubElement(element, "child", link=joint.child)
+    add(element, "parent", link=joint.parent)
+    add(element, "child", link=joint.child)
     if FREEDOMS[joint.kind] == 1 or joint.kind == "planar":
-        ET.SubElement(element, "axis", xyz=numerals(joint.axis))
+        add(element, "axis", xyz=joint.axis)
     _add_limit(element, joint, kind in ("revolute", "prismatic"))
     if joint.damping or joint.friction:
-        ET.SubElement(element, "dynamics", damping=numeral(joint.damping), friction=numeral(joint.friction))
+        add(element, "dynamics", damping=joint.damping, friction=joint.friction)
     if joint.rotor_inertia:
-        ET.SubElement(element, "rotor_inertia", value=numeral(joint.rotor_inertia))
+        add(element, "rotor_inertia", value=joint.rotor_inertia)
     if joint.gear_ratio != 1:
-        ET.SubElement(element, "gear_ratio", value=numeral(joint.gear_ratio))
+        add(element, "gear_ratio", value=joint.gear_ratio)
     return element
 
 
 def _add_limit(element: ET.Element, joint: Joint, required: bool) -> None:
     """Add `<limit>`, which other readers require of hinges and slides, all numbers finite."""
-    bounds = (joint.lower, joint.upper, joint.effort, joint.velocity)
-    if not required and not np.isfinite(bounds).any():
-        return
-    lower, upper, effort, velocity = (float(np.clip(bound, -UNLIMITED, UNLIMITED)) for bound in bounds)
-    limit = ET.SubElement(element, "limit")
-    if required:
-        limit.attrib.update(lower=numeral(lower), upper=numeral(upper))
-    limit.attrib.update(effort=numeral(effort), velocity=numeral(velocity))
-
-
-def _add_transmission(root: ET.Element, motor: str) -> None:
-    element = ET.SubElement(root, "transmission", name=f"{motor}_transmission")
-    ET.SubElement(element, "type").text = "transmission_interface/SimpleTransmission"
-    ET.SubElement(element, "joint", name=motor)
-    ET.SubElement(element, "actuator", name=f"{motor}_motor")
-
-
-def _model_file(d: Description, couplings: list[Coupling]) -> str:
-    """Return the model file: home, effects, couplings, and that nothing is driven, which URDF cannot say."""
-    effects = [name for name, _ in d.effects]
-    return model_file(d, motors=not d.motors, home=True, couplings=couplings, effects=effects)
-
-
-def _side_car(d: Description) -> str:
-    """Return the side-car that makes balls of hinges, "" if the robot has no balls."""
-    names = [joint.name for joint in d.joints if joint.kind == "spherical"]
-    if not names:
-        return ""
-    types = ["SPHERICAL"] * len(names)
-    return f"joint_name: {json.dumps(names)}\njoint_type: {json.dumps(types)}\n"
+    bounds = {word: getattr(joint, word) for word in ("lower", "upper", "effort", "velocity")}
+    if required or np.isfinite([*bounds.values()]).any():
+        limit = add(element, "limit")
+        for word, bound in bounds.items():
+            if required or word in ("effort", "velocity"):
+                put(limit, **{word: float(np.clip(bound, -UNLIMITED, UNLIMITED))})
 
 
 def _add_losses(d: Description, losses: Losses) -> None:
@@ -134,10 +116,19 @@ def _add_losses(d: Description, losses: Losses) -> None:
         losses.add(f"gravity of {numerals(d.gravity)} m/s^2, which URDF cannot say")
 
 
-def _notes(d: Description) -> list[str]:
-    out = []
+def _beside(d: Description, couplings: list[Coupling]) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the notes, and the files beside.
+
+    These are a model file with home, effects, couplings, and that nothing is driven, which URDF cannot say;
+    and a side-car that makes balls of hinges.
+    """
+    notes, effects = [], [name for name, _ in d.effects]
+    model = model_file(d, motors=not d.motors, home=True, couplings=couplings, effects=effects)
+    files = {".model.toml": model} if model else {}
     if d.closures or d.couplings:
-        out.append("<loop> and <coupling> are read by hybridyn; most other URDF readers skip them")
-    if any(joint.kind == "spherical" for joint in d.joints):
-        out.append("ball joints are hinges in the URDF, which the .yaml beside it makes balls again")
-    return out
+        notes.append("<loop> and <coupling> are read by hybridyn; most other URDF readers skip them")
+    if balls := [joint.name for joint in d.joints if joint.kind == "spherical"]:
+        notes.append("ball joints are hinges in the URDF, which the .yaml beside it makes balls again")
+        types = json.dumps(["SPHERICAL"] * len(balls))
+        files[".yaml"] = f"joint_name: {json.dumps(balls)}\njoint_type: {types}\n"
+    return tuple(notes), files

@@ -1,74 +1,68 @@
-"""Read closures and couplings of a URDF: `<loop>`, `<constraint>`, `<loop_joint>`, `<coupling>`, `<mimic>`.
+"""Read closures and couplings of a URDF.
 
 `<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the additional types cylindrical,
 universal, spherical, point and rows. `<constraint>` is the proposal of urdfdom. `<loop_joint>` is the form of
-Isaac Sim, Dojo and old Drake. An unknown attribute or child of these elements is an error.
+Isaac Sim, Dojo and old Drake. `<drake:ball_constraint>` is Drake's, and has no name: the closures are called
+`ball_constraint1`, ... An unknown attribute or child of these elements is an error.
 """
 
 from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from ..closure_forms import FORMS, Form, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import rotation_to_axis, turned
+from ..placement import placement_from, rotation_to_axis, turned
 from ..records import Array, Closure, Coupling, Joint
 from ..robot_file import FREEDOMS
 from .placement import axis_of, origin_of
 from .xml_node import Node
 
-#: One side of a closure: link, frame placed on it by the author, rotation that maps z to the closure's axis.
-Side = tuple[str, Array, Array]
+#: One side of a closure: link, and the frame placed on it by the author.
+Side = tuple[str, Array]
 
 POSE = ("xyz", "rpy", "quat_xyzw")
-
 #: Alternative names of the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
+BALL = "drake:ball_constraint"
 
 
 def read_loop(node: Node) -> Closure:
     """Read `<loop>`; `<axis>` is in the frame of the predecessor's origin, `<axis2>` in the successor's."""
-    kind = node.text("type")
-    if kind != "rows" and kind not in FORMS:
-        known = [*FORMS, "rows"]
-        raise node.error(f"unknown type '{kind}'{did_you_mean(kind, known)}; known: {listed(known)}")
-    attributes = ["name", "type", "rows"] if kind == "rows" else ["name", "type"]
+    kind = _kind(node, [*FORMS, "rows"])
     axes = {"rows": [], "universal": ["axis", "axis2"]}.get(kind, ["axis"])
-    node.only(attributes, ["predecessor", "successor", *axes])
-    link_a, frame_a = _attached(node.required_child("predecessor"))
-    link_b, frame_b = _attached(node.required_child("successor"))
+    node.only(["name", "type", *(["rows"] if kind == "rows" else [])], ["predecessor", "successor", *axes])
+    sides = [_attached(node.required_child(tag)) for tag in ("predecessor", "successor")]
     if kind == "rows":
-        return _rows_closure(node, link_a, frame_a, link_b, frame_b)
-    axis = _axis(node.child("axis"))
-    turn = other = rotation_to_axis(axis) if FORMS[kind].has_axis else np.eye(3)
-    if kind == "universal":
-        other = rotation_to_axis(_axis(node.required_child("axis2")))
-    return _closure(node, kind, FORMS[kind], (link_a, frame_a, turn), (link_b, frame_b, other))
+        try:
+            form = form_of_rows(node.text("rows"))
+        except ValueError as error:
+            raise node.error(str(error)) from None
+        turn = form.rotation_of_frames
+        return closure(node, kind, sides, (turn, turn), form)
+    turn = _turn(node.child("axis"), kind)
+    other = _turn(node.required_child("axis2"), kind) if kind == "universal" else turn
+    return closure(node, kind, sides, (turn, other))
 
 
 def read_constraint(node: Node) -> Closure:
     """Read `<constraint>`; each side states an axis, and the axes coincide (universal: are perpendicular)."""
-    parts = ("parent", "parent_origin", "parent_axis", "child", "child_origin", "child_axis")
-    node.only(["name", "type"], parts)
-    kind = node.text("type")
-    form = FORMS.get(kind)
-    if form is None or kind == "prismatic":
-        known = [name for name in FORMS if name != "prismatic"]
-        raise node.error(
-            f"type '{kind}' is not read in <constraint>{did_you_mean(kind, known)}; known: {listed(known)} "
-            "(write other closures as <loop>)"
-        )
-    sides: list[Side] = []
+    node.only(
+        ["name", "type"], [side + part for side in ("parent", "child") for part in ("", "_origin", "_axis")]
+    )
+    kind = _kind(
+        node, [name for name in FORMS if name != "prismatic"], "type '{}' is not read in <constraint>",
+        " (write other closures as <loop>)",
+    )  # fmt: skip
+    sides, turns = list[Side](), list[Array]()
     for side in ("parent", "child"):
-        link, origin, axis = (node.child(side + part) for part in ("", "_origin", "_axis"))
-        if link is None:
-            raise node.error(f"<{side}> is missing")
+        link = node.required_child(side)
         link.only(["link"], [])
-        if origin is not None:
-            origin.only(POSE, [])
-        turn = rotation_to_axis(_axis(axis)) if form.has_axis else np.eye(3)
-        sides.append((link.text("link"), origin_of(origin), turn))
-    return _closure(node, kind, form, sides[0], sides[1])
+        sides.append((link.text("link"), pose_of(node.child(f"{side}_origin"))))
+        turns.append(_turn(node.child(f"{side}_axis"), kind))
+    return closure(node, kind, sides, turns)
 
 
 def read_loop_joint(node: Node) -> Closure:
@@ -78,27 +72,69 @@ def read_loop_joint(node: Node) -> Closure:
     successor.
     """
     node.only(["name", "type", "link1", "link2"], ["link1", "link2", "axis", "dynamics"])
-    stated = node.text("type")
-    kind = LOOP_JOINT_TYPES.get(stated.lower(), stated)
-    if kind not in FORMS or kind == "universal":
-        known = [*(name for name in FORMS if name != "universal"), *LOOP_JOINT_TYPES]
-        raise node.error(f"unknown type '{stated}'{did_you_mean(stated, known)}; known: {listed(known)}")
-    sides = node.children("link1", "link2")
-    if not sides and {"link1", "link2"} <= set(node.attributes()):
-        link_a, link_b, frame_a, frame_b = node.text("link1"), node.text("link2"), np.eye(4), np.eye(4)
+    known = [*(name for name in FORMS if name != "universal"), *LOOP_JOINT_TYPES]
+    kind = _kind(node, known, names=LOOP_JOINT_TYPES)
+    ends = node.children("link1", "link2")
+    if not ends and {"link1", "link2"} <= set(node.attributes()):
+        sides = [(node.text(name), np.eye(4)) for name in ("link1", "link2")]
+    elif len(ends) != 2 or [end.tag for end in ends] == ["link2", "link2"]:
+        raise node.error('exactly one <link1 link=".."/> and one <link2 link=".."/> are needed')
     else:
-        if len(sides) != 2 or [side.tag for side in sides] == ["link2", "link2"]:
-            raise node.error('exactly one <link1 link=".."/> and one <link2 link=".."/> are needed')
-        first, second = sorted(sides, key=lambda side: side.tag)
-        for side in sides:
-            side.only(["link", *POSE], [])
-        link_a, link_b = first.text("link"), second.text("link")
-        frame_a, frame_b = origin_of(first), origin_of(second)
-    turn = rotation_to_axis(_axis(node.child("axis"))) if FORMS[kind].has_axis else np.eye(3)
-    return _closure(node, kind, FORMS[kind], (link_a, frame_a, turn), (link_b, frame_b, turn))
+        for end in ends:
+            end.only(["link", *POSE], [])
+        sides = [(end.text("link"), origin_of(end)) for end in sorted(ends, key=lambda end: end.tag)]
+    turn = _turn(node.child("axis"), kind)
+    return closure(node, kind, sides, (turn, turn))
 
 
-def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
+def read_ball_constraint(node: Node) -> Closure:
+    """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide."""
+    ends = (("body_A", "p_AP"), ("body_B", "p_BQ"))
+    node.only(["name"], [f"{BALL}_{word}" for end in ends for word in end])
+    sides = list[Side]()
+    for body, point in ends:
+        link, place = node.required_child(f"{BALL}_{body}"), node.required_child(f"{BALL}_{point}")
+        link.only(["name"], [])
+        place.only(["value"], [])
+        sides.append((link.text("name"), placement_from(np.eye(3), place.numbers("value", 3))))
+    number = 1 + sum(1 for _ in node.xml.itersiblings(node.xml.tag, preceding=True))
+    name = node.xml.get("name", "").strip() or f"ball_constraint{number}"
+    return closure(node, "spherical", sides, (np.eye(3), np.eye(3)), name=name)
+
+
+#: Readers of closures by the name of their element.
+CLOSURE_READERS = {
+    "loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint,
+    BALL: read_ball_constraint,
+}  # fmt: skip
+
+
+def closure(
+    node: Node,
+    kind: str,
+    sides: Sequence[Side],
+    turns: Sequence[Array],
+    form: Form | None = None,
+    name: str = "",
+) -> Closure:
+    """Return the closure that an element states.
+
+    Args:
+        sides: Both sides.
+        turns: Rotations of both frames about their own axes, which map z to the closure's axis.
+        form: Its form, where that is not the one of its kind.
+        name: Its name, if it is not the attribute.
+    """
+    form = FORMS[kind] if form is None else form
+    frames = [turned(at, turn) if form.has_axis else at for (_, at), turn in zip(sides, turns, strict=True)]
+    (link_a, _), (link_b, _) = sides
+    return Closure(
+        name or node.text("name"), kind, link_a, frames[0], link_b, frames[1], form.translations,
+        form.rotation, node.line, turns[0],
+    )  # fmt: skip
+
+
+def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:
     """Read `<coupling>`, a gear between the paths from the nearest common ancestor to its two links.
 
         ratio x (sum of joint positions on the predecessor's path) = sum of those on the successor's path
@@ -125,19 +161,26 @@ def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
         ends.append(end.text("link"))
         if ends[-1] not in parents:
             raise end.error(f"unknown link '{ends[-1]}'{did_you_mean(ends[-1], parents)}")
-    paths = [path_to_root(end, parents) for end in ends]
-    shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
-    terms: list[tuple[str, float]] = []
-    for path, factor in zip(paths, (ratio, -1.0), strict=True):
-        own = [joint for joint in path if joint.name not in shared and joint.kind != "fixed"]
-        if many := next((joint for joint in own if FREEDOMS[joint.kind] != 1), None):
-            raise node.error(
-                f"joint '{many.name}' on its path is {many.kind}; only joints with one freedom can be coupled"
-            )
-        terms += [(joint.name, factor) for joint in reversed(own)]
-    if not terms:
+    signed = terms_between(ends[0], ends[1], parents)
+    if many := next((joint for joint, _ in signed if FREEDOMS[joint.kind] != 1), None):
+        raise node.error(
+            f"joint '{many.name}' on its path is {many.kind}; only joints with one freedom can be coupled"
+        )
+    if not signed:
         raise node.error(f"there is no movable joint between '{ends[0]}' and '{ends[1]}'")
-    return Coupling(node.text("name"), tuple(terms), 0.0, node.line)
+    terms = tuple((joint.name, ratio if sign > 0 else -1.0) for joint, sign in signed)
+    return Coupling(node.text("name"), terms, 0.0, node.line)
+
+
+def terms_between(link_a: str, link_b: str, parents: Mapping[str, Joint | None]) -> list[tuple[Joint, int]]:
+    """Return the movable joints on which only one of two links hangs, with 1 for A's and -1 for B's."""
+    paths = [_path_to_root(link, parents) for link in (link_a, link_b)]
+    return [
+        (joint, sign)
+        for own, other, sign in ((paths[0], paths[1], 1), (paths[1], paths[0], -1))
+        for joint in reversed(own.values())
+        if joint.name not in other and joint.kind != "fixed"
+    ]
 
 
 def read_mimic(node: Node, follower: str) -> Coupling:
@@ -149,45 +192,48 @@ def read_mimic(node: Node, follower: str) -> Coupling:
     return Coupling(follower, ((follower, 1.0), (leader, -multiplier)), node.number("offset", 0.0), node.line)
 
 
-def _attached(node: Node) -> tuple[str, Array]:
-    node.only(["link"], ["origin"])
-    origin = node.child("origin")
-    if origin is not None:
-        origin.only(POSE, [])
-    return node.text("link"), origin_of(origin)
-
-
-def _axis(node: Node | None) -> Array:
+def pose_of(node: Node | None) -> Array:
+    """Return the placement that an `<origin>` states, shape (4, 4); it holds nothing else."""
     if node is not None:
-        node.only(["xyz"], [])
-    return axis_of(node)
+        node.only(POSE, [])
+    return origin_of(node)
 
 
-def _rows_closure(node: Node, link_a: str, frame_a: Array, link_b: str, frame_b: Array) -> Closure:
-    try:
-        form = form_of_rows(node.text("rows"))
-    except ValueError as error:
-        raise node.error(str(error)) from None
-    turn = form.rotation_of_frames
-    return _closure(node, "rows", form, (link_a, frame_a, turn), (link_b, frame_b, turn))
+def _kind(
+    node: Node,
+    known: Collection[str],
+    wrong: str = "unknown type '{}'",
+    advice: str = "",
+    names: Mapping[str, str] | None = None,
+) -> str:
+    """Return the type of a closure. `names`: types by their alternative names in lower case."""
+    stated = node.text("type")
+    kind = (names or {}).get(stated.lower(), stated)
+    if kind not in known:
+        raise node.error(
+            f"{wrong.format(stated)}{did_you_mean(stated, known)}; known: {listed(known)}{advice}"
+        )
+    return kind
 
 
-def _closure(node: Node, kind: str, form: Form, a: Side, b: Side) -> Closure:
-    name = node.text("name")
-    frame_a, frame_b = (turned(frame, turn) if form.has_axis else frame for _, frame, turn in (a, b))
-    return Closure(
-        name, kind, a[0], frame_a, b[0], frame_b, form.translations, form.rotation, node.line, a[2]
-    )
+def _attached(node: Node) -> Side:
+    node.only(["link"], ["origin"])
+    origin = pose_of(node.child("origin"))
+    return node.text("link"), origin
 
 
-def path_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
-    """Return the joints from a link to the root; stop at a cycle, which `validate` reports later."""
-    path: list[Joint] = []
-    seen = {link}
-    while (joint := parents.get(link)) is not None:
-        path.append(joint)
+def _turn(axis: Node | None, kind: str) -> Array:
+    """Return a rotation that maps z to the stated axis, for kinds of closures with an axis."""
+    if axis is not None:
+        axis.only(["xyz"], [])
+    direction = axis_of(axis)
+    return rotation_to_axis(direction) if FORMS[kind].has_axis else np.eye(3)
+
+
+def _path_to_root(link: str, parents: Mapping[str, Joint | None]) -> dict[str, Joint]:
+    """Return the joints from a link to the root by name; stop at a cycle, which `validate` reports later."""
+    path: dict[str, Joint] = {}
+    while (joint := parents.get(link)) is not None and joint.name not in path:
+        path[joint.name] = joint
         link = joint.parent
-        if link in seen:
-            break
-        seen.add(link)
     return path

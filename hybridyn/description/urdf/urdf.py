@@ -14,28 +14,23 @@ import numpy as np
 from ..names import did_you_mean, listed
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import FREEDOMS, MotorStatement, RobotFile
-from .drake import read_ball_constraints
 from .foreign import note_mimic_plugins, refuse_unread_loops
-from .gazebo import read_gazebo_joints
-from .loops import read_constraint, read_coupling, read_loop, read_loop_joint, read_mimic
-from .placement import axis_of, origin_of
-from .transmissions import Rotor, read_rotor, read_transmissions
+from .loops import BALL, CLOSURE_READERS, pose_of, read_coupling, read_mimic
+from .placement import axis_of
+from .transmissions import read_rotor, read_transmissions
 from .xml_node import Node
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
 
 #: Most links read; a file with more links is a mistake.
 MOST_LINKS = 300_000
-
 #: Limits of this size are none. URDF has no word for infinity that every program reads.
 UNLIMITED = 1e30
-
-CLOSURE_READERS = {"loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint}
-
 #: Children of `<joint>` that are read.
-JOINT_PARTS = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:mimic")
-ROTOR_PARTS = ("rotor_inertia", "gear_ratio")
-
+JOINT_PARTS = (
+    "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:mimic", "rotor_inertia",
+    "gear_ratio",
+)  # fmt: skip
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -60,12 +55,14 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
             independent.add(robot.joints[-1].name)
     if any(joint.parent == "world" for joint in robot.joints):
         _add_world(robot)
-    for node in root.children(*CLOSURE_READERS):
+    for node in sorted(root.children(*CLOSURE_READERS), key=lambda node: node.tag == BALL):
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
             robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
-    robot.closures += read_ball_constraints(root)
-    read_gazebo_joints(root, robot)
+    if root.children("gazebo"):
+        from .gazebo import read_gazebo_joints
+
+        read_gazebo_joints(root, robot)
     parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
     parents |= {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
@@ -77,7 +74,8 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
 def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
     """Add the motors that the file states by transmissions (with their rotors) and `independent=`."""
     statement, rotors = read_transmissions(root, robot)
-    robot.joints = [rotors.get(joint.name, Rotor()).put_into(joint) for joint in robot.joints]
+    if rotors:
+        robot.joints = [replace(joint, **rotors.get(joint.name, {})) for joint in robot.joints]
     if statement is not None:
         robot.motors.append(statement)
     if len(independent) < len(robot.joints):
@@ -95,42 +93,28 @@ def _add_world(robot: RobotFile) -> None:
 
 def _read_link(node: Node, notes: list[str]) -> Link:
     node.refuse_misspelt(["name"], ["inertial"])
-    name = node.text("name")
-    inertial = node.child("inertial")
+    name, inertial = node.text("name"), node.child("inertial")
     if inertial is None:
         return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), node.line)
     inertial.refuse_misspelt([], ["origin", "mass", "inertia"])
-    origin = _pose(inertial.child("origin"))
-    mass = inertial.required_child("mass").number("value")
+    origin = pose_of(inertial.child("origin"))
+    mass, tensor = inertial.required_child("mass").number("value"), inertial.child("inertia")
     if mass < 0:
         raise inertial.error(f"link '{name}' has a negative mass ({mass:g} kg)")
-    tensor = inertial.child("inertia")
     if tensor is None:
         notes.append(f"link '{name}' ({node.where}) states a mass but no inertia: taken as a point mass")
         return Link(name, mass, origin[:3, 3], np.zeros((3, 3)), node.line)
-    rotation = origin[:3, :3]
-    return Link(name, mass, origin[:3, 3], rotation @ _read_inertia(tensor) @ rotation.T, node.line)
-
-
-def _read_inertia(node: Node) -> Array:
-    node.refuse_misspelt(INERTIA_ATTRIBUTES, [])
-    required = ("ixx", "iyy", "izz")
+    tensor.refuse_misspelt(INERTIA_ATTRIBUTES, [])
     ixx, ixy, ixz, iyy, iyz, izz = (
-        node.number(name) if name in required else node.number(name, 0.0) for name in INERTIA_ATTRIBUTES
+        tensor.number(word, None if word in ("ixx", "iyy", "izz") else 0.0) for word in INERTIA_ATTRIBUTES
     )
-    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-
-
-def _pose(node: Node | None) -> Array:
-    if node is not None:
-        node.only(["xyz", "rpy", "quat_xyzw"], [])
-    return origin_of(node)
+    inertia = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    return Link(name, mass, origin[:3, 3], origin[:3, :3] @ inertia @ origin[:3, :3].T, node.line)
 
 
 def _read_joint(node: Node, robot: RobotFile) -> Joint:
-    node.refuse_misspelt(["name", "type", "independent"], [*JOINT_PARTS, *ROTOR_PARTS])
-    name, kind = node.text("name"), _joint_kind(node)
-    axis = node.child("axis")
+    node.refuse_misspelt(["name", "type", "independent"], JOINT_PARTS)
+    name, kind, axis = node.text("name"), _joint_kind(node), node.child("axis")
     if axis is not None:
         axis.refuse_misspelt(["xyz"], [])
         if unknown := [attribute for attribute in axis.attributes() if attribute != "xyz"]:
@@ -141,22 +125,23 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         kind=kind,
         parent=node.required_child("parent").text("link"),
         child=node.required_child("child").text("link"),
-        placement=_pose(node.child("origin")),
+        placement=pose_of(node.child("origin")),
         axis=_axis(axis, kind, node),
         line=node.line,
+        **read_rotor(node),
+        **_limits(node.child("limit"), name, kind, robot.notes),
+        **_friction(node.child("dynamics"), name),
     )
-    joint = read_rotor(node).put_into(joint)
     mimic, of_drake = node.child("mimic"), node.child("drake:mimic")
     if mimic is not None and of_drake is not None:
         raise of_drake.error("the joint states <mimic> too; keep one")
-    mimic = mimic if of_drake is None else of_drake
-    if mimic is not None:
-        coupling = read_mimic(mimic, name)
+    for stated in filter(None, (mimic, of_drake)):
+        coupling = read_mimic(stated, name)
         if kind == "fixed":
             robot.notes.append(f"joint '{name}' ({node.where}) is fixed; its <mimic> has no effect")
         else:
             robot.couplings.append(coupling)
-    return _with_dynamics(_with_limits(joint, node.child("limit"), robot.notes), node.child("dynamics"))
+    return joint
 
 
 def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
@@ -190,38 +175,29 @@ def _joint_kind(node: Node) -> JointKind:
     )
 
 
-def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
-    """Add `<limit>`; note and ignore negative limits of speed or effort."""
+def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[str, float]:
+    """Return the limits that `<limit>` states; note and ignore negative limits of speed or effort."""
     if node is None:
-        return joint
+        return {}
     node.refuse_misspelt(["lower", "upper", "velocity", "effort"], [])
-    lower = _limit(node, "lower", -math.inf)
-    upper, velocity, effort = (_limit(node, name, math.inf) for name in ("upper", "velocity", "effort"))
-    if joint.kind not in ("revolute", "prismatic"):
-        lower, upper = -math.inf, math.inf
-    for what, value in (("velocity", velocity), ("effort", effort)):
-        if value < 0:
-            notes.append(f"joint '{joint.name}' ({node.where}): negative {what} limit {value:g} ignored")
-    return replace(
-        joint,
-        lower=lower,
-        upper=upper,
-        velocity=velocity if velocity >= 0 else math.inf,
-        effort=effort if effort >= 0 else math.inf,
-    )
+    none = {"lower": -math.inf, "upper": math.inf, "velocity": math.inf, "effort": math.inf}
+    out = {word: node.number(word, default, infinite=True) for word, default in none.items()}
+    for word, value in out.items():
+        if word in ("velocity", "effort") and value < 0:
+            notes.append(f"joint '{name}' ({node.where}): negative {word} limit {value:g} ignored")
+            out[word] = math.inf
+        elif abs(value) >= UNLIMITED:
+            out[word] = math.copysign(math.inf, value)
+    return out if kind in ("revolute", "prismatic") else out | {"lower": -math.inf, "upper": math.inf}
 
 
-def _limit(node: Node, name: str, default: float) -> float:
-    """Return a limit; infinity where it is as large as `UNLIMITED`."""
-    value = node.number(name, default, infinite=True)
-    return math.copysign(math.inf, value) if abs(value) >= UNLIMITED else value
-
-
-def _with_dynamics(joint: Joint, node: Node | None) -> Joint:
+def _friction(node: Node | None, name: str) -> dict[str, float]:
+    """Return what `<dynamics>` states."""
     if node is None:
-        return joint
+        return {}
     node.refuse_misspelt(["damping", "friction"], [])
-    damping, friction = node.number("damping", 0.0), node.number("friction", 0.0)
-    if damping < 0 or friction < 0:
-        raise node.error(f"joint '{joint.name}' has negative damping or friction ({damping:g}, {friction:g})")
-    return replace(joint, damping=damping, friction=friction)
+    out = {word: node.number(word, 0.0) for word in ("damping", "friction")}
+    if min(out.values()) < 0:
+        numbers = f"{out['damping']:g}, {out['friction']:g}"
+        raise node.error(f"joint '{name}' has negative damping or friction ({numbers})")
+    return out
