@@ -13,7 +13,7 @@ import pytest
 
 import hybridyn
 from hybridyn.conversion.request import Losses
-from hybridyn.conversion.sdf.posture import counted_from_home
+from hybridyn.conversion.sdf.sdf import counted_from_home
 from tests.conversion.facts import SAME, SINGLE, changed
 from tests.conversion.features import FEATURES
 from tests.conversion.judge import read_back
