@@ -21,8 +21,8 @@ from ...description.robot_file import ZERO
 from ..home import home_of
 from ..numerals import add, numeral, principal, put, quaternion_of
 from ..request import Losses
-from .inertias import LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless
 
+AXES = np.eye(3)
 #: Name of MuJoCo's own body, which does not move.
 WORLD = "world"
 #: MuJoCo's words for kinds of joints in a body.
@@ -30,15 +30,51 @@ WORDS: dict[JointKind, str] = {
     "revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball",
 }  # fmt: skip
 
+#: Mass and inertia of a moving link without any, relative to those of the lightest link. Smaller ones would
+#: change the robot less, but make its closures softer.
+LIGHT = 1e-3
+#: Inertia of a point mass, relative to mass and size of the robot: far above MuJoCo's least one, 1e-15.
+POINT_INERTIA = 1e-9
+#: Least principal moment that MuJoCo takes, with a margin [kg m^2].
+LEAST_MOMENT = 1e-14
 #: Excess of the largest principal moment over the sum of the others that is rounding, relative to it.
 MOMENT_ROUNDING = 1e-12
 
 
-class _Carried(NamedTuple):
-    """A joint whose body is still to come, and the body's frame at `qpos0` in the joint's frame."""
+class Sizes(NamedTuple):
+    """Sizes of a robot.
 
-    joint: Joint
-    frame: Array
+    Attributes:
+        light: A link with the least mass and inertia.
+        size: The median distance between joints [m].
+    """
+
+    light: Link
+    size: float
+
+
+def sizes_of(d: Description) -> Sizes:
+    """Return the sizes of a robot."""
+    steps = [float(np.linalg.norm(joint.placement[:3, 3])) for joint in d.joints]
+    size = float(np.median([step for step in steps if step] or [1.0]))
+    mass = min((link.mass for link in d.links if link.mass > 0), default=1.0)
+    moments = [float(np.linalg.eigvalsh(link.inertia)[-1]) for link in d.links if link.mass > 0]
+    moment = min((moment for moment in moments if moment > 0), default=mass * size**2)
+    return Sizes(Link("", LIGHT * mass, np.zeros(3), LIGHT * moment * np.eye(3)), size)
+
+
+def is_solid(link: Link) -> bool:
+    """Say whether a link has mass and a positive definite inertia."""
+    return link.mass > 0 and bool(np.linalg.eigvalsh(link.inertia)[0] > 4 * LEAST_MOMENT)
+
+
+def is_weightless(link: Link) -> bool:
+    """Say whether a link has neither mass nor inertia."""
+    return not link.mass and not link.inertia.any()
+
+
+#: A joint whose body is still to come, and the body's frame at `qpos0` in the joint's frame.
+Carried = tuple[Joint, Array]
 
 
 class Tree:
@@ -67,59 +103,52 @@ class Tree:
         for joint in d.joints:
             self._children.setdefault(joint.parent, []).append(joint)
         self._closed = {end for closure in d.closures for end in (closure.link_a, closure.link_b)}
-        self._add_all(self._add_root())
+        self._add_all()
 
-    def _add_root(self) -> ET.Element:
-        """Add the root link, and return its element."""
-        root, element = self._links[self._d.root], self.worldbody
-        if self._d.base == "floating":
-            element = add(element, "body", name=self._named(root.name))
-            self._add_free(element, f"{root.name}:free", self._d.base_home or ZERO["floating"])
-        elif root.name != WORLD:
-            element = add(element, "body", name=root.name)
-        elif not is_weightless(root):
-            self._losses.add("mass and inertia of the world's link, which do not move", root.name)
-        if element is not self.worldbody:
-            _add_inertial(element, root, self._sizes, self._d.base == "floating", self._losses)
-        self.bodies[root.name] = element
-        return element
-
-    def _add_all(self, root: ET.Element) -> None:
-        """Add all bodies below the root, depth first, which is the order of MuJoCo's `qpos`."""
-        below = sorted(self._children.get(self._d.root, []), key=lambda joint: joint.kind == "floating")
-        todo: list[tuple[ET.Element, Joint, Array, tuple[_Carried, ...]]]
-        todo = [(root, joint, np.eye(4), ()) for joint in reversed(below)]
+    def _add_all(self) -> None:
+        """Add all bodies, depth first, which is the order of MuJoCo's `qpos`."""
+        root, todo = self._d.root, list[tuple[ET.Element, Joint, Array, tuple[Carried, ...]]]()
+        first = self._children.get(root, [])
+        if root == WORLD and self._d.base == "fixed":
+            self.bodies[root] = self.worldbody
+            if not is_weightless(self._links[root]):
+                self._losses.add("mass and inertia of the world's link, which do not move", root)
+        else:
+            kind: JointKind = "floating" if self._d.base == "floating" else "fixed"
+            first = [Joint(f"{root}:free", kind, "", root, np.eye(4), AXES[0])]
+        todo += [(self.worldbody, joint, np.eye(4), ()) for joint in reversed(_last_free(first))]
         while todo:
             element, joint, M, carried = todo.pop()
             step = joint.placement
             if joint.kind in WORDS and joint.kind != "spherical":
                 step = step @ motion_of(joint, {joint.name: home_of(self._d, joint)})
-            at, here = M @ step, tuple(_Carried(j, frame @ step) for j, frame in carried)
+            at, here = M @ step, tuple((j, frame @ step) for j, frame in carried)
             if joint.kind != "fixed":
-                here = (*here, _Carried(joint, np.eye(4)))
-            children = self._children.get(joint.child, [])
+                here = (*here, (joint, np.eye(4)))
+            children = _last_free(self._children.get(joint.child, []))
             massless = is_weightless(self._links[joint.child]) and joint.child not in self._closed
-            if here and massless and len(children) == 1:
+            if here and massless and len(children) == 1 and joint.kind != "floating":
                 todo.append((element, children[0], at, here))
                 continue
             body = self._add_body(element, joint.child, at, here)
             todo += [(body, child, np.eye(4), ()) for child in reversed(children)]
 
-    def _named(self, link: str) -> str:
-        if link != WORLD:
-            return link
-        self._losses.add("names that MuJoCo keeps for itself: written with an underscore", link)
-        return f"{WORLD}_"
-
-    def _add_body(
-        self, parent: ET.Element, link: str, at: Array, carried: tuple[_Carried, ...]
-    ) -> ET.Element:
-        free = carried and carried[0].joint.kind == "floating"
-        body = add(self.worldbody if free else parent, "body", name=self._named(link), **pose(at))
+    def _add_body(self, parent: ET.Element, link: str, at: Array, carried: tuple[Carried, ...]) -> ET.Element:
+        free = carried and carried[0][0].kind == "floating"
+        name = f"{WORLD}_" if link == WORLD else link
+        if name != link:
+            self._losses.add("names that MuJoCo keeps for itself: written with an underscore", link)
+        body = add(self.worldbody if free else parent, "body", name=name, **pose(at))
         for joint, frame in carried:
             if free:
-                self._losses.add("floating joints on a base at rest are free joints beside it", joint.name)
-                self._add_free(body, joint.name, home_of(self._d, joint))
+                home = self._d.base_home or ZERO["floating"]
+                if joint.parent:
+                    self._losses.add(
+                        "floating joints on a base at rest are free joints beside it", joint.name
+                    )
+                    home = home_of(self._d, joint)
+                self.joints[joint.name] = add(body, "freejoint", name=joint.name)
+                self.qpos += [*home[:3], home[6], *home[3:6]]
             else:
                 self._add_joint(body, joint, inverse(frame))
         welded = (child.child for child in self._children.get(link, []) if child.kind == "fixed")
@@ -127,10 +156,6 @@ class Tree:
         _add_inertial(body, self._links[link], self._sizes, moving, self._losses)
         self.bodies[link] = body
         return body
-
-    def _add_free(self, body: ET.Element, name: str, home: tuple[float, ...]) -> None:
-        self.joints[name] = add(body, "freejoint", name=name)
-        self.qpos += [*home[:3], home[6], *home[3:6]]
 
     def _add_joint(self, body: ET.Element, joint: Joint, frame: Array) -> None:
         """Add a joint with its positions; `frame` is its frame in the body at `qpos0`."""
@@ -145,6 +170,11 @@ class Tree:
             put(out, axis=turn @ joint.axis, ref=home[0] or None)
             self.qpos += home
         self.joints[joint.name] = out
+
+
+def _last_free(joints: list[Joint]) -> list[Joint]:
+    """Return joints in their order, but free ones last."""
+    return sorted(joints, key=lambda joint: joint.kind == "floating")
 
 
 def _add_inertial(body: ET.Element, link: Link, sizes: Sizes, moving: bool, losses: Losses) -> None:

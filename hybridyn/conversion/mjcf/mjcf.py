@@ -1,4 +1,11 @@
-"""Write an MJCF file: bodies, closures, couplings, forces, motors, home."""
+"""Write an MJCF file: bodies, closures, couplings, forces, motors, home.
+
+a point        one connect between sites         two joints     a joint equality
+fixed          one weld between sites            more joints    an equality of a fixed tendon
+revolute       two connects, at two points of the axis
+
+MuJoCo counts positions in equalities from those at `qpos0`.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +13,28 @@ import math
 from collections import Counter
 from xml.etree import ElementTree as ET
 
-from ...description.names import listed
-from ...description.placement import outwards
+import numpy as np
+
+from ...description.names import listed, unique
+from ...description.placement import outwards, placement_from, turned
 from ...description.records import Description
 from ...description.side_cars.model_text import model_file
 from ...errors import ModelError
+from ..home import home_of
 from ..numerals import add, numeral, put
 from ..request import USUAL_GRAVITY, Losses, Request, Written
-from .bodies import Tree
-from .equalities import add_closures, add_couplings
+from .bodies import Tree, pose, sizes_of
 from .forces import SAID, add_forces, list_losses, with_effects
-from .inertias import sizes_of
 from .parts import Parts
 from .visuals import add_visuals
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.
 DEEPEST = 240
-#: Elements that share their names, and the element that holds them.
-GROUPS = {
-    "worldbody": (("body",), ("joint", "freejoint"), ("site",)),
-    "equality": (("connect", "weld", "joint", "tendon"),),
-    "tendon": (("fixed",),),
-}  # fmt: skip
+#: Element that holds elements, and those of them that share their names.
+GROUPS = (
+    ("worldbody", ("body",)), ("worldbody", ("joint", "freejoint")), ("worldbody", ("site",)),
+    ("equality", ("connect", "weld", "joint", "tendon")), ("tendon", ("fixed",)),
+)  # fmt: skip
 #: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
 FREE_FALL = 10.0
 #: Gravity where the robot has none [m/s^2].
@@ -83,8 +90,8 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
     list_losses(d, tree, losses)
     if d.closures or d.couplings:
         equality = add(root, "equality")
-        add_closures(equality, parts, tree, sizes.size, losses)
-        add_couplings(root, equality, parts)
+        _add_closures(equality, parts, tree, sizes.size, losses)
+        _add_couplings(root, equality, parts)
     add_forces(root, parts, tree)
     for link in d.links:
         if link.name not in tree.bodies:
@@ -124,6 +131,57 @@ def _add_softness(root: ET.Element, option: ET.Element, d: Description, tightnes
     )
 
 
+def _add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, losses: Losses) -> None:
+    """Add sites and equalities.
+
+    Args:
+        equality: The element `<equality>`.
+        d: The robot; its closures are points, axes and welds.
+        tree: The bodies, which receive sites.
+        arm: Distance of the two points that hold an axis [m].
+        losses: Receives closures that MuJoCo has no word for.
+    """
+    for closure in d.closures:
+        word = "weld" if closure.rotation == "fixed" else "connect"
+        ends = (("a", closure.link_a, closure.frame_a), ("b", closure.link_b, closure.frame_b))
+        stems = {closure.name: (f"{closure.name}:", turned(np.eye(4), closure.turn.T))}
+        if closure.rotation == "parallel":
+            ahead = placement_from(np.eye(3), np.array([0.0, 0.0, arm]))
+            stems[f"{closure.name}:axis"] = (f"{closure.name}:axis_", ahead)
+            losses.add("closures with an axis are connects of two points on it", closure.name)
+        for name, (stem, there) in stems.items():
+            for end, link, frame in ends:
+                add(tree.bodies[link], "site", name=stem + end, **pose(frame @ there))
+            add(equality, word, name=name, site1=f"{stem}a", site2=f"{stem}b")
+
+
+def _add_couplings(root: ET.Element, equality: ET.Element, d: Description) -> None:
+    """Add the couplings of a robot.
+
+    Args:
+        root: The root element, which receives `<tendon>`.
+        equality: The element `<equality>`; its names stay unique.
+        d: The robot.
+    """
+    at, taken = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}, set[str]()
+    for closure in d.closures:
+        taken |= {closure.name, f"{closure.name}:axis"}
+    for coupling in d.couplings:
+        name = unique(coupling.name, taken)
+        offset = coupling.offset - sum(coefficient * at[joint] for joint, coefficient in coupling.terms)
+        (first, factor), *others = coupling.terms
+        if len(others) > 1:
+            tendon = root.find("tendon")
+            fixed = add(add(root, "tendon") if tendon is None else tendon, "fixed", name=name)
+            for joint, coefficient in coupling.terms:
+                add(fixed, "joint", joint=joint, coef=coefficient)
+            add(equality, "tendon", name=name, tendon1=name, polycoef=(offset, 0, 0, 0, 0))
+            continue
+        second, coefficient = others[0] if others else (None, 0.0)
+        polynomial = (offset / factor, -coefficient / factor, 0, 0, 0)
+        add(equality, "joint", name=name, joint1=first, joint2=second, polycoef=polynomial)
+
+
 def _check_depth(d: Description) -> None:
     """Refuse robots that are too deep to be written as nested bodies."""
     depth = {d.root: 1}
@@ -139,12 +197,11 @@ def _check_depth(d: Description) -> None:
 
 def _check_names(root: ET.Element) -> None:
     """Refuse names that would be mixed up."""
-    for place, groups in GROUPS.items():
-        for tags in groups:
-            found = [str(x.get("name")) for one in root.iterfind(place) for x in one.iter() if x.tag in tags]
-            if twice := [name for name, count in Counter(found).items() if count > 1]:
-                raise ModelError(
-                    f"in MJCF, <{tags[0]}> would have these names twice: {listed(twice)}; rename them in the "
-                    "robot's file",
-                    element=twice[0],
-                )
+    for place, tags in GROUPS:
+        found = [str(x.get("name")) for one in root.iterfind(place) for x in one.iter() if x.tag in tags]
+        if twice := [name for name, count in Counter(found).items() if count > 1]:
+            raise ModelError(
+                f"in MJCF, <{tags[0]}> would have these names twice: {listed(twice)}; rename them in the "
+                "robot's file",
+                element=twice[0],
+            )

@@ -22,9 +22,8 @@ from ...description.weightless import Bodies
 from ..home import home_of
 from ..numerals import quaternion_of
 from ..request import Losses
-from .inertias import Sizes, is_solid, is_weightless
+from .bodies import AXES, Sizes, is_solid, is_weightless
 
-AXES = np.eye(3)
 FULL = (0, 1, 2)
 #: End of the name of a follower, after the closure's name.
 FOLLOWER = "follower"
@@ -60,8 +59,8 @@ class Parts:
         self._links, self._home = {link.name: link for link in d.links}, dict(d.home)
         self._joints: list[Joint] = []
         self._poses = poses_at(d, d.home)
-        fixed = d.base == "fixed"
-        self._still = {link for link, body in Bodies(d).of.items() if body == d.root and fixed}
+        welded = {link for link, body in Bodies(d).of.items() if body == d.root}
+        self._still = welded if d.base == "fixed" else set()
 
     def described(self) -> Description:
         """Return the robot; each of its joints and closures has an equal in MuJoCo."""
@@ -76,17 +75,14 @@ class Parts:
                 closure = self._followed(closure, ends)
             closures.append(closure)
         followers, self._joints = self._joints, []
-        closed = {end for closure in closures for end in (closure.link_a, closure.link_b)}
+        ending = {end for closure in closures for end in (closure.link_a, closure.link_b)}
         carrying = Counter(joint.parent for joint in (*self._d.joints, *followers))
         for joint in self._d.joints:
-            only_carries = (
-                is_weightless(self._links[joint.child])
-                and carrying[joint.child] == 1
-                and joint.child not in closed
-            )
-            if joint.kind == "planar" or (
-                joint.kind == "floating" and (only_carries or not self._is_free(joint))
-            ):
+            link = joint.child
+            is_body = not is_weightless(self._links[link]) or carrying[link] != 1 or link in ending
+            hangs_free = joint.parent == self._d.root and np.array_equal(joint.placement, np.eye(4))
+            is_free = joint.kind == "floating" and hangs_free and self._d.base == "fixed" and is_body
+            if joint.kind in PARTS and not is_free:
                 self._split(joint)
             else:
                 self._joints.append(joint)
@@ -98,11 +94,6 @@ class Parts:
             closures=tuple(closures),
             home=self._home,
         )
-
-    def _is_free(self, joint: Joint) -> bool:
-        """Say whether a floating joint can be MuJoCo's: it hangs on a root at rest, at its origin."""
-        root = self._d.base == "fixed" and joint.parent == self._d.root
-        return root and np.array_equal(joint.placement, np.eye(4))
 
     def _split(self, joint: Joint) -> None:
         """Add the chain that stands for a planar or floating joint."""

@@ -39,19 +39,15 @@ def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) 
                 name = f"{shape.path.stem}_{len(assets)}"
                 put(geom, mesh=assets.setdefault((file, shape.size), name))
             else:
-                put(geom, size=_size(shape))
+                first, *others = shape.size  # of a box all edges, else the radius and perhaps a length
+                put(
+                    geom, size=(first / 2 if shape.kind == "box" else first, *(other / 2 for other in others))
+                )
             put(geom, rgba=shape.colour, **pose(shape.placement))
     asset = add(root, "asset") if assets else root
     for (file, scale), name in assets.items():
         factors = scale if any(factor != 1 for factor in scale) else None
         add(asset, "mesh", name=name, file=file, inertia="shell", scale=factors)
-
-
-def _size(shape: Shape) -> tuple[float, ...]:
-    """Return MuJoCo's sizes: half edges, radius and half length."""
-    if shape.kind == "box":
-        return tuple(edge / 2 for edge in shape.size)
-    return (shape.size[0], *(length / 2 for length in shape.size[1:]))
 
 
 def _is_readable(shape: Shape, losses: Losses) -> bool:

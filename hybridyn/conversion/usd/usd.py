@@ -15,7 +15,7 @@ from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
 from ...description.usd.schema import DEGREES
-from ..mjcf.inertias import POINT_INERTIA, sizes_of
+from ..mjcf.bodies import POINT_INERTIA, sizes_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed
 from .bodies import add_body, add_shape
 from .closures import add_closure

@@ -8,7 +8,6 @@ after it. The position of a joint is MuJoCo's `qpos`; `ref` is part of the place
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -38,20 +37,6 @@ FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
 ON_AXIS = 4 * np.finfo(float).eps
 
 
-class _Step(NamedTuple):
-    """A joint of a body.
-
-    Attributes:
-        joint: The joint without its links; its placement is its motion from the reference to position zero.
-        origin: Origin of its frame in the body's frame at the reference position, shape (3,) [m].
-        q: Number of its first position among MuJoCo's.
-    """
-
-    joint: Joint
-    origin: Array
-    q: int
-
-
 def pose(position: Array, quaternion: Array) -> Array:
     """Return the placement of a position and one of MuJoCo's quaternions (w, x, y, z), shape (4, 4)."""
     w, x, y, z = (float(number) for number in quaternion)
@@ -69,9 +54,9 @@ def find_root(robot: RobotFile, compiled: Compiled) -> int:
     if len(free) != 1:
         return 0
     body, dof = int(model.jnt_bodyid[free[0]]), int(model.jnt_dofadr[free[0]])
-    others = {int(number) for number in np.flatnonzero(model.body_rootid != body)}
-    moving = any(model.body_jntnum[number] or model.body_mocapid[number] >= 0 for number in others)
-    if moving or any(others & {*pair} for pair in compiled.tied_bodies.values()):
+    others = model.body_rootid != body
+    moving = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
+    if (others & moving).any() or any(others[[*pair]].any() for pair in compiled.tied_bodies.values()):
         return 0
     if model.dof_damping[dof] or model.dof_armature[dof]:
         robot.notes.append(
@@ -94,8 +79,7 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> Non
         if root and model.body_rootid[body] != root:
             continue
         if body != root:
-            steps = _steps(robot, compiled, body, joints)
-            robot.home |= {joint.name: _coordinates(joint.kind, q[at:]) for joint, _, at in steps}
+            steps = _steps(robot, compiled, body, joints, q)
             chain = _chain(compiled, body, steps, links, joints)
             robot.joints += chain
             for joint in chain[:-1]:
@@ -124,8 +108,19 @@ def _link(compiled: Compiled, body: int) -> Link:
     )
 
 
-def _steps(robot: RobotFile, compiled: Compiled, body: int, taken: set[str]) -> list[_Step]:
-    """Return the joints of a body in their order; add the names that are made to those that are taken."""
+def _steps(
+    robot: RobotFile, compiled: Compiled, body: int, taken: set[str], q: Array
+) -> list[tuple[Joint, Array]]:
+    """Return the joints of a body in their order, and add their positions at home to the robot.
+
+    Args:
+        taken: Names of joints; those that are made are added.
+        q: As in `add_bodies`.
+
+    Returns:
+        Each joint without its links, whose placement is its motion from the reference to position zero, and
+        the origin of its frame in the body's frame at the reference, shape (3,) [m].
+    """
     model, out = compiled.model, []
     first = int(model.body_jntadr[body])
     numbers = range(first, first + int(model.body_jntnum[body]))
@@ -143,7 +138,8 @@ def _steps(robot: RobotFile, compiled: Compiled, body: int, taken: set[str]) -> 
                 robot.undriven.add(name)
             axis, reference = (np.eye(3)[k % 3], 0.0) if ending else (model.jnt_axis[number], model.qpos0[at])
             joint = _joint(compiled, number, dof + k, name, part, axis, reference)
-            out.append(_Step(joint, origin, at + k))
+            robot.home[name] = _coordinates(part, q[at + k :])
+            out.append((joint, origin))
     return out
 
 
@@ -186,7 +182,7 @@ def _origin(compiled: Compiled, number: int) -> Array | None:
 
 
 def _chain(
-    compiled: Compiled, body: int, steps: list[_Step], links: set[str], joints: set[str]
+    compiled: Compiled, body: int, steps: list[tuple[Joint, Array]], links: set[str], joints: set[str]
 ) -> list[Joint]:
     """Return the joints from a body's parent to the body; add the names that are made to links and joints."""
     model, name = compiled.model, compiled.bodies[body]
@@ -194,7 +190,7 @@ def _chain(
     at, before, out = pose(model.body_pos[body], model.body_quat[body]), np.zeros(3), list[Joint]()
     if steps and model.jnt_type[model.body_jntadr[body]] == compiled.code("mjJNT_FREE"):
         at = np.eye(4)  # its position is the pose in the world
-    for joint, origin, _ in steps:
+    for joint, origin in steps:
         child = unique(f"{name}_{joint.name}", links)
         shift = placement_from(np.eye(3), origin - before)
         out.append(replace(joint, parent=parent, child=child, placement=at @ shift @ joint.placement))

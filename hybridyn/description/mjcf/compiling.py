@@ -1,4 +1,4 @@
-"""Compile an MJCF text with MuJoCo; errors name the author's file and line."""
+"""Compile an MJCF text with MuJoCo, and refuse what is not read; errors name the author's file and line."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import contextlib
 import importlib
 import re
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...errors import ModelError, install_advice
 from ..names import unique
+from ..records import Array
+from ..urdf.xml_node import LARGEST_NUMBER
 from .document import Document, Place
 
 #: Corrections of frequent errors, by a part of MuJoCo's message.
@@ -28,6 +32,43 @@ ENUMERATIONS = {
 
 #: Oldest version of MuJoCo whose MjSpec knows the numbers of its elements, as `mj_version` counts.
 OLDEST = 333
+
+_LENGTHS = {
+    "body_pos": "pos", "body_quat": "quat", "body_mass": "mass", "body_ipos": "com",
+    "body_inertia": "inertia", "jnt_pos": "pos", "jnt_axis": "axis", "jnt_stiffness": "stiffness",
+}  # fmt: skip
+_NEGATIVE = "damping, armature or frictionloss is negative or not finite"
+#: Least number, by the name of MuJoCo's array, and what is said of others and of those that are not finite.
+NUMBERS = {
+    **{
+        field: (-LARGEST_NUMBER, f"its {what} is not finite, or too large")
+        for field, what in _LENGTHS.items()
+    },
+    **{f"dof_{what}": (0.0, _NEGATIVE) for what in ("damping", "armature", "frictionloss")},
+}
+_ALONG = "along a tendon is not read; remove it, or put it on joints"
+#: What nothing may have.
+REFUSED = {
+    "body_gravcomp": "gravcomp is not read; remove it, or state it as a wrench",
+    "tendon_stiffness": f"stiffness {_ALONG}",
+    "tendon_stiffnesspoly": f"stiffness {_ALONG}",
+    "tendon_damping": f"damping {_ALONG}",
+    "tendon_dampingpoly": f"damping {_ALONG}",
+    "tendon_frictionloss": f"frictionloss {_ALONG}",
+    "tendon_armature": f"armature {_ALONG}",
+    "jnt_stiffnesspoly": "stiffness that depends on the position is not read; keep its first number",
+    "jnt_springyield": "springyield is not read; remove it",
+    "jnt_actgravcomp": "actuatorgravcomp is not read; remove it",
+    "dof_dampingpoly": "damping that depends on the speed is not read; keep its first number",
+    "actuator_dampingpoly": "damping that depends on the speed is not read; keep its first number",
+}
+#: What a joint with several freedoms may not have.
+REFUSED_OF_SEVERAL = {
+    "jnt_stiffness": "a spring of a joint with several freedoms is not read; set stiffness to 0",
+    "dof_frictionloss": "frictionloss of a joint with several freedoms is not read; set frictionloss to 0",
+}
+#: What follows where the joint is free.
+FREE_HINT = ", or write <freejoint/>, which takes no defaults"
 
 _LINE = re.compile(r"\bline (\d+)")
 _NAME = re.compile(r"Element name '([^']+)'")
@@ -65,13 +106,11 @@ class Compiled:
     def tied_bodies(self) -> dict[int, tuple[int, int]]:
         """Numbers of the two bodies of every connect and weld, by its number."""
         model, out = self.model, {}
-        kinds, sites = (self.code("mjEQ_CONNECT"), self.code("mjEQ_WELD")), self.code("mjOBJ_SITE")
+        bodies = {self.code("mjOBJ_BODY"): range(model.nbody), self.code("mjOBJ_SITE"): model.site_bodyid}
         for number in range(model.neq):
-            if model.eq_type[number] in kinds:
-                ends = model.eq_obj1id[number], model.eq_obj2id[number]
-                of_sites = model.eq_objtype[number] == sites
-                first, second = (int(model.site_bodyid[end] if of_sites else end) for end in ends)
-                out[number] = first, second
+            if model.eq_type[number] in (self.code("mjEQ_CONNECT"), self.code("mjEQ_WELD")):
+                of = bodies[int(model.eq_objtype[number])]
+                out[number] = int(of[model.eq_obj1id[number]]), int(of[model.eq_obj2id[number]])
         return out
 
     def name(self, kind: str, number: int) -> str:
@@ -101,20 +140,20 @@ class Compiled:
             kind: "body", "joint", "equality", "tendon" or "actuator".
             number: Its number in the compiled model.
         """
-        place = self._place(kind, number)
-        return place.line if place.file == self.file else None
+        file, line = self._place(kind, number)
+        return line if file == self.file else None
 
     def error(self, kind: str, number: int, message: str) -> ModelError:
         """Return (not raise) the error that names an element, its file and its line."""
         name = self.name(kind, number)
         if kind in ("body", "joint"):
             name = (self.bodies if kind == "body" else self.joints)[number]
-        place = self._place(kind, number)
+        file, line = self._place(kind, number)
         label = f"{kind} '{name}'" if name else f"{kind} {number}"
-        return ModelError(f"{label}: {message}", file=place.file, line=place.line, element=name or kind)
+        return ModelError(f"{label}: {message}", file=file, line=line, element=name or kind)
 
     def _place(self, kind: str, number: int) -> Place:
-        return _place_in(self._info.get((kind, number), ""), self.places) or Place(self.file, None)
+        return _place_in(self._info.get((kind, number), ""), self.places) or (self.file, None)
 
     def _names(self, kind: str, made: list[str]) -> list[str]:
         """Return the names of elements; one without a name takes the one that is made for it."""
@@ -138,7 +177,8 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
     The text of each file begins in a line that none before it has, so that a line names one element.
 
     Raises:
-        ModelError: MuJoCo is not installed, or refuses the text.
+        ModelError: MuJoCo is not installed, or refuses the text; or the model has no body, a number that is
+            not finite, or a force that hybridyn does not have.
     """
     file = document.root.file
     mujoco = _module(file)
@@ -149,33 +189,31 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
         texts[one.key] = b"\n" * len(places) + text.encode()
         places += lines
     main = texts.pop("").decode()
-    refusals = (ValueError, TypeError, mujoco.FatalError)
     try:
-        with _silent(mujoco):
+        with contextlib.ExitStack() as silent:
+            _silence(mujoco, silent)
             spec = mujoco.MjSpec.from_string(main, include=texts, assets=meshes)
             spec.compiler.fusestatic = False
             spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # it would simulate muscles
             model = spec.compile()
-    except refusals as error:
+    except (ValueError, TypeError, mujoco.FatalError) as error:
         raise _refusal(str(error), file, places) from None
-    return Compiled(mujoco, spec, model, file, places)
+    compiled = Compiled(mujoco, spec, model, file, places)
+    _refuse_numbers(compiled)
+    if model.nbody == 1:
+        raise document.root.error("no <body> stands in <worldbody>; a robot has at least one")
+    _refuse_forces(compiled)
+    return compiled
 
 
-@contextlib.contextmanager
-def _silent(mujoco: Any) -> Iterator[None]:
-    """Suppress MuJoCo's warnings, which it also writes to a file in the working directory."""
-    settings = getattr(mujoco, "MjLogConfig", None)
-    if settings is not None:
-        before, quiet = settings.get(), settings.get()
+def _silence(mujoco: Any, until: contextlib.ExitStack) -> None:
+    """Suppress MuJoCo's warnings for a while, which it also writes to a file in the working directory."""
+    until.enter_context(warnings.catch_warnings(action="ignore"))
+    if settings := getattr(mujoco, "MjLogConfig", None):
+        until.callback(settings.get().set)
+        quiet = settings.get()
         quiet.logto_console = quiet.logto_file = False
         quiet.set()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        if settings is not None:
-            before.set()
 
 
 def _module(file: str) -> Any:
@@ -183,9 +221,8 @@ def _module(file: str) -> Any:
     try:
         mujoco = importlib.import_module("mujoco")
     except ImportError:
-        advice = install_advice("mjcf")
         raise ModelError(
-            f"this is MJCF, for which hybridyn needs the package mujoco; {advice}", file=file
+            f"this is MJCF, for which hybridyn needs the package mujoco; {install_advice('mjcf')}", file=file
         ) from None
     if mujoco.mj_version() < OLDEST:
         raise ModelError(
@@ -197,17 +234,59 @@ def _module(file: str) -> Any:
 def _refusal(text: str, file: str, places: list[Place]) -> ModelError:
     """Return MuJoCo's refusal in one line, with the line of the author's file."""
     first = text.strip().split("\n", 1)[0].removeprefix("XML ").removeprefix("Error: ")
-    place = _place_in(text, places) or Place(file, None)
+    file, line = _place_in(text, places) or (file, None)
     name = _NAME.search(text)
     correction = next((f"; {advice}" for words, advice in CORRECTIONS.items() if words in first), "")
-    label = f"element '{name[1]}': " if name else ""
-    element = name[1] if name else None
-    return ModelError(
-        f"{label}MuJoCo: {first}{correction}", file=place.file, line=place.line, element=element
-    )
+    label, element = (f"element '{name[1]}': ", name[1]) if name else ("", None)
+    return ModelError(f"{label}MuJoCo: {first}{correction}", file=file, line=line, element=element)
 
 
 def _place_in(text: str, places: list[Place]) -> Place | None:
     """Return the place of the line that one of MuJoCo's messages names."""
     lines = [int(number) for number in _LINE.findall(text)]
     return places[lines[-1] - 1] if lines and 0 < lines[-1] <= len(places) else None
+
+
+def _refuse_numbers(compiled: Compiled) -> None:
+    """Refuse a model with numbers that are not finite, or so large that their square is not.
+
+    Raises:
+        ModelError: There is such a number, or damping, armature or friction is negative.
+    """
+    for field, (least, sentence) in NUMBERS.items():
+        rows = _rows(compiled, field)
+        _refuse(compiled, field, ~((rows >= least) & (rows <= LARGEST_NUMBER)), sentence)
+
+
+def _refuse_forces(compiled: Compiled) -> None:
+    """Refuse forces that are not read.
+
+    Raises:
+        ModelError: A body, joint or tendon has such a force, or a program moves a body that equalities hold.
+    """
+    model = compiled.model
+    for field, sentence in REFUSED.items():
+        _refuse(compiled, field, _rows(compiled, field) != 0, sentence)
+    for word, hint in (("BALL", ""), ("FREE", FREE_HINT)):
+        own = model.jnt_type == compiled.code(f"mjJNT_{word}")
+        for field, sentence in REFUSED_OF_SEVERAL.items():
+            on = own if field.startswith("jnt") else own[model.dof_jntid]
+            _refuse(compiled, field, (_rows(compiled, field) != 0) & on[:, None], sentence + hint)
+    for body in sorted({body for pair in compiled.tied_bodies.values() for body in pair}):
+        if model.body_mocapid[body] >= 0:
+            raise compiled.error(
+                "body", body, "a program moves a mocap body; remove mocap, or give it joints"
+            )
+
+
+def _rows(compiled: Compiled, field: str) -> Array:
+    """Return an array of the model as rows of numbers; none where this version of MuJoCo lacks it."""
+    return np.atleast_2d(np.asarray(getattr(compiled.model, field, ()), dtype=float).T).T
+
+
+def _refuse(compiled: Compiled, field: str, wrong: NDArray[np.bool_], sentence: str) -> None:
+    """Refuse the first row of an array that has a wrong entry, with the name of what it is about."""
+    for row in np.flatnonzero(wrong.any(axis=1)):
+        kind, _, _ = field.partition("_")
+        number = int(compiled.model.dof_jntid[row]) if kind == "dof" else int(row)
+        raise compiled.error({"jnt": "joint", "dof": "joint"}.get(kind, kind), number, sentence)

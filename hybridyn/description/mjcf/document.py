@@ -9,7 +9,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import cast
 
 from lxml import etree
 
@@ -31,15 +31,8 @@ FILE = "{hybridyn}file"
 INCLUDED_ROOTS = ("mujoco", "mujocoinclude")
 
 
-class Place(NamedTuple):
-    """The place of an element.
-
-    Attributes:
-        line: Its line, from 1, or None.
-    """
-
-    file: str
-    line: int | None
+#: File and line of an element, as in `Node.place`.
+Place = tuple[str, int | None]
 
 
 class Document:
@@ -129,7 +122,7 @@ class Document:
         for event, xml in etree.iterwalk(self.root.xml, events=("start", "end")):
             xml.text, xml.tail = "\n" if len(xml) else None, "\n"
             if event == "start" or len(xml):
-                places.append(Place(*Node(xml, self.files[int(xml.get(FILE, 0))]).place))
+                places.append(Node(xml, self.files[int(xml.get(FILE, 0))]).place)
         etree.strip_attributes(self.root.xml, FILE)
         etree.cleanup_namespaces(self.root.xml)
         return etree.tostring(self.root.xml, encoding="unicode"), places
@@ -164,10 +157,8 @@ class Document:
             raise node.error(f"file '{name}' is included twice; MuJoCo includes a file once")
         inner = parse(content, shown(Path(path)))
         self._seen.add(real)
-        self._spent["bytes"] += len(content)
-        self._spent["elements"] += sum(1 for _ in inner.xml.iter("*"))
-        if len(self._seen) > MOST_FILES or self._spent["bytes"] > LARGEST_FILE:
-            raise node.error(f"more than {MOST_FILES} files or {LARGEST_FILE // 2**20} MiB are included")
-        if self._spent["elements"] > MOST_ELEMENTS:
-            raise node.error(f"the included files have more than {MOST_ELEMENTS} elements")
+        most = {"files": MOST_FILES, "bytes": LARGEST_FILE, "elements": MOST_ELEMENTS}
+        self._spent.update({"files": 1, "bytes": len(content), "elements": len([*inner.xml.iter("*")])})
+        for what in (what for what, limit in most.items() if self._spent[what] > limit):
+            raise node.error(f"more than {most[what]:,} {what} are included")
         return inner, path

@@ -14,12 +14,10 @@ from ..names import listed
 from ..records import Array
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
-from .actuators import add_actuators
 from .bodies import add_bodies, find_root
 from .compiling import Compiled, compile_text
 from .document import Document
-from .equalities import add_equalities
-from .forces import refuse_forces, refuse_numbers
+from .relations import add_actuators, add_equalities
 from .screening import screen
 
 #: Name of the keyframe that is home where there are several.
@@ -45,10 +43,6 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     for one in document.every():
         screen(one, meshes)
     compiled = compile_text(document, meshes)
-    refuse_numbers(compiled)
-    if compiled.model.nbody == 1:
-        raise root.error("no <body> stands in <worldbody>; a robot has at least one")
-    refuse_forces(compiled)
     robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
     start = find_root(robot, compiled)
     add_bodies(robot, compiled, start, _home(robot, compiled))

@@ -89,11 +89,12 @@ def screen(document: Document, meshes: dict[str, bytes]) -> None:
 
 def mesh_folder(document: Document) -> str:
     """Take the folder of meshes out of `<compiler>`; what is stated last counts."""
-    stated: dict[str, str] = {}
-    for node in document.nodes("//compiler"):
-        for name in ("assetdir", "meshdir", "texturedir", "strippath"):
-            if name in node.xml.attrib:
-                stated[name] = str(node.xml.attrib.pop(name))
+    stated = {
+        name: str(node.xml.attrib.pop(name))
+        for node in document.nodes("//compiler")
+        for name in ("assetdir", "meshdir", "texturedir", "strippath")
+        if name in node.xml.attrib
+    }
     if stated.get("strippath") == "true":
         for node in document.nodes("//mesh[@file]"):
             node.xml.set("file", os.path.basename(str(node.xml.get("file"))))
