@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,12 +11,20 @@ from .blank import empty_figure
 from .panels import Chart, Panel
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
 #: Largest number of names in one column of a legend.
 MOST_NAMES = 12
+#: How marks are drawn.
+STYLES: dict[str, dict[str, Any]] = {
+    "dots": {"linestyle": "none", "marker": ".", "markersize": 2.5, "alpha": 0.6},
+    "peak": {"linestyle": "none", "marker": "^", "markersize": 5},
+    "solid": {"linewidth": 1.0},
+    "dashed": {"linewidth": 0.9, "linestyle": "--"},
+}
 
 
 def figure_of_chart(chart: Chart) -> Figure:
@@ -26,21 +34,46 @@ def figure_of_chart(chart: Chart) -> Figure:
         HybridynError: matplotlib is missing.
     """
     columns = chart.columns
-    rows = -(-len(chart.panels) // columns)
-    figure = empty_figure(WIDTHS[columns], HEIGHT * rows + 0.5)
-    bars = any(panel.ticks for panel in chart.panels)
-    axes = figure.subplots(rows, columns, sharex=not bars, squeeze=False)
+    rows = max(-(-len(chart.panels) // columns), 1)
+    width, height = (2.6 * columns + 0.6, 2.5) if chart.across else (WIDTHS[columns], HEIGHT)
+    figure = empty_figure(width, height * rows + 0.5)
+    axes = figure.subplots(rows, columns, sharex=chart.over_time, squeeze=False)
     for ax, panel in zip(axes.ravel(), chart.panels, strict=False):
-        _bars(ax, panel) if panel.ticks else _lines(ax, chart, panel)
+        if panel.marks:
+            _marks(ax, panel)
+        else:
+            _bars(ax, panel) if panel.ticks else _lines(ax, chart, panel)
         _finish(ax, panel)
     for ax in axes.ravel()[len(chart.panels) :]:
         ax.set_axis_off()
     for number, ax in enumerate(axes.ravel()[: len(chart.panels)]):
-        if number + columns >= len(chart.panels) and not bars:
+        if number + columns >= len(chart.panels) and chart.over_time:
             ax.set_xlabel(chart.x_label)
             ax.tick_params(labelbottom=True)
     figure.suptitle(chart.title, fontsize="medium")
+    _shared_legend(figure, chart)
     return figure
+
+
+def _marks(ax: Axes, panel: Panel) -> None:
+    """Draw points and lines with abscissas of their own."""
+    for mark in panel.marks:
+        ax.plot(mark.x, mark.y, color=mark.colour, label=mark.name, **STYLES[mark.style])
+    ax.set_xlabel(panel.x_label, fontsize="small")
+
+
+def _shared_legend(figure: Figure, chart: Chart) -> None:
+    """Draw one legend for the marks of all panels."""
+    drawn: dict[str, Artist] = {}
+    for ax, panel in zip(figure.axes, chart.panels, strict=False):
+        if panel.marks:
+            artists, names = ax.get_legend_handles_labels()
+            drawn = dict(zip(names, artists, strict=True)) | drawn
+    if drawn:
+        order = [mark.name for panel in chart.panels for mark in panel.marks]
+        names = [*dict.fromkeys(order)]
+        handles = [drawn[name] for name in names]
+        figure.legend(handles, names, loc="outside lower center", ncols=len(names), fontsize="small")
 
 
 def _lines(ax: Axes, chart: Chart, panel: Panel) -> None:
@@ -92,6 +125,6 @@ def _finish(ax: Axes, panel: Panel) -> None:
     ax.set_ylabel(panel.label, fontsize="small")
     ax.tick_params(labelsize="small")
     ax.grid(visible=True, alpha=0.3)
-    if len(panel.lines) > 1 or panel.unit:
+    if len(panel.lines) > 1 or (panel.lines and panel.unit):
         columns = 1 + (len(panel.lines) - 1) // MOST_NAMES
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="x-small", ncols=columns)

@@ -12,6 +12,15 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
+#: Largest number of columns: a page is narrower than a figure.
+MOST_COLUMNS = 3
+#: How marks are drawn.
+STYLES: dict[str, dict[str, Any]] = {
+    "dots": {"size": 3, "opacity": 0.6},
+    "peak": {"size": 9, "symbol": "triangle-up"},
+    "solid": {"width": 1.4},
+    "dashed": {"width": 1.2, "dash": "dash"},
+}
 
 
 def page_of_chart(chart: Chart) -> str:
@@ -20,53 +29,59 @@ def page_of_chart(chart: Chart) -> str:
     Raises:
         HybridynError: plotly is missing.
     """
-    return page_of_figure(_figure(chart))
-
-
-def page_of_figure(figure: Figure) -> str:
-    """Return a plotly figure as the text of a self-contained HTML file."""
-    text: str = figure.to_html(include_plotlyjs=True, full_html=True)
+    text: str = _figure(chart).to_html(include_plotlyjs=True, full_html=True)
     return text
 
 
-def subplots(rows: int, columns: int, **options: Any) -> Figure:
-    """Return a plotly figure of empty panels.
-
-    Raises:
-        HybridynError: plotly is missing.
-    """
+def _figure(chart: Chart) -> Figure:
     try:
         from plotly.subplots import make_subplots
     except ImportError as error:
         message = f"pages need plotly: {install_advice('plot')}"
         raise HybridynError(message) from error
-    return make_subplots(rows, columns, vertical_spacing=0.28 / max(rows, 2), **options)
-
-
-def _figure(chart: Chart) -> Figure:
-    columns = chart.columns
-    rows = -(-len(chart.panels) // columns)
-    bars = any(panel.ticks for panel in chart.panels)
-    figure = subplots(
+    columns = min(chart.columns, MOST_COLUMNS)
+    rows = max(-(-len(chart.panels) // columns), 1)
+    figure = make_subplots(
         rows,
         columns,
-        shared_xaxes=False if bars else "all",
+        vertical_spacing=0.28 / max(rows, 2),
+        shared_xaxes="all" if chart.over_time else False,
         subplot_titles=[_title(panel) for panel in chart.panels],
     )
+    named: set[str] = set()
     for number, panel in enumerate(chart.panels):
         place = {"row": number // columns + 1, "col": number % columns + 1}
         _add_panel(figure, chart, panel, place)
-        if number + columns >= len(chart.panels) and not bars:
+        _add_marks(figure, panel, place, named)
+        if number + columns >= len(chart.panels) and chart.over_time:
             figure.update_xaxes(title_text=chart.x_label, showticklabels=True, **place)
     figure.update_layout(
         title=chart.title,
-        height=HEIGHT * rows + MARGIN,
+        height=(1.3 if chart.across else 1.0) * HEIGHT * rows + MARGIN,
         template="plotly_white",
-        hovermode="closest" if bars else "x unified",
+        hovermode="x unified" if chart.over_time else "closest",
         barmode="group",
         legend={"groupclick": "toggleitem", "tracegroupgap": 4, "font": {"size": 11}},
     )
     return figure
+
+
+def _add_marks(figure: Figure, panel: Panel, place: dict[str, int], named: set[str]) -> None:
+    """Draw points and lines; a name in the legend shows and hides its marks in all panels."""
+    import plotly.graph_objects as go
+
+    for mark in panel.marks:
+        dots = mark.style in ("dots", "peak")
+        style = {"color": mark.colour, **STYLES[mark.style]}
+        trace = go.Scatter(
+            x=mark.x.tolist(), y=mark.y.tolist(), name=mark.name, legendgroup=mark.name,
+            showlegend=mark.name not in named, mode="markers" if dots else "lines",
+            **{"marker" if dots else "line": style},
+        )  # fmt: skip
+        figure.add_trace(trace, **place)
+        named.add(mark.name)
+    if panel.marks:
+        figure.update_xaxes(title_text=panel.x_label, **place)
 
 
 def _title(panel: Panel) -> str:

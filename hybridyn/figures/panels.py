@@ -39,9 +39,28 @@ class Line:
         return self.limit <= LIMIT_FACTOR * float(np.abs(self.y).max(initial=0.0))
 
 
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """Points or a line at abscissas of its own.
+
+    Attributes:
+        name: Name in the legend, which all panels share.
+        x: Abscissas, shape (T,).
+        y: Values, shape (T,).
+        style: "dots", "peak" (a triangle), "solid" or "dashed" (lines).
+        colour: Its colour, "#rrggbb".
+    """
+
+    name: str
+    x: Array
+    y: Array
+    style: str
+    colour: str
+
+
 @dataclass(frozen=True)
 class Panel:
-    """One panel.
+    """One panel: of lines over the abscissas of the chart, of bars, or of marks.
 
     Attributes:
         title: Title, for example the name of a module.
@@ -51,6 +70,8 @@ class Panel:
         unit: Unit of the values, shown at marked peaks.
         logarithmic: Whether values are drawn on a logarithmic scale.
         ticks: Names below the bars; empty for a panel of lines.
+        marks: Points and lines with abscissas of their own.
+        x_label: Quantity and unit of these abscissas.
     """
 
     title: str
@@ -60,6 +81,8 @@ class Panel:
     unit: str = ""
     logarithmic: bool = False
     ticks: tuple[str, ...] = ()
+    marks: tuple[Mark, ...] = ()
+    x_label: str = ""
 
     @property
     def peak(self) -> float:
@@ -91,14 +114,23 @@ class Chart:
         x: Abscissas of the lines (time or row number), shape (T,).
         x_label: Quantity and unit of `x`.
         panels: Panels of the figure.
+        across: Number of columns of panels, or None for a number that suits time series.
     """
 
     title: str
     x: Array
     x_label: str
     panels: tuple[Panel, ...]
+    across: int | None = None
+
+    @property
+    def over_time(self) -> bool:
+        """Whether all panels have the abscissas of the chart."""
+        return not any(panel.ticks or panel.marks for panel in self.panels)
 
     @property
     def columns(self) -> int:
         """Number of columns of panels."""
+        if self.across is not None:
+            return self.across
         return 1 if len(self.panels) <= 4 else 2 if len(self.panels) <= 12 else 3

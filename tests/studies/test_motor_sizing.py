@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.figures.sizing import clouds, figure_of_sizing
-from hybridyn.figures.sizing_page import page_of_sizing
+from hybridyn.colours import ALARM
+from hybridyn.figures.as_matplotlib import figure_of_chart
+from hybridyn.figures.as_page import page_of_chart
+from hybridyn.figures.sizing import chart_of_sizing
 from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows, violations
 from tests.command_line import call, table_text
 from tests.files import save
@@ -224,14 +226,16 @@ def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> 
     sizing = Sizing(single(tmp_path))
     speeds, efforts = np.array([[0.0], [1e-3], [2e-3]]), np.array([[0.5], [0.0], [-0.4]]) * EFFORT_LIMIT
     sizing.add(None, 1, np.zeros((3, 1)), speeds, efforts)
-    (cloud,) = clouds(sizing)
-    assert cloud.effort_limit == EFFORT_LIMIT
-    assert cloud.speed_limit == np.inf
-    assert cloud.peak == (0.0, 0.5 * EFFORT_LIMIT)
-    figure = figure_of_sizing(sizing)
+    chart = chart_of_sizing(sizing, title="one <motor>")
+    (panel,) = chart.panels
+    limits = [mark for mark in panel.marks if mark.name == "limit"]
+    assert [mark.y.tolist() for mark in limits] == [[-EFFORT_LIMIT] * 2, [EFFORT_LIMIT] * 2]  # none of speed
+    (peak,) = (mark for mark in panel.marks if mark.name == "peak effort")
+    assert (peak.x.tolist(), peak.y.tolist()) == ([0.0], [0.5 * EFFORT_LIMIT])
+    figure = figure_of_chart(chart)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()][:3] == ["samples", "peak effort", "RMS effort"]
-    red = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_color() == "tab:red"]
+    red = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_color() == ALARM]
     assert red == [-EFFORT_LIMIT, EFFORT_LIMIT]
-    page = page_of_sizing(sizing, title="one <motor>")
+    page = page_of_chart(chart)
     assert page.count('"name":"limit"') == 2

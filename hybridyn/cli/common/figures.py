@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ...figures.panels import Chart
     from ...streams.blocks import Done
     from ...structure.robot import HybridRobot
-    from ...studies.sizing import Sizing
 
 FORMATS = (".png", ".svg", ".pdf")
 PAGE = ".html"
@@ -103,19 +102,6 @@ def save_structure(robot: HybridRobot, target: str) -> None:
         save(figure_of_cards(cards(robot)), target)
         return
     write_text(target, dot_of_cards(cards(robot)))
-
-
-def save_sizing(sizing: Sizing, title: str, target: str) -> None:
-    """Draw the loads of motors in the format of the file's ending."""
-    if target.lower().endswith(PAGE):
-        from ...description.writing import write_text
-        from ...figures.sizing_page import page_of_sizing
-
-        write_text(target, page_of_sizing(sizing, title=title))
-        return
-    from ...figures.sizing import figure_of_sizing
-
-    save(figure_of_sizing(sizing, title=title), target)
 
 
 class Drawing:

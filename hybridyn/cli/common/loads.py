@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .figures import save_sizing
+from .figures import save_chart
 from .report import write_report
 from .summary import by_rows, effects_line, fitted_rates
 from .text import aligned_rows, counted
@@ -75,7 +75,10 @@ class Loads:
         if self.tables.output:
             write_report(self.tables.output, [facts(load, timed) for load in loads])
         if self.tables.plot:
-            save_sizing(self.sizing, f"{name}, {os.path.basename(self.tables.source)}", self.tables.plot)
+            from ...figures.sizing import chart_of_sizing
+
+            title = f"{name}, {os.path.basename(self.tables.source)}"
+            save_chart(chart_of_sizing(self.sizing, title=title), self.tables.plot)
         over = f" over {self.sizing.duration:.6g} s" if timed else ""
         samples = counted(self.sizing.samples, "sample")
         click.echo(f"{name}: {counted(len(loads), 'motor')}, {samples}{over}")
