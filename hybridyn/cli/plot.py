@@ -1,23 +1,34 @@
-"""`hybridyn plot`: draw a result or a trajectory."""
+"""`hybridyn plot`: draw what a command wrote."""
 
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
 import click
 
-from .common.figures import chart_file, save_chart
-from .common.files import complete_robot, existing_file, robot_file
+from .common.figures import FORMATS, chart_file, save, save_chart
+from .common.files import complete_robot, ends_in, existing_file, robot_file
 from .common.options import PACKAGES, XACRO, Command
+from .common.report import read_report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..figures.panels import Chart
+    from ..tables.table import Table
 
 
 @click.command(
     "plot",
     cls=Command,
     params=[XACRO, PACKAGES],
-    short_help="Draw a table: motors, efforts, energies over time.",
+    short_help="Draw what a command wrote: motions, efforts, loads, workspaces, sweeps.",
 )
-@click.argument("table", callback=existing_file)
+@click.argument(
+    "table",
+    callback=lambda ctx, param, value: value if os.path.isdir(value) else existing_file(ctx, param, value),
+)
 @click.option(
     "-o",
     "--output",
@@ -33,33 +44,73 @@ from .common.options import PACKAGES, XACRO, Command
     shell_complete=complete_robot,
     help="The table's robot, a file or a shipped robot: joints with the same unit share an axis.",
 )
+@click.pass_context
 def command(
-    table: str, output: str, robot: str | None, xacro_args: dict[str, str], package_dirs: tuple[str, ...]
+    ctx: click.Context,
+    table: str,
+    output: str,
+    robot: str | None,
+    xacro_args: dict[str, str],
+    package_dirs: tuple[str, ...],
 ) -> None:
-    """Draw TABLE, a result of idm, ddm or simulate, or a trajectory: one panel per quantity, over time.
+    """Draw TABLE, a file that a command wrote, or the folder of a sweep.
 
-    If the table contains efforts, only joints with an effort (motors) are drawn, followed by energies and the
-    closure residual. A table does not state which joints are prismatic and which are revolute. Without
-    --robot, each joint therefore has an axis of its own. The option '--plot' of these commands also shows
-    data of the robot's files: it groups motors by module, and draws limits.
+    A trajectory or a result of idm, ddm or simulate has one panel per quantity, over time. If it contains
+    efforts, only joints with an effort (motors) are drawn, followed by energies and the closure residual. It
+    does not state which joints slide and which turn: without --robot, each joint has an axis of its own. The
+    option '--plot' of these commands also groups motors by module, and draws limits.
+
+    Loads of motors and effects ('idm --loads', '--by-effect') are bars, a workspace is maps, a sweep shows
+    every measure over every parameter.
     """
+    from ..tables.opening import open_table
+
+    title = os.path.basename(table)
+    report = [] if os.path.isdir(table) else read_report(table)
+    drawn: Chart | Figure
+    if os.path.isdir(table):
+        from ..figures.sweep import figure_of_sweep
+
+        drawn = figure_of_sweep(table)
+    elif report:
+        from ..figures.reports import chart_of_report
+
+        drawn = chart_of_report(report, title=title)
+    else:
+        kinds: dict[str, str] = {}
+        if robot is not None:
+            from ..description import read
+
+            joints = read(robot, xacro_args=xacro_args or None, package_dirs=package_dirs).joints
+            kinds = {joint.name: joint.kind for joint in joints}
+        with open_table(table) as source:
+            drawn = _of_table(source, title, robot, kinds)
+    from ..figures.panels import Chart
+
+    if isinstance(drawn, Chart):
+        save_chart(drawn, output)
+        return
+    ends_in(*FORMATS)(ctx, next(one for one in ctx.command.params if one.name == "output"), output)
+    save(drawn, output)
+
+
+def _of_table(source: Table, title: str, robot: str | None, kinds: dict[str, str]) -> Chart | Figure:
+    """Draw a workspace as maps, and all other tables over time."""
     import numpy as np
 
     from ..figures.table import chart_of_table, joints_of_unknown_unit
-    from ..tables.opening import open_table
 
-    kinds: dict[str, str] = {}
-    if robot is not None:
-        from ..description import read
+    columns = source.columns
+    rows = np.vstack([block.values for block in source.blocks])
+    if "conditioning" in columns:
+        from ..figures.workspace import figure_of_workspace
 
-        joints = read(robot, xacro_args=xacro_args or None, package_dirs=package_dirs).joints
-        kinds = {joint.name: joint.kind for joint in joints}
-    with open_table(table) as source:
-        columns = source.columns
-        rows = np.vstack([block.values for block in source.blocks])
-    chart = chart_of_table(columns, rows, title=os.path.basename(table), kinds=kinds)
+        data = dict(zip(columns, rows.T, strict=True))
+        poses = {name.rpartition("/")[2]: x for name, x in data.items() if "/pose/" in name}
+        return figure_of_workspace(poses, data, title=title)
+    chart = chart_of_table(columns, rows, title=title, kinds=kinds)
     if unknown := joints_of_unknown_unit(columns, kinds):
         which = f"'{robot}' has no joint '{unknown[0]}'" if robot else "the table does not state units"
         advice = "" if robot else ": name its robot (--robot) to group joints by unit"
         click.echo(f"note: {which}, so {len(unknown):,} joints have an axis each{advice}", err=True)
-    save_chart(chart, output)
+    return chart

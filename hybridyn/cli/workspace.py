@@ -153,7 +153,9 @@ def command(
 
         units = dict.fromkeys(robot.effort_units[i] for i in robot.modules[found.sweep.module].motor_index)
         title = f"{robot.name}: {found.sweep.link}"
-        save(figure_of_workspace(found, title=title, unit=" or ".join(units)), plot)
+        swept = [*found.sweep.axes, *(name for name in found.sweep.names if name not in found.sweep.axes)]
+        poses = {name: found.coordinates[:, found.sweep.names.index(name)] for name in swept}
+        save(figure_of_workspace(poses, found.measures, title=title, unit=" or ".join(units)), plot)
     for line in _summary(found, time.perf_counter() - started):
         click.echo(line, err=True)
 

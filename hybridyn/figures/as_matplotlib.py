@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
 #: Largest number of names in one column of a legend.
 MOST_NAMES = 12
+#: Largest number of names below bars that are written almost level.
+MOST_TICKS = 8
 #: How marks are drawn.
 STYLES: dict[str, dict[str, Any]] = {
     "dots": {"linestyle": "none", "marker": ".", "markersize": 2.5, "alpha": 0.6},
@@ -114,7 +116,17 @@ def _bars(ax: Axes, panel: Panel) -> None:
         shift = (number - (len(panel.lines) - 1) / 2) * width
         colour = MODULES[number % len(MODULES)]
         ax.bar(places + shift, line.y, width, color=colour, label=line.name)
-    ax.set_xticks(places, panel.ticks, fontsize="x-small", rotation=12 if len(panel.ticks) > 4 else 0)
+    many = len(panel.ticks) > MOST_TICKS
+    rotation = 60 if many else 12 if len(panel.ticks) > 4 else 0
+    align = "right" if many else "center"
+    ax.set_xticks(
+        places,
+        panel.ticks,
+        fontsize="x-small",
+        rotation=rotation,
+        ha=align,
+        rotation_mode="anchor" if many else "default",
+    )
 
 
 def _finish(ax: Axes, panel: Panel) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..linkage.targets import COORDINATES
 from ..spatial import Array
-from ..studies.workspace.workspace import Workspace
 from .blank import empty_figure
 
 if TYPE_CHECKING:
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 #: Largest number of slices along the third coordinate.
 SLICES = 5
+#: Coordinates that differ by less are equal: rounding of the assembly [m, rad].
+SAME = 1e-7
+#: Decimals of coordinates that count.
+DIGITS = 7
 LABELS = {
     "conditioning": "conditioning [-], 1 is isotropic",
     "effort_per_force": "largest effort per N of force",
@@ -27,22 +31,30 @@ LABELS = {
 OVER = {"effort_per_force": "N", "effort_per_torque": "N m", "hold": ""}
 
 
-def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or N m") -> Figure:
+def figure_of_workspace(
+    coordinates: Mapping[str, Array],
+    measures: Mapping[str, Array],
+    *,
+    title: str = "",
+    unit: str = "N or N m",
+) -> Figure:
     """Draw the maps of a workspace, one row per measure, with slices of the third coordinate side by side.
 
     Args:
-        found: The workspace, swept over one to three coordinates (of further coordinates, only
-            the samples at the origin are drawn).
+        coordinates: Coordinates of the poses by name, shape (n,) each, [m, rad]; those that vary are drawn,
+            up to three. Of a lattice in more of them, only the middle of the others is drawn.
+        measures: Measures of the poses by name, shape (n,) each.
         title: Title of the figure.
         unit: Unit of the motors' efforts.
 
     Raises:
         HybridynError: matplotlib is missing.
     """
-    maps = _maps(found)
-    axes = found.sweep.axes[:3]
-    here = (found.index[:, 3:] == 0).all(axis=1)
-    levels = _levels(found.index[here, 2]) if len(axes) == 3 else [None]
+    maps, lattice = _maps(measures), _Lattice(coordinates)
+    axes, index = lattice.axes[:3], lattice.index
+    others = index[:, 3:]
+    here = (others == np.median(others, axis=0).round()).all(axis=1)
+    levels = _levels(index[here, 2]) if len(axes) == 3 else [None]
     figure = empty_figure(3.1 * len(levels) + 1.4, 2.7 * len(maps) + 0.5)
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
     labels = {name: _label(name, unit) for name in maps}
@@ -53,14 +65,14 @@ def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or 
         limit = float(np.percentile(finite, share)) if len(finite) else None
         image: Any = None
         for ax, level in zip(row, levels, strict=True):
-            chosen = here if level is None else here & (found.index[:, 2] == level)
+            chosen = here if level is None else here & (index[:, 2] == level)
             if len(axes) == 1:
-                ax.plot(found.coordinates[chosen][:, _column(found, axes[0])], values[chosen], ".-")
+                ax.plot(coordinates[axes[0]][chosen], values[chosen], ".-")
                 ax.set_ylabel(labels[name], fontsize="x-small")
             else:
-                image = _image(ax, found, chosen, values, limit)
+                image = _image(ax, lattice, chosen, values, limit)
             if level is not None and number == 0:
-                at = found.start[_column(found, axes[2])] + level * found.steps[2]
+                at = lattice.start[2] + level * lattice.steps[2]
                 ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
             ax.tick_params(labelsize="x-small")
         if image is not None:
@@ -72,6 +84,27 @@ def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or 
     return figure
 
 
+class _Lattice:
+    """The lattice of some poses.
+
+    Attributes:
+        axes: The coordinates that vary; the first one where none does.
+        start: Their least values, shape (axes,), [m, rad].
+        steps: Their steps, shape (axes,), [m, rad].
+        index: Steps of each pose from `start`, shape (n, axes).
+    """
+
+    def __init__(self, coordinates: Mapping[str, Array]) -> None:
+        varying = [name for name, values in coordinates.items() if np.ptp(values) > SAME]
+        self.axes = varying or [*coordinates][:1]
+        values = np.column_stack([coordinates[name] for name in self.axes])
+        self.start = values.min(axis=0)
+        different = (np.unique(column.round(DIGITS)) for column in values.T)
+        self.steps = np.array([np.diff(column).min(initial=np.inf) for column in different])
+        self.steps[np.isinf(self.steps)] = 1.0
+        self.index = np.rint((values - self.start) / self.steps).astype(int)
+
+
 def _label(name: str, unit: str) -> str:
     """Return the label of a map with its unit."""
     if name not in OVER:
@@ -81,10 +114,10 @@ def _label(name: str, unit: str) -> str:
     return f"{LABELS[name]} [{whole}]"
 
 
-def _maps(found: Workspace) -> dict[str, Array]:
+def _maps(measures: Mapping[str, Array]) -> dict[str, Array]:
     """Return the maps by name; the map of gravity efforts is the maximum over the motors."""
-    maps = {name: values for name, values in found.measures.items() if name in LABELS and values.any()}
-    held = [values for name, values in found.measures.items() if name.endswith("/effort")]
+    maps = {name: values for name, values in measures.items() if name in LABELS and values.any()}
+    held = [values for name, values in measures.items() if name.endswith("/effort")]
     if held:
         maps["hold"] = np.abs(held).max(axis=0)
     return maps
@@ -99,17 +132,15 @@ def _levels(index: Array) -> list[int]:
     return [int(values[round(at)]) for at in places[1:-1]]  # the ends are often single points
 
 
-def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, high: float | None) -> Any:
+def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: float | None) -> Any:
     """Draw one slice as cells of the lattice; cells that were not reached stay white."""
-    index = found.index[chosen][:, :2]
-    lower, upper = found.index[:, :2].min(axis=0), found.index[:, :2].max(axis=0)
-    picture = np.full(upper - lower + 1, np.nan)
-    picture[tuple((index - lower).T)] = values[chosen]
-    columns = [_column(found, axis) for axis in found.sweep.axes[:2]]
-    first, last = (
-        found.start[columns] + (end + half) * found.steps[:2] for end, half in ((lower, -0.5), (upper, 0.5))
-    )
-    ax.set_aspect("equal" if len({_unit(axis) for axis in found.sweep.axes[:2]}) == 1 else "auto")
+    index = lattice.index[chosen][:, :2]
+    upper = lattice.index[:, :2].max(axis=0)
+    picture = np.full(upper + 1, np.nan)
+    picture[tuple(index.T)] = values[chosen]
+    start, steps = lattice.start[:2], lattice.steps[:2]
+    first, last = start - steps / 2, start + (upper + 0.5) * steps
+    ax.set_aspect("equal" if len({_unit(axis) for axis in lattice.axes[:2]}) == 1 else "auto")
     return ax.imshow(
         np.ma.masked_invalid(picture.T),
         origin="lower",
@@ -118,10 +149,6 @@ def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, high: float
         vmax=high,
         interpolation="nearest",
     )
-
-
-def _column(found: Workspace, axis: str) -> int:
-    return found.sweep.names.index(axis)
 
 
 def _unit(axis: str) -> str:

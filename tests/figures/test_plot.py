@@ -1,5 +1,6 @@
 """Figures of tables, and the command that draws them."""
 
+import csv
 import re
 from pathlib import Path
 
@@ -14,10 +15,12 @@ from hybridyn.figures.envelope import Envelope
 from hybridyn.figures.motion import chart_of_rows
 from hybridyn.figures.panels import Chart
 from hybridyn.figures.plot import figure_of_efforts, figure_of_table
+from hybridyn.figures.reports import chart_of_report
 from hybridyn.figures.table import chart_of_table
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
+from tests.files import save
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])
@@ -94,6 +97,43 @@ def test_the_command_draws_a_file(tmp_path: Path, ending: str, head: bytes) -> N
     assert main(["plot", str(table), "-o", str(target)]) == 0
     assert target.read_bytes().startswith(head)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.csv", f"run.{ending}"]
+
+
+LOADS = """motor,peak_effort,effort_unit,rms_effort,peak_speed,speed_unit,rms_speed,\
+peak_power,peak_braking_power
+a,-3,N,2,1,m/s,0.5,4,-1
+b,5,N m,1,2,rad/s,0.25,6,
+"""
+EFFECTS = "effect,motor,unit,rms\ngravity,a,N,1\ngravity,b,N m,2\nvelocity,a,N,\nvelocity,b,N m,4\n"
+POSES = "p@b/pose/x,p@b/pose/z,conditioning,m/effort\n" + "".join(
+    f"{x / 10},{z / 5},{0.1 * (x + z)},{x}\n" for x in range(4) for z in range(3)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LOADS, ["effort [N]", "effort [N m]", "speed [rad/s]", "power [W]", "RMS effort"]),
+        (EFFECTS, ["RMS of what it adds [N]", "RMS of what it adds [N m]", "gravity", "velocity"]),
+        (POSES, ["conditioning [-], 1 is isotropic", "largest effort against gravity [N or N m]", "z [m]"]),
+    ],
+)
+def test_the_command_draws_reports_and_workspaces(
+    text: str, words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, target = save(tmp_path, text, "report.csv"), tmp_path / "report.svg"
+    call(capsys, "plot", source, "-o", target)
+    drawn = target.read_text()
+    assert [word for word in words if f">{word}<" not in drawn] == []
+
+
+def test_bars_are_the_numbers_of_the_report() -> None:
+    rows = list(csv.DictReader(LOADS.splitlines()))
+    newtons, _, slides, _, power = chart_of_report(rows).panels
+    assert (newtons.ticks, [line.y.tolist() for line in newtons.lines]) == (("a",), [[3.0], [2.0]])
+    assert [line.y.tolist() for line in slides.lines] == [[1.0], [0.5]]
+    assert [line.y.tolist() for line in power.lines] == [[4.0, 6.0], [1.0, 0.0]]
+    refused(lambda: chart_of_report([{"setting": "x"}]), TrajectoryError, "neither loads of motors")
 
 
 def chart(robot: hybridyn.HybridRobot, tau: np.ndarray) -> Chart:

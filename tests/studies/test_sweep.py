@@ -609,7 +609,7 @@ def test_indices_of_designs_in_blocks_are_those_of_the_formula(
         assert np.allclose(values, wanted, rtol=0, atol=OF_BLOCKS)
 
 
-def test_figures_of_a_sweep_are_drawn(tmp_path: Path) -> None:
+def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from hybridyn.figures.sweep import figure_of_coordinates, figure_of_indices
 
     needs("sensitivity")
@@ -622,5 +622,6 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path) -> None:
     colours = [line.get_color() for line in figure.axes[0].lines if len(line.get_ydata()) == 3]  # type: ignore[arg-type]
     assert len(colours) == 63
     assert colours.count("0.85") == (x[1:] @ [3, 1] <= 2).sum()
+    call(capsys, "plot", tmp_path, "-o", tmp_path / "sweep.svg")
     bars = figure_of_indices(tmp_path).axes[0].patches
     assert [bar.get_width() for bar in bars] == [one.value for one in sensitivity(tmp_path)]

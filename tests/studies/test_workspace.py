@@ -227,7 +227,9 @@ def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
 
     coarse = {"z": 0.1, "roll": 0.5, "pitch": 0.5} if name == "rps3" else {"x": 0.15, "y": 0.15, "z": 0.1}
     found = workspace(hybridyn.load(name), steps=coarse)
-    figure = figure_of_workspace(found, unit="N m" if name == "delta" else "N")
+    coordinates = dict(zip(found.sweep.names, found.coordinates.T, strict=True))
+    unit = "N m" if name == "delta" else "N"
+    figure = figure_of_workspace(coordinates, found.measures, unit=unit)
     assert len(figure.axes) >= 3 * 2
     figure.savefig(tmp_path / "maps.svg")
     labels = [ax.get_ylabel() for ax in figure.axes]

@@ -1,4 +1,4 @@
-"""Write small reports: rows of names and values as CSV or JSON."""
+"""Write and read small reports: rows of names and values as CSV or JSON."""
 
 from __future__ import annotations
 
@@ -33,3 +33,17 @@ def _csv(rows: Sequence[dict[str, Any]]) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
+
+
+def read_report(source: str) -> list[dict[str, Any]]:
+    """Read a report that `write_report` wrote; of any other file, return no rows."""
+    if source.lower().endswith(".json"):
+        with open(source, encoding="utf-8") as text:
+            found: list[dict[str, Any]] = json.load(text)
+        return found
+    if not source.lower().endswith(".csv"):
+        return []
+    with open(source, encoding="utf-8", newline="") as text:
+        reader = csv.DictReader(text)
+        known = {"motor", "setting"} & {*(reader.fieldnames or ())}
+        return [{**row} for row in reader] if known else []

@@ -1,0 +1,74 @@
+"""Bar charts of the reports of `hybridyn idm`: the loads of motors, and what each effect adds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..errors import TrajectoryError
+from .panels import Chart, Line, Panel
+
+#: Quantities of the loads of motors: the column of the unit or the unit itself, and the columns of the bars.
+LOADS = {
+    "effort": ("effort_unit", ("peak_effort", "rms_effort")),
+    "speed": ("speed_unit", ("peak_speed", "rms_speed")),
+    "power": ("W", ("peak_power", "peak_braking_power")),
+}
+
+Row = Mapping[str, str | float | None]
+
+
+def chart_of_report(rows: Sequence[Row], *, title: str = "") -> Chart:
+    """Build a chart of a report, a panel per quantity and unit, bars per motor.
+
+    Args:
+        rows: Names and values: with "effect", what effects add to efforts, else the loads of motors.
+        title: Title of the chart.
+
+    Raises:
+        TrajectoryError: The rows are of another kind.
+    """
+    if rows and "effect" in rows[0] and "rms" in rows[0]:
+        panels = _of_effects(rows)
+    elif rows and "motor" in rows[0] and "peak_effort" in rows[0]:
+        panels = [panel for quantity in LOADS for panel in _of_loads(rows, quantity)]
+    else:
+        raise TrajectoryError("there is nothing to draw: neither loads of motors nor effects")
+    return Chart(title, np.zeros(0), "", tuple(panels))
+
+
+def _of_loads(rows: Sequence[Row], quantity: str) -> list[Panel]:
+    of_unit, columns = LOADS[quantity]
+    panels = []
+    for unit in dict.fromkeys(row.get(of_unit, of_unit) for row in rows):
+        ours = [row for row in rows if row.get(of_unit, of_unit) == unit]
+        lines = [
+            Line(name.replace("_", " ").replace("rms", "RMS"), np.abs(_numbers(ours, name)))
+            for name in columns
+        ]
+        panels.append(_bars(ours, f"{quantity} [{unit}]", lines, str(unit)))
+    return panels
+
+
+def _of_effects(rows: Sequence[Row]) -> list[Panel]:
+    panels = []
+    for unit in dict.fromkeys(row["unit"] for row in rows):
+        ours = [row for row in rows if row["unit"] == unit]
+        of_effect = {name: [row for row in ours if row["effect"] == name] for name in _names(ours, "effect")}
+        lines = [Line(name, _numbers(group, "rms")) for name, group in of_effect.items()]
+        panels.append(_bars(ours, f"RMS of what it adds [{unit}]", lines, str(unit)))
+    return panels
+
+
+def _bars(rows: Sequence[Row], label: str, lines: Sequence[Line], unit: str) -> Panel:
+    return Panel("", label, tuple(lines), unit=unit, ticks=_names(rows, "motor"))
+
+
+def _names(rows: Sequence[Row], column: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(str(row[column]) for row in rows))
+
+
+def _numbers(rows: Sequence[Row], column: str) -> np.ndarray:
+    """Return the numbers of a column; unknown ones are 0."""
+    return np.array([float(row[column] or 0.0) for row in rows])
