@@ -21,10 +21,6 @@ def __getattr__(name: str) -> object:
     """Import a name on first use: the records import NumPy, which is too slow for shell completion."""
     if name not in __all__:
         raise AttributeError(f"module 'hybridyn.description' has no attribute {name!r}")
-    if name == "read":
-        from .reading import read
+    from importlib import import_module
 
-        return read
-    from . import records
-
-    return getattr(records, name)
+    return getattr(import_module(".reading" if name == "read" else ".records", __name__), name)

@@ -207,8 +207,7 @@ class JointGraph:
         """
         for joint, forward in self._stand(tree, poses, welds):
             steps, frames = chain(joint, forward)
-            parent, child = self._ends(joint, forward)
-            self._carry(steps, (parent, child), frames, joint, forward)
+            self._carry(steps, self._ends(joint, forward), frames, joint, forward)
         for joint in tree.cut:
             if joint.needed:
                 forward = joint.ends[1] != WORLD
@@ -258,17 +257,15 @@ class JointGraph:
         the joint, to which the child is welded.
         """
         (parent, child), (at, far) = ends, frames
-        for step in steps[:-1]:
+        chain = [*steps] or [Step(stated.name, "fixed")]
+        if steps and _misses(chain[-1], far):
+            name = self.joint_name(self.weld.format(child=child, joint=chain[-1].name))
+            chain.append(Step(name, "fixed"))
+        for step in chain[:-1]:
             link = self._link(f"{child}_{step.name}", stated.line)
             self.robot.joints.append(_joint(step, parent, link, stated.line, at, forward=forward))
             parent, at = link, np.eye(4)
-        last = steps[-1] if steps else Step(stated.name, "fixed")
-        if steps and _misses(last, far):
-            link = self._link(f"{child}_{last.name}", stated.line)
-            self.robot.joints.append(_joint(last, parent, link, stated.line, at, forward=forward))
-            name = self.joint_name(self.weld.format(child=child, joint=last.name))
-            parent, at, last = link, np.eye(4), Step(name, "fixed")
-        self.robot.joints.append(_joint(last, parent, child, stated.line, at, far, forward))
+        self.robot.joints.append(_joint(chain[-1], parent, child, stated.line, at, far, forward))
 
     def _close(self, stated: StatedJoint, closing: Closing) -> None:
         """Add a joint as a closure."""
@@ -285,7 +282,6 @@ class JointGraph:
         """Add a joint whose position is needed and that closes a loop: its massless child is welded on."""
         parent, child = self._ends(stated, forward)
         name = unique(f"{child}_at_{stated.name}", self._taken)
-        self._taken.add(name)
         self._carry(steps, (parent, name), frames, stated, forward)
         self._massless(name, stated.line)
         taken = {closure.name for closure in self.robot.closures}
@@ -296,14 +292,11 @@ class JointGraph:
 
     def joint_name(self, name: str) -> str:
         """Return a name for a joint that none has, and take it."""
-        out = unique(name, self.joints)
-        self.joints.add(out)
-        return out
+        return unique(name, self.joints)
 
     def _link(self, name: str, line: int | None, *, between: bool = True) -> str:
         """Add a massless link, and return its name, which none has."""
         out = unique(name, self._taken)
-        self._taken.add(out)
         self._massless(out, line, between=between)
         return out
 

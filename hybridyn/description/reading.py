@@ -19,7 +19,7 @@ from .opening import open_file, read_bytes, split_model
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
-from .unread_forms import unread_format
+from .unread_forms import OTHER_FORMATS
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .validate import validate
 
@@ -62,10 +62,8 @@ def read(
     root, notes = open_file(path, xacro_args or {}, package_dirs)
     file = split_model(path)[0]
     if root.tag not in FORMATS:
-        raise root.error(
-            unread_format(root.tag)
-            or "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
-        )
+        other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
+        raise root.error(OTHER_FORMATS.get(root.tag, other))
     module, reader = FORMATS[root.tag]
     content = root.file if root.tag == "_usd" else root  # USD is no XML
     robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)

@@ -6,29 +6,23 @@ import re
 
 from .urdf.foreign import LEGACY_FORMS
 
-#: Messages for files that are recognised but not read by themselves, by the name of the root element.
-UNREAD_FORMATS = {"mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it"}
-
-#: Formats that are read, beside URDF.
-READ_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)"}
+#: Messages for files of other formats than URDF, by the name of the root element.
+OTHER_FORMATS = {
+    "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
+    "mujoco": "this is MJCF (MuJoCo)",
+    "sdf": "this is SDF (Gazebo)",
+}
 
 COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
-
-
-def unread_format(root: str) -> str:
-    """Return the message for a format that is not read, or an empty string for any other root element."""
-    return UNREAD_FORMATS.get(root, "")
 
 
 def unread_form(text: bytes) -> str:
     """Return the message for a text that is not well-formed XML, or "" if it is not recognised."""
     tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in ELEMENT.findall(COMMENT.sub(b"", text)))
     root = next(iter(tags), "")
-    if root in READ_FORMATS:
-        return f"this is {READ_FORMATS[root]}"
-    if message := unread_format(root):
-        return message
+    if root in OTHER_FORMATS:
+        return OTHER_FORMATS[root]
     found = [tag for tag in tags if tag in LEGACY_FORMS]
     if found:
         return f"and it holds <{found[0]}>, {LEGACY_FORMS[found[0]]}"

@@ -111,7 +111,9 @@ def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> 
         return [_mimicking(model, number, joint, name)]
     for start, kind in KINDS.items():
         if word.startswith(start):
-            return [_piece(name, kind, _axis(joint, kind))]
+            alone = pin.Model()
+            alone.addJoint(0, joint, pin.SE3.Identity(), "alone")
+            return [_piece(name, kind, _axis(alone, 1, kind))]
     raise joint_error(model, number, f"{word} is a kind of joint that hybridyn does not have")
 
 
@@ -142,30 +144,15 @@ def _mimicking(model: pin.Model, number: int, joint: pin.JointModel, name: str) 
         raise joint_error(
             model, number, f"mimics by a {inner}, which has several freedoms; mimic by revolute or prismatic"
         )
-    return _piece(name, kind, _subspace(model, number, kind, float(mimic.scaling)))
+    return _piece(name, kind, _axis(model, number, kind) / float(mimic.scaling))
 
 
-def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
-    """Return the axis of a joint with one freedom, shape (3,)."""
-    letter = joint.shortname()[-1]
-    if letter in "XYZ":
-        aligned: Array = np.eye(3)["XYZ".index(letter)]
-        return aligned
-    inner = joint.extract()
-    if hasattr(inner, "axis"):
-        return np.array(inner.axis, dtype=float).reshape(3)
-    alone = pin.Model()
-    alone.addJoint(0, joint, pin.SE3.Identity(), "alone")
-    return _subspace(alone, 1, kind)
-
-
-def _subspace(model: pin.Model, number: int, kind: JointKind, scaling: float = 1.0) -> Array:
-    """Return the axis of a joint by its motion subspace at the neutral posture, shape (3,)."""
+def _axis(model: pin.Model, number: int, kind: JointKind) -> Array:
+    """Return the axis of a joint with one freedom: its motion subspace when neutral, shape (3,)."""
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    S = np.asarray(data.joints[number].S).reshape(6) / scaling
-    axis: Array = S[:3] if kind == "prismatic" else S[3:]
-    return axis / np.linalg.norm(axis)
+    S = np.array(data.joints[number].S, dtype=float).reshape(6)
+    return S[:3] if kind == "prismatic" else S[3:]
 
 
 def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dict[str, Any]:
