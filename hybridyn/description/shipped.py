@@ -117,12 +117,10 @@ def main_names() -> list[str]:
 def find_data(word: str) -> str | None:
     """Return the path of a shipped robot's file, named like "lx4/traj.csv", or None if there is none."""
     folder = data_folder()
-    if folder is None or not re.fullmatch(r"\w+(/[\w.]+)?", word):
+    if folder is None or not re.fullmatch(r"\w+/[\w.]+", word):
         return None
-    if "/" in word:
-        file = folder / "models" / word
-        return shown(file) if file.is_file() and word.partition("/")[0] in shipped_robots() else None
-    return None
+    file = folder / "models" / word
+    return shown(file) if file.is_file() and word.partition("/")[0] in shipped_robots() else None
 
 
 def own_trajectory(file: str) -> str | None:
