@@ -9,7 +9,7 @@ from pathlib import Path
 from ..errors import ModelError
 from .files_read import record
 from .names import listed
-from .unread_forms import unread_form
+from .urdf.foreign import unread_form
 from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
 

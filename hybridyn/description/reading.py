@@ -19,8 +19,7 @@ from .opening import open_file, read_bytes, split_model
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
-from .unread_forms import OTHER_FORMATS
-from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
+from .urdf.foreign import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars
 from .validate import validate
 
 #: Readers by the name of the root element: a module here, imported only for its format, and a function.

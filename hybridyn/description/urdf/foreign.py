@@ -1,7 +1,8 @@
 """Recognise loops that are written in a form that is not read, and raise an error that names the form.
 
 A closure is never dropped silently. Every element below `<robot>` is therefore either read or searched for
-loops; unknown elements are noted. The tag of a loop raises an error in a place where it is not read.
+loops; unknown elements are noted. The tag of a loop raises an error in a place where it is not read. Other
+formats are named, even where their text is not well-formed XML.
 """
 
 from __future__ import annotations
@@ -49,6 +50,15 @@ LEGACY_FORMS = {
 #: Files beside a robot that state closures in forms that are not read, and the tools that write them.
 UNREAD_SIDE_CARS = {"loop_closures.yaml": "scikit-robot", "loop_closures.yml": "scikit-robot"}
 
+#: Messages for files of other formats than URDF, by the name of the root element.
+OTHER_FORMATS = {
+    "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
+    "mujoco": "this is MJCF (MuJoCo)",
+    "sdf": "this is SDF (Gazebo)",
+}
+
+_COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
+_ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
 _LOOP_WORDS = re.compile(
     r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE
 )
@@ -56,6 +66,18 @@ _END_WORDS = {
     "predecessor", "successor", "link1", "link2", "link_a", "link_b", "body1", "body2", "joint1", "joint2",
 }  # fmt: skip
 _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
+
+
+def unread_form(text: bytes) -> str:
+    """Return the message for a text that is not well-formed XML, or "" if it is not recognised."""
+    tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in _ELEMENT.findall(_COMMENT.sub(b"", text)))
+    root = next(iter(tags), "")
+    if root in OTHER_FORMATS:
+        return OTHER_FORMATS[root]
+    found = [tag for tag in tags if tag in LEGACY_FORMS]
+    if found:
+        return f"and it holds <{found[0]}>, {LEGACY_FORMS[found[0]]}"
+    return ""
 
 
 def refuse_unread_loops(root: Node, notes: list[str]) -> None:
