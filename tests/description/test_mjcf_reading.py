@@ -165,6 +165,18 @@ def test_passive_forces_are_those_of_mujoco(tmp_path: Path) -> None:
     close_to(hybridyn.idm(robot, q, v, a, effects="model"), d.qfrc_inverse, AGAINST_MUJOCO)
 
 
+def test_actuators_with_several_controls_shift_no_limits(tmp_path: Path) -> None:
+    """In MuJoCo 4 a pid has two controls, and an actuator that turns a ball three outputs."""
+    if mujoco.mj_version() < 400:
+        pytest.skip("MuJoCo 4 has them")
+    ball = f'<body name="c"><joint name="l" type="ball"/>{BAR.format(x=0.1, m=1)}</body>'
+    first = '<orientation name="o" joint="l" kp="3"/><pid joint="j" kp="3"/>'
+    motor = '<motor joint="k" gear="2" ctrlrange="-7 7" armature=".1"/>'
+    world = ARM.format(j="", k="") + ball
+    file = text(tmp_path, mjcf(f"<actuator>{first}{motor}</actuator>", world=world))
+    holds(read(file), {"joints": {"j": {"effort": np.inf}, "k": {"effort": 14, "rotor_inertia": 0.4}}})
+
+
 HEAD_ON_A_BALL = """
 <default><joint armature=".03" damping=".2"/></default>
 <worldbody><body name="neck"><joint name="pan" axis="0 0 1"/>

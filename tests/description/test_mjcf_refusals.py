@@ -70,6 +70,12 @@ CASES: dict[str, tuple[Texts, str]] = {
     "tendon friction": (mjcf(TENDON.format('frictionloss="2"'), world=hinge()), "tendon 't': frictionloss"),
     "ball spring": (mjcf(world=BALL.format('stiffness="1"')), "joint 'j': a spring"),
     "ball friction": (mjcf(world=BALL.format('frictionloss="1"')), "joint 'j': frictionloss"),
+    "armature of an actuator that is no motor": (
+        mjcf(
+            '<actuator><motor name="m" joint="j" gear="1 0 0" damping="1"/></actuator>', world=BALL.format("")
+        ),
+        "damping",  # before MuJoCo 4, actuators have none
+    ),
     "gravcomp": (mjcf(world=hinge(body='gravcomp="1"')), "body 'a': gravcomp"),
     "mocap": (
         mjcf('<equality><weld body1="a" body2="m"/></equality>', world=hinge() + MOCAP),

@@ -134,6 +134,9 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
     """Add the list of motors, and what actuators add to their joints, to the robot.
 
     Actuators that no motor expresses are left out, and noted.
+
+    Raises:
+        ModelError: Such an actuator has armature or damping.
     """
     reasons: dict[str, str] = {}
     added: dict[str, Array] = {}  # by joint: limit of its effort, inertia, damping
@@ -142,6 +145,9 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
         name = compiled.name("actuator", actuator)
         driven = _driven_joint(robot.couplings, compiled, actuator)
         if isinstance(driven, str):
+            if any(_own(compiled, actuator)):
+                message = f"it {driven}, so that its armature and damping are not read; set them to 0"
+                raise compiled.error("actuator", actuator, message)
             reasons[name or str(actuator)] = driven
             continue
         joint, gear = driven
@@ -195,7 +201,8 @@ def _driven_joint(
     rates = _rates_along(couplings, joint)
     if not set(terms) <= set(rates):
         return "pulls a tendon of joints that move apart"
-    gear = float(model.actuator_gear[actuator][0])
+    output = getattr(model, "actuator_outadr", range(actuator + 1))[actuator]  # of each one in MuJoCo 4
+    gear = float(model.actuator_gear[output][0])
     return joint, gear * sum(coefficient * rates[name] for name, coefficient in terms.items())
 
 
@@ -221,9 +228,16 @@ def _numbers(compiled: Compiled, actuator: int, gear: float) -> tuple[Array, boo
     plain = not any(kind[actuator] for kind in kinds)  # fixed gain, no bias, no dynamics
     if model.actuator_forcelimited[actuator]:
         force = float(np.abs(model.actuator_forcerange[actuator]).max())
-    if plain and model.actuator_ctrllimited[actuator]:
+    control = getattr(model, "actuator_ctrladr", range(actuator + 1))[actuator]  # of each one in MuJoCo 4
+    if plain and model.actuator_ctrllimited[control]:
         gain = abs(float(model.actuator_gainprm[actuator][0]))
-        force = min(force, gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
-    fields = ("actuator_armature", "actuator_damping")  # some versions of MuJoCo have neither
-    stated = [getattr(model, field, np.zeros(actuator + 1))[actuator] * gear**2 for field in fields]
+        force = min(force, gain * float(np.abs(model.actuator_ctrlrange[control]).max()))
+    stated = [number * gear**2 for number in _own(compiled, actuator)]
     return np.array([abs(gear) * force if gear else 0.0, *stated]), plain
+
+
+def _own(compiled: Compiled, actuator: int) -> list[float]:
+    """Return armature and damping of an actuator; some versions of MuJoCo have neither."""
+    none = np.zeros(actuator + 1)
+    fields = ("actuator_armature", "actuator_damping")
+    return [float(getattr(compiled.model, field, none)[actuator]) for field in fields]
