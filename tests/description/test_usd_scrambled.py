@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.request import Losses, allowed
-from hybridyn.conversion.usd.bodies import add_body
-from hybridyn.conversion.usd.closures import add_closure
-from hybridyn.conversion.usd.joints import add_ends, axis_of
-from hybridyn.conversion.usd.prims import Prim
+from hybridyn.conversion.usd.joints import End, add_closure, axis_of, start_joint
+from hybridyn.conversion.usd.prims import Prim, add_body
 from hybridyn.conversion.usd.usd import valid_name
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy
@@ -30,7 +28,7 @@ needs("usd")
 
 OTHERS = ("loop_planar", "loop_fixed", "four_bar_two_motors")
 CENTIMETRES, HALF_KILOGRAMS = 100.0, 2.0
-TYPES = {"revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic", "fixed": "Fixed"}
+TYPES = {"revolute": "rot", "continuous": "rot", "prismatic": "trans"}
 
 
 def random_frame(draw: np.random.Generator) -> np.ndarray:
@@ -56,9 +54,8 @@ def scrambled(d: Description, seed: int) -> str:
         inertia = turn.T @ link.inertia @ turn * CENTIMETRES**2 * HALF_KILOGRAMS
         moved = replace(link, mass=link.mass * HALF_KILOGRAMS, com=com, inertia=(inertia + inertia.T) / 2)
         bodies[link.name] = add_body(robot, moved, longer(poses[link.name] @ frames[link.name]))
-    add_ends(robot.child("PhysicsFixedJoint", "root"), (None, bodies[d.root]), (np.eye(4), np.eye(4)))
+    start_joint(robot, "root", (), (End(None, np.eye(4)), End(bodies[d.root], np.eye(4))))
     for joint in d.joints:
-        prim = robot.child(f"Physics{TYPES[joint.kind]}Joint", joint.name)
         token, turn = axis_of(joint.axis) if joint.kind != "fixed" else ("X", np.eye(3))
         axis = np.eye(3)["XYZ".index(token)]
         along = placement_from(turned(axis, draw.uniform(-3, 3)), axis * draw.normal())
@@ -69,9 +66,9 @@ def scrambled(d: Description, seed: int) -> str:
             ends = [end @ placement_from(flip, np.zeros(3)) for end in ends[::-1]]
             names = names[::-1]
         places = [longer(back[name] @ end @ along) for name, end in zip(names, ends, strict=True)]
-        add_ends(prim, (bodies[names[0]], bodies[names[1]]), (places[0], places[1]))
-        if joint.kind != "fixed":
-            prim.line(f'uniform token physics:axis = "{token}"')
+        free = (TYPES[joint.kind] + token,) if joint.kind != "fixed" else ()
+        first, second = (End(bodies[name], place) for name, place in zip(names, places, strict=True))
+        prim = start_joint(robot, joint.name, free, (first, second))
         if joint.name in d.motors:
             prim.apply("PhysicsDriveAPI:linear" if joint.kind == "prismatic" else "PhysicsDriveAPI:angular")
     for closure in d.closures:

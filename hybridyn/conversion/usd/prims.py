@@ -1,4 +1,4 @@
-"""Prims of a USD text: schemas, attributes, relationships, children."""
+"""Prims of a USD text: schemas, attributes, relationships, children; rigid bodies with masses and shapes."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...description.names import unique
-from ...description.records import Array
-from ..numerals import numeral, quaternion_of
+from ...description.records import Array, Link
+from ...description.urdf.shapes import Shape
+from ..numerals import numeral, principal, quaternion_of
+from ..request import Losses
 
 
 class Prim:
@@ -78,12 +80,47 @@ class Prim:
         yield indent + "}"
 
 
-def quoted(text: str) -> str:
-    """Return a text between quotation marks."""
-    plain = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{plain}"'
-
-
 def _tuple(numbers: Iterable[float]) -> str:
     parts = [numeral(number) for number in numbers]
     return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"
+
+
+def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
+    """Add a rigid body at a placement in the world, shape (4, 4); a mass has an inertia there."""
+    body = parent.child("Xform", link.name)
+    body.apply("PhysicsRigidBodyAPI")
+    body.apply("PhysicsMassAPI")
+    body.place(placement)
+    if not link.mass and not link.inertia.any():
+        return body
+    body.numbers("float", "physics:mass", link.mass)
+    body.numbers("point3f", "physics:centerOfMass", link.com)
+    moments, axes = principal(link.inertia)
+    body.numbers("float3", "physics:diagonalInertia", moments)
+    if not np.array_equal(axes, np.eye(3)):
+        body.numbers("quatf", "physics:principalAxes", quaternion_of(axes))
+    return body
+
+
+def add_shape(body: Prim, shape: Shape, losses: Losses) -> None:
+    """Add a visual shape.
+
+    Args:
+        body: The prim of its link.
+        losses: Receives meshes, which are not written.
+    """
+    if shape.kind == "mesh":
+        losses.add("meshes of links are not written", shape.link)
+        return
+    out = body.child(shape.kind.replace("box", "cube").capitalize(), "visual")
+    if shape.kind == "box":
+        out.place(shape.placement, shape.size)
+        out.line("double size = 1")
+    else:
+        out.place(shape.placement)
+        for word, size in zip(("radius", "height"), shape.size, strict=False):
+            out.numbers("double", word, size)
+    if shape.colour is not None:
+        *colour, opacity = shape.colour
+        out.line(f"color3f[] primvars:displayColor = [{_tuple(colour)}]")
+        out.line(f"float[] primvars:displayOpacity = [{numeral(opacity)}]")

@@ -14,13 +14,10 @@ from ...description.placement import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
-from ...description.usd.schema import DEGREES
 from ..mjcf.bodies import POINT_INERTIA, sizes_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed
-from .bodies import add_body, add_shape
-from .closures import add_closure
-from .joints import add_ends, add_joint, axis_of
-from .prims import Prim, quoted
+from .joints import End, add_closure, add_joint, axis_of, start_joint, unit_of
+from .prims import Prim, add_body, add_shape
 
 
 def write_usd(request: Request, losses: Losses) -> Written:
@@ -40,9 +37,8 @@ def write_usd(request: Request, losses: Losses) -> Written:
     if d.base == "floating":
         bodies[d.root].apply("PhysicsArticulationRootAPI")
     else:
-        weld = held.child("PhysicsFixedJoint", "root_joint")
-        weld.apply("PhysicsArticulationRootAPI")
-        add_ends(weld, (None, bodies[d.root]), (np.eye(4), np.eye(4)))
+        ends = End(None, np.eye(4)), End(bodies[d.root], np.eye(4))
+        start_joint(held, "root_joint", (), ends).apply("PhysicsArticulationRootAPI")
     motors = {*d.motors}
     joints = {
         joint.name: add_joint(
@@ -53,9 +49,8 @@ def write_usd(request: Request, losses: Losses) -> Written:
     }  # fmt: skip
     closing = robot.child("Scope", "closures") if d.closures else robot
     for closure in d.closures:
-        ends = closure.link_a, closure.link_b
-        of_ends = bodies[ends[0]], bodies[ends[1]]
-        add_closure(closing, closure, of_ends, (poses[ends[0]], poses[ends[1]]), losses)
+        a, b = closure.link_a, closure.link_b
+        add_closure(closing, closure, (bodies[a], bodies[b]), (poses[a], poses[b]), losses)
     by_name = {joint.name: joint for joint in d.joints}
     left = [coupling for coupling in d.couplings if not _add_mimic(coupling, by_name, joints)]
     _add_scene(top, d)
@@ -85,18 +80,12 @@ def _with_inertias(d: Description, losses: Losses) -> Description:
 
 
 def _text(robot: Prim, top: Prim) -> str:
-    head = [
-        "#usda 1.0",
-        "(",
-        f"    defaultPrim = {quoted(robot.name)}",
-        "    metersPerUnit = 1",
-        "    kilogramsPerUnit = 1",
-        '    upAxis = "Z"',
-        ")",
-    ]
-    for prim in top.children:
-        head += ["", *prim.lines()]
-    return "\n".join(head) + "\n"
+    """Return the text of a file, whose default prim is the robot."""
+    head = (
+        f'#usda 1.0\n(\n    defaultPrim = "{robot.name}"\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n'
+        '    upAxis = "Z"\n)\n'
+    )
+    return head + "".join("\n" + "\n".join(prim.lines()) + "\n" for prim in top.children)
 
 
 def _add_mimic(coupling: Coupling, by_name: dict[str, Joint], joints: dict[str, Prim | None]) -> bool:
@@ -112,16 +101,11 @@ def _add_mimic(coupling: Coupling, by_name: dict[str, Joint], joints: dict[str, 
     prim.apply(f"PhysxMimicJointAPI:{axis}")
     prim.line(f"rel physxMimicJoint:{axis}:referenceJoint = <{its_prim.path}>")
     prim.line(f'uniform token physxMimicJoint:{axis}:referenceJointAxis = "rot{axis_of(leader.axis)[0]}"')
-    prim.numbers("float", f"physxMimicJoint:{axis}:gearing", factor * _unit(leader) / _unit(own))
-    offset = -coupling.offset / coupling.terms[0][1] / _unit(own)
+    prim.numbers("float", f"physxMimicJoint:{axis}:gearing", factor * unit_of(leader) / unit_of(own))
+    offset = -coupling.offset / coupling.terms[0][1] / unit_of(own)
     if offset:
         prim.numbers("float", f"physxMimicJoint:{axis}:offset", offset)
     return True
-
-
-def _unit(joint: Joint) -> float:
-    """Return the unit of positions of a joint in USD [m or rad]."""
-    return 1.0 if joint.kind == "prismatic" else DEGREES
 
 
 def _add_scene(top: Prim, d: Description) -> None:
@@ -159,8 +143,7 @@ def _numbers(joint: Joint) -> dict[str, float]:
 
 
 def _notes(d: Description) -> list[str]:
-    out = []
-    out.append("USD states frames, masses and limits in single precision, with 7 digits")
+    out = ["USD states frames, masses and limits in single precision, with 7 digits"]
     if any(not link.mass for link in d.links):
         out.append("links without mass have none in hybridyn; PhysX takes 1 kg for each, Newton refuses some")
     return out
