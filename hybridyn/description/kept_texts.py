@@ -8,9 +8,11 @@ computed again.
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import json
 import os
 import zlib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -55,8 +57,10 @@ def keep(name: str, entry: Any, at: str = TEXTS) -> None:
             path.unlink(missing_ok=True)
 
 
-def state_of(place: str | Path) -> str:
-    """Return names, sizes and times of the Python files of a folder, which change with their content."""
-    with os.scandir(place) as entries:
+@cache
+def state_of(package: str) -> str:
+    """Return names, sizes and times of a package's Python files, which change with their content."""
+    found = importlib.util.find_spec(package)
+    with os.scandir(Path((found and found.origin) or "").parent) as entries:
         files = [(entry.name, entry.stat()) for entry in entries if entry.name.endswith(".py")]
     return " ".join(f"{name} {about.st_size} {about.st_mtime_ns}" for name, about in sorted(files))

@@ -8,7 +8,6 @@ the search found, bit by bit.
 from __future__ import annotations
 
 import pickle
-from pathlib import Path
 
 import numpy as np
 
@@ -82,8 +81,7 @@ def kept_generic_postures(
     given = (closures, home, row_scale, col_scale, tolerance)
     if closures.tree.nv < WORTH_KEEPING:
         return generic_postures(*given)
-    here = Path(__file__).parent
-    about = hashed(np.__version__, state_of(here), state_of(here.parent))
+    about = hashed(np.__version__, *map(state_of, ("hybridyn", "hybridyn.linkage")))
     name = hashed(about, pickle.dumps(given).hex())
     found = kept(name, FOLDER)
     if found is not None:

@@ -19,13 +19,11 @@ For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, e
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 from ...errors import ModelError
@@ -53,9 +51,7 @@ def read_model_file(text: bytes, file: str) -> dict[str, Any]:
     Raises:
         ModelError: The text is not TOML, or a key or value is wrong; the message names the line.
     """
-    found = importlib.util.find_spec("pydantic")
-    codes = [Path(__file__).parent, Path(found.origin).parent if found and found.origin else ""]
-    name = hashed(text.decode("latin-1"), sys.version, *map(state_of, codes))
+    name = hashed(text.decode("latin-1"), sys.version, *map(state_of, (__package__, "pydantic")))
     content: dict[str, Any] | None = kept(name)
     if content is None:
         from .tables import checked  # imports pydantic: 0.1 s

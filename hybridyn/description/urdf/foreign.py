@@ -47,6 +47,9 @@ LEGACY_FORMS = {
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
 
+#: Tags of loops, and of followers.
+LOOP_TAGS, MIMIC_TAGS = (*READ_TAGS[3:], *LEGACY_FORMS), ("mimic", "drake:mimic")
+
 #: Files beside a robot that state closures in forms that are not read, and the tools that write them.
 UNREAD_SIDE_CARS = {"loop_closures.yaml": "scikit-robot", "loop_closures.yml": "scikit-robot"}
 
@@ -94,14 +97,13 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
             raise _refusal(node, LEGACY_FORMS[node.tag])
         if node.tag in ("include", "xi:include"):
             raise node.error("URDF includes no file; write <xacro:include> and name this file .xacro")
-        if node.tag in READ_TAGS:
-            continue
-        if node.tag not in HARMLESS_TAGS:
+        if node.tag not in (*READ_TAGS, *HARMLESS_TAGS):
             _refuse_if_suspicious(node)
             unknown.setdefault(node.tag, node.where)
-        for inner in node.descendants():
-            _refuse_inside(inner, node)
-    _refuse_misplaced(root)
+    for node in root.descendants(*LOOP_TAGS, *MIMIC_TAGS, "link", "joint"):
+        above = [Node(xml, root.file) for xml in node.xml.iterancestors()]
+        if len(above) > 1:
+            _refuse_inside(node, above[0], above[-2])
     if unknown:
         where = listed(f"<{tag}> ({place})" for tag, place in unknown.items())
         notes.append(f"unknown elements, which were not read: {where}")
@@ -125,7 +127,7 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
     elif named:
         raise ModelError(
             f"{listed(named)} looks like the end of a closed loop, but nothing says which frames close it; "
-            f"list the pairs in a side-car robot.yaml, or write <loop>. {_capital(ACCEPTED_FORMS)}",
+            f"list the pairs in a side-car robot.yaml, or write <loop>. A{ACCEPTED_FORMS[1:]}",
             file=robot.file,
             line=lines[named[0]],
             element=named[0],
@@ -144,7 +146,7 @@ def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
         if not robot.closures:
             raise ModelError(
                 f"{name} beside it ({form}) may state loop closures, but is not read; move it away if it "
-                f"belongs to another robot. {_capital(ACCEPTED_FORMS)}",
+                f"belongs to another robot. A{ACCEPTED_FORMS[1:]}",
                 file=robot.file,
                 element=name,
             )
@@ -155,13 +157,8 @@ def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
     """Note the joints that mimic others by a Gazebo plugin, but not by `<mimic>` in the URDF."""
     coupled = {coupling.name for coupling in robot.couplings}
     movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
-    followers = [
-        (node.xml.text or "").strip()
-        for block in root.children("gazebo")
-        for node in block.descendants()
-        if node.tag == "mimicJoint"
-    ]
-    lost = [name for name in followers if name in movable - coupled]
+    plugins = [node for block in root.children("gazebo") for node in block.descendants("mimicJoint")]
+    lost = [node.content() for node in plugins if node.content() in movable - coupled]
     if lost:
         robot.notes.append(
             f"joints {listed(lost)} mimic others by a Gazebo plugin, which is not read: they move freely "
@@ -174,58 +171,40 @@ def _refuse_if_suspicious(node: Node) -> None:
     intended = closest(node.tag, READ_TAGS)
     if intended:
         raise node.error(f"unknown element; did you mean <{intended}>?")
-    words = _words_of(node)
-    if node.tag in _END_WORDS | {"parent", "child", "mimic", "drake:mimic", "inertial"}:
+    inside = [*node.descendants()]
+    words = {word for inner in (node, *inside) for word in inner.attributes()} | {
+        inner.tag for inner in inside
+    }
+    if node.tag in {*_END_WORDS, "parent", "child", *MIMIC_TAGS, "inertial"}:
         raise node.error(f"is not read directly below <robot>; {ACCEPTED_FORMS}")
     if _LOOP_WORDS.search(node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
         raise _refusal(node, "an unknown form")
-    if {"link", "joint"} & {inner.tag for inner in node.descendants() if inner.xml.get("name")}:
+    if {"link", "joint"} & {inner.tag for inner in inside if inner.xml.get("name")}:
         raise node.error(
             "unknown element that holds links or joints; they would be lost. Move them below <robot>"
         )
 
 
-def _refuse_inside(node: Node, outer: Node) -> None:
-    """Raise for loops inside an element that is skipped otherwise, such as `<gazebo>`."""
-    tag = node.tag
-    if tag == "joint" and node.children("parent") and node.children("child") and not _is_read(node, outer):
-        raise _refusal(node, f"an SDF joint inside <{outer.tag}> (Gazebo)")
-    if tag in READ_TAGS[3:] or tag in LEGACY_FORMS:
-        raise _refusal(node, f"inside <{outer.tag}>")
+def _refuse_inside(node: Node, above: Node, top: Node) -> None:
+    """Raise for a loop in an element that is not read, and for tags in places where they are not read.
 
-
-def _is_read(joint: Node, outer: Node) -> bool:
-    """Check whether `gazebo.py` reads an SDF joint: it stands directly in a `<gazebo>` of the whole robot."""
-    direct = joint.xml.getparent() is outer.xml
-    return outer.tag == "gazebo" and direct and "reference" not in outer.attributes()
-
-
-def _refuse_misplaced(root: Node) -> None:
-    """Raise for tags of loops where they are not read: `<loop>` in a link, `<mimic>` outside a joint."""
-    for top in root.children():
-        for node in top.descendants():
-            tag = node.tag
-            lost = tag in READ_TAGS[3:] or tag in LEGACY_FORMS
-            if tag in ("link", "joint"):
-                lost = lost or top.tag in ("link", "joint")
-            if tag in ("mimic", "drake:mimic"):
-                lost = top.tag != "joint" or node.xml.getparent() is not top.xml
-            if lost:
-                above = next(node.xml.iterancestors())
-                raise node.error(f"is not read inside <{Node(above, node.file).tag}>")
+    Args:
+        node: An element with one of these tags.
+        above: The element around it.
+        top: The element below `<robot>` that holds it.
+    """
+    direct = above.xml is top.xml
+    if top.tag not in READ_TAGS:
+        in_gazebo = top.tag == "gazebo" and direct and "reference" not in top.attributes()  # see `gazebo.py`
+        if node.tag == "joint" and node.children("parent") and node.children("child") and not in_gazebo:
+            raise _refusal(node, f"an SDF joint inside <{top.tag}> (Gazebo)")
+        if node.tag in LOOP_TAGS:
+            raise _refusal(node, f"inside <{top.tag}>")
+    in_part = node.tag in ("link", "joint") and top.tag in ("link", "joint")
+    stray = node.tag in MIMIC_TAGS and not (top.tag == "joint" and direct)
+    if node.tag in LOOP_TAGS or in_part or stray:
+        raise node.error(f"is not read inside <{above.tag}>")
 
 
 def _refusal(node: Node, form: str) -> ModelError:
     return node.error(f"a loop closure in a form that is not read ({form}); {ACCEPTED_FORMS}")
-
-
-def _words_of(node: Node) -> set[str]:
-    """Return every tag and attribute name of an element and of its descendants."""
-    words: set[str] = set(node.attributes())
-    for inner in node.descendants():
-        words |= {inner.tag, *inner.attributes()}
-    return words
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

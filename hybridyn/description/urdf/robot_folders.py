@@ -8,7 +8,6 @@ points. Hidden files, and anything but regular files, are never read.
 from __future__ import annotations
 
 import contextlib
-import errno
 import fnmatch
 import hashlib
 import os
@@ -59,8 +58,8 @@ class RobotFolders:
         self.replies, self._closed = list[list[str]](), False
         self.package_dirs = [os.path.abspath(folder) for folder in package_dirs]
         self.share_dirs = list(share_dirs)
-        spellings = (file, os.path.realpath(file))
-        own = [_own_folder(spelling) for spelling in spellings]
+        self._real = os.path.realpath(file)
+        own = [_own_folder(spelling) for spelling in {file, self._real}]
         self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs, *granted)]
 
     def ask(self, what: str, of: str) -> Any:
@@ -151,30 +150,31 @@ class RobotFolders:
             inside = os.path.join(place, package)
             for folder in (place, inside):
                 if os.path.basename(folder) == package and os.path.isdir(folder):
+                    real = os.path.realpath(folder)
                     marked = any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
-                    if place in around and not self._granted_already(folder) and not marked:
-                        continue
-                    self._granted.append(os.path.realpath(folder))
-                    return os.path.abspath(folder)
+                    if place not in around or self._rests(real) or marked:
+                        self._granted.append(real)
+                        return os.path.abspath(folder)
         raise ModelError(f"package '{package}' is not found; name the folder that holds it with package_dirs")
-
-    def _granted_already(self, path: str) -> bool:
-        real = os.path.realpath(path)
-        return any(_inside(real, folder) is not None for folder in self._granted)
 
     def _within(self, path: str) -> str:
         """Return the real path of a file; raise ModelError if the file may not be read."""
         real = os.path.realpath(path)
-        if real == os.path.realpath(self.file):
-            return real
-        rests = [rest for folder in self._granted if (rest := _inside(real, folder)) is not None]
-        if any(not any(part.startswith(".") for part in rest.parts) for rest in rests):
+        rests = self._rests(real)
+        if real == self._real or not all(any(part[:1] == "." for part in rest) for rest in rests):
             return real
         if rests:
             raise ModelError(f"'{path}' is hidden, and a robot file may not read it")
         raise ModelError(
             f"'{path}' is outside the robot's folders; name the folder that holds it with package_dirs"
         )
+
+    def _rests(self, real: str) -> list[list[str]]:
+        """Return a real path from each of the folders that hold it; the system's root is none of them."""
+        inside = [
+            folder for folder in self._granted if f"{real}/".startswith(f"{folder}/") and folder != os.sep
+        ]
+        return [real[len(folder) + 1 :].split(os.sep) for folder in inside]
 
 
 def _own_folder(file: str) -> str:
@@ -193,13 +193,6 @@ def _own_folder(file: str) -> str:
     return str(place)
 
 
-def _inside(path: str, folder: str) -> Path | None:
-    """Return a path relative to a folder, or None if it is outside the folder."""
-    if folder == os.sep:  # the system's root never counts as the folder of a robot
-        return None
-    return Path(path).relative_to(folder) if Path(path).is_relative_to(folder) else None
-
-
 def _matches(folder: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
     """Yield each path that is examined for a pattern, and whether it matches the pattern."""
     if not parts:
@@ -207,12 +200,9 @@ def _matches(folder: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
         return
     first, *rest = parts
     if _WILD.search(first):
-        try:
+        names = list[str]()
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
             names = sorted(os.listdir(folder))
-        except OSError as error:
-            if error.errno in (errno.ENOENT, errno.ENOTDIR, errno.EACCES):
-                return
-            raise
     else:
         names = [first]
     for name in names:

@@ -7,13 +7,11 @@ the same names need no expansion, but where xacro chooses something else.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import os
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...errors import ModelError
@@ -64,9 +62,7 @@ def expand(
 
 def _alone(file: str, fresh: Callable[[], RobotFolders], about: Sequence[str]) -> tuple[str, list[str]]:
     """Expand a file without arguments, or return the expansion that is kept."""
-    origin = importlib.util.find_spec("xacro")
-    codes = map(state_of, (Path(__file__).parent, Path((origin and origin.origin) or "").parent))
-    name = hashed(sys.version, *about, *codes)
+    name = hashed(sys.version, *about, *map(state_of, (__package__, "xacro")))
     known = kept(name)
     if known is None or not fresh().give(known["replies"]):
         made, text = _expanded(file, fresh(), {}, False)
@@ -115,5 +111,5 @@ def _shipped_dirs() -> list[str]:
 
 def share_dirs() -> list[str]:
     """Return the folders in which installed packages keep robot files: pip's and the system's."""
-    pip = [Path(entry) / "cmeel.prefix" / "share" for entry in sys.path if entry]
-    return [str(place) for place in (*pip, Path(sys.prefix) / "share") if place.is_dir()]
+    pip = [os.path.join(entry, "cmeel.prefix", "share") for entry in sys.path if entry]
+    return [*filter(os.path.isdir, (*pip, os.path.join(sys.prefix, "share")))]

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import cast
 
 import numpy as np
@@ -156,6 +157,12 @@ def _written(xml: etree._Element, tag: str) -> str:
     return f"{xml.prefix}:{name}" if xml.prefix else name
 
 
+@cache
+def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what matches elements with one of these names, in any namespace; every element for no name."""
+    return tuple(f"{{*}}{name}" for tag in tags for name in {tag, tag.rpartition(":")[2]}) or ("*",)
+
+
 @dataclass(frozen=True)
 class Node:
     """An element of an XML file, with strict readers of attributes; every error names file and line.
@@ -213,16 +220,14 @@ class Node:
 
     def children(self, *tags: str) -> list[Node]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        if not tags:
-            return [Node(child, self.file) for child in self.xml.iterchildren("*")]
-        local = {name for tag in tags for name in (tag, tag.rpartition(":")[2])}
-        found = self.xml.iterchildren(*(f"{{*}}{name}" for name in local))  # in any namespace
-        return [Node(child, self.file) for child in found if _written(child, child.tag) in tags]
+        return [*self._chosen(self.xml.iterchildren(*_patterns(tags)), tags)]
 
-    def descendants(self) -> Iterator[Node]:
-        """Yield every element below this one, in file order."""
-        for xml in self.xml.iterdescendants("*"):
-            yield Node(xml, self.file)
+    def descendants(self, *tags: str) -> Iterator[Node]:
+        """Return the elements below this one in file order: all of them, or those with one of the tags."""
+        return self._chosen(self.xml.iterdescendants(*_patterns(tags)), tags)
+
+    def _chosen(self, found: Iterable[etree._Element], tags: tuple[str, ...]) -> Iterator[Node]:
+        return (Node(xml, self.file) for xml in found if not tags or _written(xml, xml.tag) in tags)
 
     def child(self, tag: str) -> Node | None:
         """Return the only child with this tag, or None; raise ModelError if there are two."""
@@ -309,17 +314,17 @@ class Node:
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
         """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
-        written = self.attributes()
-        absent = [name for name in attributes if name not in written]
+        written, nodes = self.attributes(), self.children()
         for name in written:
-            if name not in attributes and (best := closest(name, absent)):
+            if name not in attributes and (
+                best := closest(name, [x for x in attributes if x not in written])
+            ):
                 raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
-        nodes = self.children()
-        tags = {node.tag for node in nodes}
-        absent = [tag for tag in children if tag not in tags]
         for node in nodes:
-            if node.tag not in children and (best := closest(node.tag, absent)):
-                raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
+            if node.tag not in children:
+                tags = {other.tag for other in nodes}
+                if best := closest(node.tag, [tag for tag in children if tag not in tags]):
+                    raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
         if infinite and _INFINITE.fullmatch(word):
