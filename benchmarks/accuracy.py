@@ -1,8 +1,7 @@
-"""Both models, error against time: every method at every setting, on the same states, in one run."""
+"""Both models: error against time, size of batches and number of threads, on the same states in one run."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,18 +10,23 @@ import numpy as np
 
 import hybridyn
 from benchmarks.cases import case_of
+from benchmarks.fronts import GOOD
 from benchmarks.gate import refuse
 from benchmarks.methods import Method, Model, NotMeasuredError, Setting, Solver, written
 from benchmarks.peers import methods_of
 from benchmarks.reference import Reference, floor, refer
-from benchmarks.results import Check, Point
-from benchmarks.timing import Time, interleaved
+from benchmarks.results import CHECK, Row
+from benchmarks.timing import LEAST, Candidate, interleaved, measured
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
-NAN = math.nan
 #: Velocities: beyond, closing loops in long double takes minutes.
 MOST_CLOSED = 100
+#: Peers that are called in a loop where batches are compared.
+LOOPED = ("pin.constraintDynamics", "pin.lcaba", "pin.rnea, loops open")
+SWEEP_ROUNDS = 3
+
+States = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -31,21 +35,35 @@ class Effort:
 
     Attributes:
         judged: States whose answers are compared with the reference, and cycled through by single calls.
-        batch: Samples per call of the methods that take many.
+        batches: Samples per call of the methods that take many; the last is the largest.
+        threads: Numbers of threads.
         rounds: Measurements of each call.
         sweep: Every how many settings of a sweep are taken.
+        looped: Whether some peers at their cheapest setting are called in a loop for every batch, and others
+            are left out.
+        least: Shortest measurement [s].
     """
 
     judged: int = 4
-    batch: int = 1_000
+    batches: tuple[int, ...] = (1, 1_000)
+    threads: tuple[int, ...] = (1,)
     rounds: int = 7
     sweep: int = 1
+    looped: bool = False
+    least: float = LEAST
+
+
+#: Of batches and threads. A measurement is long, so that threads spread over cores. There are many, the best
+#: of which counts, for everybody: threads wait for the slowest of them, so a neighbour that takes a core for
+#: a moment shows there first.
+BATCHES = Effort(2, (1, 10, 100, 1_000, 10_000), (1, 2, 4), rounds=9, looped=True, least=0.1)
 
 
 class Problem(NamedTuple):
     """A model to compute, at some states.
 
     Attributes:
+        case: Name of the robot.
         robot: The robot.
         model: Which model.
         states: q, v and what is given (tau or a), arrays over the batch.
@@ -53,103 +71,94 @@ class Problem(NamedTuple):
         reference: Their answers.
     """
 
+    case: str
     robot: HybridRobot
     model: Model
-    states: tuple[Array, Array, Array]
+    states: States
     judged: Array
     reference: Reference
 
     @property
-    def singles(self) -> list[tuple[Array, Array, Array]]:
+    def singles(self) -> list[States]:
         """Return the judged states one by one."""
         q, v, given = self.states
         return [(q[i].copy(), v[i].copy(), given[i].copy()) for i in self.judged]
-
-
-class Candidate(NamedTuple):
-    """A call to be timed, with what is known of it."""
-
-    method: str
-    setting: Setting
-    batch: int
-    error: float
-    call: Callable[[], object]
-    samples: int
 
 
 def posed(case: str, model: Model, effort: Effort) -> Problem:
     """Load a robot, take states of its motion, compute the reference at some."""
     own = case_of(case)
     robot = own.load()
-    q, v, a = own.states(robot, effort.batch)
+    q, v, a = own.states(robot, effort.batches[-1])
     given = a if model == "idm" else hybridyn.idm(robot, q, v, a)
     judged = np.linspace(0, len(q) - 1, effort.judged).astype(int)
     reference = refer(robot, model, q[judged], v[judged], given[judged])
-    return Problem(robot, model, (q, v, given), judged, reference)
+    return Problem(case, robot, model, (q, v, given), judged, reference)
 
 
-def checks(case: str, problem: Problem) -> Iterator[Check]:
+def checks(problem: Problem) -> Iterator[Row]:
     """State how good the reference is."""
-    kind, model = problem.reference.kind, problem.model
-    yield Check(case, f"{model}: the reference ({kind}), its own error", problem.reference.error, NAN)
+    case, model, reference = problem.case, problem.model, problem.reference
+    what = f"{model}: the reference ({reference.kind}), its own error"
+    yield Row(case, CHECK, setting=what, error=reference.error)
     if model == "ddm" and problem.robot.nv <= MOST_CLOSED:
         moved = floor(problem.robot, *problem.singles[0])
-        yield Check(case, "ddm: what rounding the state moves the answer by", moved, NAN)
+        yield Row(case, CHECK, setting="ddm: what rounding the state moves the answer by", error=moved)
 
 
-def measure(model: Model, case: str, effort: Effort) -> list[Check | Point]:
+def measure(model: Model, case: str, effort: Effort) -> list[Row]:
     """Measure every method on a robot.
 
     Raises:
         WrongModelError: hybridyn's own answer is off.
     """
     problem = posed(case, model, effort)
-    out: list[Check | Point] = list(checks(case, problem))
+    out = list(checks(problem))
     candidates: list[Candidate] = []
     for method in methods_of(model):
+        if effort.looped and not method.name.startswith(("hybridyn", *LOOPED)):
+            continue
         try:
             found = list(candidates_of(method, problem, effort))
         except NotMeasuredError as why:
-            out.append(Point(model, case, method.name, "", 0, 0, NAN, NAN, NAN, str(why)))
+            out.append(Row(case, model, method.name, note=str(why)))
             continue
         if method.name.startswith("hybridyn"):
-            for one in found:
-                what = f"{model} by {method.name}, {one.batch} samples"
-                refuse(one.error, method.limit, f"{what} of {case}")
-                out.append(Check(case, what, one.error, method.limit))
+            for row, _, _ in found:
+                what = f"{model} by {method.name}, {row.batch} samples"
+                refuse(row.error, method.limit, f"{what} of {case}")
+                out.append(Row(case, CHECK, setting=what, error=row.error, limit=method.limit))
         candidates += found
-    times = interleaved([one.call for one in candidates], effort.rounds)
-    return out + [point(model, case, one, time) for one, time in zip(candidates, times, strict=True)]
-
-
-def point(model: Model, case: str, one: Candidate, time: Time) -> Point:
-    """Write a timed call as a row."""
-    us = 1e6 / one.samples
-    setting = written(one.setting)
-    return Point(
-        model, case, one.method, setting, one.batch, 1, one.error, us * time.least, us * time.median, ""
-    )
+    return out + measured(candidates, effort.rounds, effort.least, warm=effort.looped)
 
 
 def candidates_of(method: Method, problem: Problem, effort: Effort) -> Iterator[Candidate]:
-    """Give the calls of a method: one sample at a time at each setting, and the whole batch if it takes one.
+    """Give the calls of a method: at each setting, one sample at a time and in batches if it takes them.
 
     Raises:
         NotMeasuredError: It cannot do this robot.
     """
-    at, reference = method.prepare(problem.robot), problem.reference
-    singles = problem.singles
-    for setting in method.settings[:: effort.sweep]:
-        solve = at(setting)
-        error = reference.off(np.array([solve(*state) for state in singles]))
-        yield Candidate(method.name, setting, 1, error, one_by_one(solve, singles), len(singles))
-        if method.batches:
-            error = reference.off(solve(*problem.states)[problem.judged])
-            size = len(problem.states[0])
-            yield Candidate(method.name, setting, size, error, together(solve, problem.states), size)
+    reference, singles = problem.reference, problem.singles
+    in_loop = effort.looped and not method.batches
+    for threads in effort.threads if method.threads else (1,):
+        at = method.prepare(problem.robot, threads)
+        settings = method.settings[:: effort.sweep]
+        for setting in [cheapest(at, settings, problem)] if in_loop else settings:
+            solve = at(setting)
+            row = Row(problem.case, problem.model, method.name, written(setting), threads=threads)
+            row = row._replace(error=reference.off(np.array([solve(*state) for state in singles])))
+            many = reference.off(solve(*problem.states)[problem.judged]) if method.batches else row.error
+            for batch in effort.batches if in_loop or method.batches else (1,):
+                some: States = tuple(np.ascontiguousarray(x[:batch]) for x in problem.states)  # type: ignore[assignment]
+                if in_loop:
+                    yield Candidate(row._replace(batch=batch), batch, looped(solve, some))
+                elif batch == 1:
+                    yield Candidate(row, len(singles), one_by_one(solve, singles))
+                else:
+                    yield Candidate(row._replace(batch=batch, error=many), batch, together(solve, some))
 
 
-def one_by_one(solve: Solver, states: Sequence[tuple[Array, Array, Array]]) -> Callable[[], object]:
+def one_by_one(solve: Solver, states: Sequence[States]) -> Callable[[], object]:
     """Call a solver with one state after the other."""
 
     def call() -> None:
@@ -159,6 +168,24 @@ def one_by_one(solve: Solver, states: Sequence[tuple[Array, Array, Array]]) -> C
     return call
 
 
-def together(solve: Solver, states: tuple[Array, Array, Array]) -> Callable[[], object]:
+def together(solve: Solver, states: States) -> Callable[[], object]:
     """Call a solver with all states at once."""
     return lambda: solve(*states)
+
+
+def looped(solve: Solver, states: States) -> Callable[[], object]:
+    """Call a solver in a loop, and keep every answer, as who needs a batch must."""
+    q, v, given = states
+    return lambda: np.array([solve(*state) for state in zip(q, v, given, strict=True)])
+
+
+def cheapest(at: Callable[[Setting], Solver], settings: Sequence[Setting], problem: Problem) -> Setting:
+    """Return the setting that reaches `GOOD` in the least time, or the most accurate one where none does."""
+    singles = problem.singles
+    solvers = [at(setting) for setting in settings]
+    errors = [problem.reference.off(np.array([solve(*s) for s in singles])) for solve in solvers]
+    good = [i for i, error in enumerate(errors) if error <= GOOD]
+    if not good:
+        return settings[int(np.argmin(errors))]
+    times = interleaved([one_by_one(solvers[i], singles) for i in good], SWEEP_ROUNDS)
+    return settings[min(zip(times, good, strict=True))[1]]

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import math
 import os
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest.mock import patch
@@ -24,8 +24,8 @@ import numpy as np
 
 from benchmarks.cases import ROOT, case_of
 from benchmarks.methods import Method, Model, NotMeasuredError, written
-from benchmarks.peers import compiled, methods_of, oracle, rk4, serial
-from benchmarks.results import Count
+from benchmarks.peers import methods_of, ours, rk4
+from benchmarks.results import Row
 from benchmarks.scaling import SETTINGS as OTHERS
 from benchmarks.timing import ONE_THREAD
 from hybridyn.compiled.library import compilers
@@ -38,10 +38,7 @@ BATCH = 200
 PATIENCE = 300
 REASON = "not measured: "
 #: Robots with loops alone are counted; the oracle takes minutes in valgrind.
-LEFT_OUT = (
-    compiled.SINGLE,
-    *(method.name for method in (*serial.METHODS, *oracle.METHODS)),
-)
+LEFT_OUT = (ours.SINGLE, ours.ORACLE, "pin.aba", "pin.rnea")
 
 #: One setting for each peer that is swept: the fastest that is good to 1e-10.
 SETTINGS = {
@@ -56,29 +53,32 @@ void counting_off(void) { CALLGRIND_STOP_INSTRUMENTATION; }
 """
 
 
-def measure(case: str, model: Model) -> list[Count]:
+def measure(case: str, model: Model) -> list[Row]:
     """Count every method of a model on one robot: one sample per call, the compiled one in a batch too."""
     methods = [method for method in methods_of(model) if method.name not in LEFT_OUT]
     jobs = [(method, 1) for method in methods]
-    jobs += [(method, BATCH) for method in methods if method.name == compiled.NAME]
+    jobs += [(method, BATCH) for method in methods if method.name == ours.COMPILED]
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = Path(name)
         try:
             prepare(case, model, folder)
         except NotMeasuredError as why:
-            return [Count(case, model, "every method", "", 0, math.nan, math.nan, str(why))]
-        return list(pool.map(lambda job: _row(case, job[0], job[1], folder), jobs))
+            return [Row(case, model, "every method", note=str(why))]
+        found = pool.map(lambda job: list(_rows(case, job[0], job[1], folder)), jobs)
+        return [row for rows in found for row in rows]
 
 
-def _row(case: str, method: Method, batch: int, folder: Path) -> Count:
+def _rows(case: str, method: Method, batch: int, folder: Path) -> Iterator[Row]:
     """Count one method, or say why not."""
-    total, own, note = math.nan, math.nan, ""
+    row = Row(case, method.model, method.name, written(SETTINGS.get(method.name, {})), batch=batch)
     try:
         total, own = counted(case, method, batch, folder)
     except NotMeasuredError as why:
-        note = str(why)
-    setting = written(SETTINGS.get(method.name, {}))
-    return Count(case, method.model, method.name, setting, batch, total, own, note)
+        yield row._replace(note=str(why))
+        return
+    yield row._replace(value=total, unit="instructions")
+    if own:
+        yield row._replace(value=own, unit="instructions in its own library")
 
 
 def prepare(case: str, model: Model, folder: Path) -> None:
@@ -178,7 +178,7 @@ def main(case: str, model: Model, name: str, batch: str, folder: str) -> int:
         if not name:
             q, v, a = case_of(case).states(robot, BATCH)
             np.savez(path, q=q, v=v, given=a if model == "idm" else hybridyn.idm(robot, q, v, a))
-        method = next(m for m in methods_of(model) if m.name == (name or compiled.NAME))
+        method = next(m for m in methods_of(model) if m.name == (name or ours.COMPILED))
         try:
             solve = method.prepare(robot)(SETTINGS.get(name, {}))
         except NotMeasuredError as why:

@@ -1,23 +1,22 @@
 """Loops closed in C: one control step, and rows of a table, beside the inverse model of the same robot.
 
-Run `python -m benchmarks.closing [robots]`. A step closes the loops from the motors' positions, rates and
-accelerations and the posture before, and computes the efforts, in two calls from Python or in one. "Closed in
-C alone" is the same without Python: rows of the motors' motion, one call for all. "Step in C alone" is the
-processor time of the C function that takes a step, with the 0.1 us of a loop of Python around it. Rows are
-those of a table of motors and, for robots whose platforms have six freedoms, of poses. Ratios are to a single
-call of `idm` of the same compiled model.
+A step closes the loops from the motors' positions, rates and accelerations and the posture before, and
+computes the efforts, in two calls from Python or in one. "Closed in C alone" is the same without Python: rows
+of the motors' motion, one call for all. A step "in C" is the processor time of the C function that takes it,
+with the 0.1 us of a loop of Python around it. Rows are those of a table of motors and, for robots whose
+platforms have six freedoms, of poses.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
 import hybridyn
-from benchmarks.timing import interleaved, one_thread
+from benchmarks.results import NAN, Row
+from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.closing.assembling import Assembler
@@ -27,40 +26,37 @@ from hybridyn.compiled.programs.closing.platform_program import platform_motions
 from hybridyn.compiled.programs.closing.starting import place_of
 from hybridyn.spatial import Array
 
-ROBOTS = ("five_bar", "gough_stewart", "lx4")
 #: Time between two ticks [s], amplitude [rad, m] and number of steps, of which percentiles are given.
 TICK, SIZE, STEPS = 1e-3, 0.03, 1_000_000
 #: Rows of a table, and how often they are measured.
 ROWS, ROUNDS = 2_000, 5
+PERCENTILES = {"least": 0.0, "median": 50.0, "90 %": 90.0, "99 %": 99.0, "99.9 %": 99.9}
+
+Motors = tuple[Array, Array, Array]
 
 
-def main() -> int:
-    """Measure the robots that are named, and print a table."""
-    one_thread()
-    print(f"{'robot':<15}{'what':<26}{'us':>9}{'idm':>7}{'median':>9}{'90 %':>9}{'99 %':>9}{'99.9 %':>9}")
-    for name in sys.argv[1:] or ROBOTS:
-        compiled = hybridyn.compile(hybridyn.load(name))
-        once: float | None = None
-        for what, times in measured(compiled):
-            once = times[0] if once is None else once
-            shown = "".join(f"{x:9.2f}" for x in times[1:])
-            print(f"{name:<15}{what:<26}{times[0]:9.2f}{times[0] / once:7.1f}{shown}", flush=True)
-    return 0
+def measure(case: str, compiled: CompiledRobot, count: int = STEPS) -> Iterator[Row]:
+    """Yield what was measured of a robot [us].
 
-
-def measured(compiled: CompiledRobot) -> Iterator[tuple[str, list[float]]]:
-    """Yield what was measured, with the least time and percentiles [us]; a single call of `idm` first."""
+    Args:
+        case: Its name.
+        compiled: Its model.
+        count: Number of steps from Python.
+    """
     motors = ticks(compiled.robot)
-    yield from steps(compiled, motors)
-    yield "closed in C alone", [alone(compiled, motors)]
-    yield "step in C alone", [step_alone(compiled, motors)]
+    row = Row(case, unit="us")
+    for what, times in steps(compiled, motors, count).items():
+        for words, share in PERCENTILES.items():
+            us = float(np.percentile(times, share))
+            yield row._replace(model=what, setting=f"from Python, {words}", value=us)
+    yield row._replace(model="control step", setting="in C", value=step_alone(compiled, motors))
+    yield row._replace(model="close", setting="a row, in C alone", value=alone(compiled, motors))
     for what, call in tables(compiled, motors):
-        call()
         least = interleaved([call], ROUNDS)[0].least
-        yield what, [1e6 * least / ROWS]
+        yield row._replace(model="assemble", setting=what, value=1e6 * least / ROWS)
 
 
-def ticks(robot: HybridRobot) -> tuple[Array, Array, Array]:
+def ticks(robot: HybridRobot) -> Motors:
     """Return positions, rates and accelerations of the motors at `ROWS` ticks."""
     at = [robot.q_slices[robot.joint_index[motor]] for motor in robot.motors]
     home: Array = np.array(
@@ -73,10 +69,8 @@ def ticks(robot: HybridRobot) -> tuple[Array, Array, Array]:
     return home + SIZE * sine, SIZE * w * cosine, -SIZE * w * w * sine
 
 
-def steps(
-    compiled: CompiledRobot, motors: tuple[Array, Array, Array], count: int = STEPS
-) -> Iterator[tuple[str, list[float]]]:
-    """Yield the times of `idm`, of closing the loops, of both, and of a step in one call."""
+def steps(compiled: CompiledRobot, motors: Motors, count: int) -> dict[str, Array]:
+    """Return times of `idm`, of closing the loops, of both, and of a step in one call, shapes (count,), [us]."""
     there = [[x[i] for i in [*range(ROWS), *reversed(range(ROWS))]] for x in motors]
     q = compiled.close(*(x[0] for x in there))[0]
     closing, inverse, step = np.empty(count), np.empty(count), np.empty(count)
@@ -94,18 +88,10 @@ def steps(
         start = time.perf_counter()
         q = compiled.idm_from_motors(position, rate, acceleration, last=q)[1]
         step[i] = 1e6 * (time.perf_counter() - start)
-    for what, x in (
-        ("idm", inverse),
-        ("close", closing),
-        ("close, then idm", closing + inverse),
-        ("idm_from_motors", step),
-    ):
-        yield what, [float(x.min()), *np.percentile(x, [50, 90, 99, 99.9]).tolist()]
-    if compiled.recomputed:
-        print(f"{compiled.recomputed} ticks were computed by the general path")
+    return {"idm, a call": inverse, "close": closing, "close, then idm": closing + inverse, "control step": step}
 
 
-def alone(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> float:
+def alone(compiled: CompiledRobot, motors: Motors) -> float:
     """Return the least processor time of a row that is closed without Python [us]."""
     robot = compiled.robot
     requests = requests_of_motors(robot, motors[0], motors[1:])
@@ -113,14 +99,14 @@ def alone(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> float:
     q, _, _ = assembler.assemble(requests, robot.home)
     closing, wanted = assembler.closing_of(requests), module_requests(robot, requests)
     if closing is None or wanted is None:
-        return float("nan")
+        return NAN
     given = numbers(closing.parts, wanted)
     out = tuple(np.empty((ROWS, size)) for size in (robot.nq, robot.nv, robot.nv))
     least = float("inf")
     for _ in range(ROUNDS):
         place = place_of(robot, closing.parts, q[0])
         if place is None:
-            return float("nan")
+            return NAN
         start = time.process_time()
         done = closing.rows.follow(place, given, (out[0], out[1], out[2]), False)
         if done == ROWS:
@@ -128,7 +114,7 @@ def alone(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> float:
     return 1e6 * least / ROWS
 
 
-def step_alone(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> float:
+def step_alone(compiled: CompiledRobot, motors: Motors) -> float:
     """Return the least processor time of the C function that takes a control step [us]."""
     nq, least = compiled.robot.nq, float("inf")
     out = np.empty(nq + 2 * compiled.robot.nv + len(compiled.robot.motors))
@@ -145,13 +131,13 @@ def step_alone(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> f
 
 
 def tables(
-    compiled: CompiledRobot, motors: tuple[Array, Array, Array]
+    compiled: CompiledRobot, motors: Motors
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield calls that assemble `ROWS` rows, from motors and from poses, in C and by the general path."""
     robot = compiled.robot
     named = {name: tuple(x[:, i] for x in motors) for i, name in enumerate(robot.motors)}
-    yield "row of motors, in C", lambda: compiled.assemble(motors=named)
-    yield "row of motors, general", lambda: hybridyn.assemble(robot, motors=named)
+    yield "a row of motors, in C", lambda: compiled.assemble(motors=named)
+    yield "a row of motors, general", lambda: hybridyn.assemble(robot, motors=named)
     posed = posed_modules(robot)
     if len(posed) < len(robot.modules):
         return
@@ -164,9 +150,6 @@ def tables(
         )
         for i, k in enumerate(posed)
     }
-    yield "row of poses, in C", lambda: compiled.assemble(platforms=poses)
-    yield "row of poses, general", lambda: hybridyn.assemble(robot, platforms=poses)
+    yield "a row of poses, in C", lambda: compiled.assemble(platforms=poses)
+    yield "a row of poses, general", lambda: hybridyn.assemble(robot, platforms=poses)
 
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -19,16 +19,15 @@ import pinocchio as pin
 
 from benchmarks.cases import case_of
 from benchmarks.gate import refuse
-from benchmarks.methods import Model, NotMeasuredError, Setting, grid, written
+from benchmarks.methods import MODELS, Model, NotMeasuredError, Setting, grid, written
+from benchmarks.operations import total
 from benchmarks.peers.pinocchio_loops import loops
 from benchmarks.reference import LongDouble
-from benchmarks.results import Check, Point
-from benchmarks.timing import interleaved
+from benchmarks.results import CHECK, Row
+from benchmarks.timing import Candidate, measured
 from hybridyn import HybridRobot
-from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.program import Call, Program
 from hybridyn.compiled.programs.derivatives.adjoints import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.spatial import Array
@@ -114,7 +113,7 @@ def _rate(values: list[Array], h: float) -> Array:
     return np.asarray((a - 8 * b + 8 * c - d) / (12 * np.longdouble(h)), float)
 
 
-def measure(case: str, batch: int, rounds: int) -> list[Check | Point]:
+def measure(case: str, batch: int, rounds: int) -> list[Row]:
     """Measure the derivatives of both models of a robot.
 
     Args:
@@ -127,23 +126,19 @@ def measure(case: str, batch: int, rounds: int) -> list[Check | Point]:
     """
     robot = case_of(case).load()
     q, v, a, tau = random_states(robot, batch)
-    out: list[Check | Point] = []
-    for model, given in (("idm", a), ("ddm", tau)):
-        out += _measure(robot, case, "idm" if model == "idm" else "ddm", (q, v, given), rounds)
-    return out
+    given = {"idm": (q, v, a), "ddm": (q, v, tau)}
+    return [row for model in MODELS for row in _measure(robot, case, model, given[model], rounds)]
 
 
-def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds: int) -> list[Check | Point]:
+def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds: int) -> list[Row]:
     """Measure the derivatives of one model."""
     batch, what = len(given[0]), f"{model}_jacobian"
     q, v, x = (np.ascontiguousarray(array[0]) for array in given)
     reference = exact(robot, model, q, v, x)
-    out: list[Check | Point] = [
-        Check(case, f"{what}: the reference (long double), its own error", reference.error, math.nan)
-    ]
-    model_alone = operations(programs(robot, models=(model,))[model])
-    rows: list[tuple[str, str, str, int, float]] = []
-    calls: list[Callable[[], object]] = []
+    said = f"{what}: the reference (long double), its own error"
+    out = [Row(case, CHECK, setting=said, error=reference.error)]
+    own = total(programs(robot, models=(model,))[model])
+    candidates: list[Candidate] = []
     for coordinates, words, truth in (
         ("joints", what, reference),
         ("motors", what + MOTORS, reference.of_motors(robot, model)),
@@ -152,30 +147,22 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
         found = derive(q, v, x)
         error = truth.off((found["q"], found["v"], found["a" if model == "idm" else "tau"]))
         refuse(error, LIMIT, f"{words} of {case}")
-        out.append(Check(case, f"{words} by hybridyn, compiled", error, LIMIT))
-        dense, whole = operations(derive.program, DENSE), operations(derive.program)
-        ratios = f"{whole / model_alone:.3g}", f"{(whole - dense) / model_alone:.3g}"
-        count = f"{ratios[0]} times the model's operations, {ratios[1]} without dense products"
-        rows += [(words, name, count, samples, error) for name in (OURS, GIVEN) for samples in (1, batch)]
+        out.append(Row(case, CHECK, setting=f"{words} by {OURS}", error=error, limit=LIMIT))
+        whole, sparse = (total(derive.program, part) / own for part in ("", DENSE))
+        count = f"{whole:.3g} times the model's operations, {sparse:.3g} without dense products"
+        row = Row(case, words, OURS, count, error=error)
         one, many = derive.allocate(), derive.allocate(batch)
-        calls += [
-            partial(derive, q, v, x), partial(derive, *given), partial(derive, q, v, x, out=one),
-            partial(derive, *given, out=many),
-        ]  # fmt: skip
+        for name, options in ((OURS, ({}, {})), (GIVEN, ({"out": one}, {"out": many}))):
+            named = row._replace(method=name)
+            candidates.append(Candidate(named, 1, partial(derive, q, v, x, **options[0])))
+            candidates.append(Candidate(named._replace(batch=batch), batch, partial(derive, *given, **options[1])))
     try:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):
-            rows.append((what, name, written(setting), 1, reference.off(blocks)))
-            calls.append(call)
+            row = Row(case, what, name, written(setting), error=reference.off(blocks))
+            candidates.append(Candidate(row, 1, call))
     except NotMeasuredError as why:
-        nothing = math.nan
-        out.append(Point(what, case, "pinocchio", "", 0, 0, nothing, nothing, nothing, str(why)))
-    times = interleaved(calls, rounds, clock=time.process_time)
-    for (model_of, name, words, samples, off), taken in zip(rows, times, strict=True):
-        us = 1e6 / samples
-        out.append(
-            Point(model_of, case, name, words, samples, 1, off, us * taken.least, us * taken.median, "")
-        )
-    return out
+        out.append(Row(case, what, "pinocchio", note=str(why)))
+    return out + measured(candidates, rounds, clock=time.process_time)
 
 
 Peer = tuple[str, Setting, Blocks, Callable[[], object]]
@@ -215,7 +202,6 @@ def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
     own = loops(robot)
     q, v, x = given
     m, data = own.model, own.data
-    pin.initConstraintDynamics(m, data, own.constraints, own.constraint_data)
     settings = pin.ProximalSettings(ACCURACY, setting["mu"], int(setting["iterations"]))
     closures = (own.constraints, own.constraint_data, settings)
     pin.constraintDynamics(m, data, q, v, own.efforts(x), *closures)
@@ -227,13 +213,3 @@ def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
     blocks = (data.ddq_dq.copy(), data.ddq_dv.copy(), data.ddq_dtau[:, own.motors].copy())
     return "pin.computeConstraintDynamicsDerivatives", setting, blocks, call
 
-
-def operations(program: Program, part: str = "") -> int:
-    """Return the number of operations of one sample, or of one part; a fused product counts as two."""
-    counts = [
-        sum({"input": 0, "constant": 0, "fma": 2}.get(node.name, 1) for node in kernel_graph(kernel).nodes)
-        for kernel in program.kernels
-    ]
-    calls = [step for step in program.steps if isinstance(step, Call)]
-    wanted = [call for call in calls if part in ("", program.kernels[call.kernel].part)]
-    return sum(call.copies * counts[call.kernel] for call in wanted)

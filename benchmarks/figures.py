@@ -1,4 +1,4 @@
-"""The figures of the report, from the committed results alone: log-log, named at the curves."""
+"""The figures of the report, from the committed results alone: log-log, one colour a method."""
 
 from __future__ import annotations
 
@@ -9,31 +9,61 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.curves import Curve, Panel, draw
-from benchmarks.fronts import front, grouped
-from benchmarks.results import Flight, Near, Point, Size
+from benchmarks.fronts import chosen, front, grouped
+from benchmarks.results import Row
+from benchmarks.standing import jacobians, ratios
 
-OURS, GENERAL = "hybridyn, compiled", "hybridyn, general"
+Results = dict[str, list[Row]]
 COLOURS = {
     "hybridyn, compiled": "#0b4f9e",
     "hybridyn, compiled, float32": "#7b68c8",
+    "hybridyn, compiled, dopri5": "#00676b",
+    "hybridyn, compiled, law in Python": "#111111",
+    "hybridyn, compiled, over motors": "#00a5ab",
     "hybridyn, general": "#3d9be9",
+    "hybridyn, general, rk4, closed after steps": "#86c3f5",
+    "hybridyn, general, rk4, not closed": "#9db4c8",
+    "hybridyn, general, dopri5": "#00a5ab",
+    "hybridyn, general, conserving": "#7b68c8",
+    "hybridyn, general, implicit": "#5a6fd6",
     "pin.constraintDynamics": "#e07b00",
+    "pin.computeConstraintDynamicsDerivatives": "#e07b00",
     "pin.lcaba": "#c22f1f",
     "pin.rnea + projection, dense": "#e07b00",
     "pin.rnea + projection, per module": "#c22f1f",
     "pin.rnea, loops open": "#b79f86",
+    "rk4 on constraintDynamics, held by nothing": "#f2b36b",
+    "rk4 on constraintDynamics, held by baumgarte": "#e07b00",
+    "rk4 on constraintDynamics, held by projection": "#9c5400",
+    "rk4 on lcaba, held by nothing": "#c22f1f",
     "MuJoCo": "#3f8f4f",
+    "MuJoCo, Euler": "#8cc59a",
+    "MuJoCo, implicitfast": "#8cc59a",
     "dense null space": "#8a8a8a",
     "pin.aba": "#7a3fa0",
     "pin.rnea": "#7a3fa0",
+    "loky": "#0b4f9e",
+    "dask": "#e07b00",
+    "ray": "#3f8f4f",
 }
-#: Shades of the compiled model's colour, by the number of threads; more are as dark as four.
-THREADS = {1: "#6f9fd8", 2: "#2f6fc0", 3: "#0b4f9e", 4: "#062c5a"}
-
-FALLBACK = "#555555"
-ERROR = "error, relative to the largest entry"
-#: What an error of nothing is drawn at.
-LEAST_ERROR = 1e-17
+#: Shades of the compiled model's colour, by the number of threads.
+THREADS = {1: "#6f9fd8", 2: "#2f6fc0", 4: "#062c5a"}
+OURS, FALLBACK = "hybridyn, compiled", "#555555"
+#: Names of the axes by the field that they show.
+AXES = {
+    "us": "time per sample [us]",
+    "error": "error, relative to the largest entry",
+    "mib": "memory, from the loaded robot on [MiB]",
+    "batch": "samples per call",
+    "at": "modules",
+    "energy": "energy drift, of the kinetic energy",
+    "closure": "closure residual, of the module's length",
+}
+MODELS = {"ddm": "direct model", "idm": "inverse model"}
+#: Robots whose errors and times are drawn; others are in the tables.
+DRAWN = ("five_bar", "lx4", "stack 16")
+#: Beyond, an error says that there is no answer.
+NO_ANSWER = 3.0
 
 
 class Figure(NamedTuple):
@@ -58,198 +88,233 @@ def colour(method: str) -> str:
     return COLOURS[max(found, key=len)] if found else FALLBACK
 
 
-def named(method: str, batch: int = 0) -> str:
-    """Name a curve: hybridyn's engine (and batch), or the method without its setting."""
-    if not method.startswith("hybridyn"):
-        return method.split(", mu")[0].split(", impedance")[0]
-    engine = f"hybridyn {method.rpartition(', ')[2]}"
-    return f"{engine}, batch of {batch:,}" if batch > 1 else f"{engine}, one call" if batch else engine
+def label(row: Row, names: Sequence[str]) -> str:
+    """Name a curve: the method without its setting, with what else makes the curve."""
+    method = row.method.split(", mu")[0].split(", impedance")[0]
+    if "batch" in names and row.batch > 1:
+        return f"{method}, in batches"
+    return f"{method}, {row.threads} threads" if row.threads > 1 and "threads" in names else method
 
 
-def work_precision(points: Sequence[Point], model: str, cases: Sequence[str]) -> Figure | None:
-    """Draw error against time per sample, one panel a robot; the front of every sweep is the line."""
-    panels = []
-    for case in cases:
-        own = [p for p in points if p.case == case and p.model == model and math.isfinite(p.us)]
-        own = [p for p in own if p.error < 3.0]
-        curves = []
-        for method, group in grouped(own, "method").items():
-            batches = method.startswith("hybridyn")
-            best = front(group, lambda p: p.us, lambda p: p.error)
-            if batches:  # in a batch, one call: joined by a line
-                best = sorted(group, key=lambda p: -p.batch)
-            x, y = work_and_error(best)
-            curve = Curve(named(method), colour(method), x, y, *work_and_error(group))
-            curves.append(replace(curve, first_open=batches and len(best) > 1))
-        if curves:
-            panels.append(Panel(case, "time per sample [us]", ERROR, curves, inside=True))
-    if not panels:
-        return None
-    name = {"ddm": "Direct model: efforts to accelerations", "idm": "Inverse model: accelerations to efforts"}
-    width = min(3, len(panels))
-    rows = [panels[i : i + width] for i in range(0, len(panels), width)]
-    remark = (
-        "Lower left is better. Pale: all settings; line: the best. hybridyn: filled one call, open a batch."
-    )
-    return Figure(model, name[model], remark, rows)
+def panel(
+    rows: Sequence[Row], title: str, fields: tuple[str, str], names: Sequence[str] = ("method",), *,
+    pareto: bool = False, **look: Any,
+) -> Panel:  # fmt: skip
+    """Draw two fields of some rows against each other.
+
+    Args:
+        rows: The rows.
+        title: Title of the panel.
+        fields: Those along the horizontal and the vertical axis.
+        names: Fields of which every value is a curve.
+        pareto: Whether the front of a sweep is its curve; its other points are pale.
+        look: Fields of the panel.
+    """
+    curves = []
+    across, up = (lambda row, name=name: getattr(row, name) for name in fields)
+    shown = [row for row in rows if math.isfinite(across(row)) and math.isfinite(up(row))]
+    for group in grouped(shown, *names).values():
+        group = sorted(group, key=lambda row: (across(row), up(row)))
+        swept = pareto and len({row.setting for row in group}) > 1
+        best = front(group, across, up) if swept else group
+        shade = THREADS.get(group[0].threads, "") if "threads" in names and group[0].method == OURS else ""
+        behind = group if swept else []
+        curve = Curve(
+            label(group[0], names),
+            shade or colour(group[0].method),
+            [*map(across, best)],
+            [*map(up, best)],
+            hollow=[row.batch > 1 and fields[0] != "batch" for row in best],
+            all_x=[*map(across, behind)],
+            all_y=[*map(up, behind)],
+        )
+        curves.append(curve)
+    x, y = (AXES.get(name, name) for name in fields)
+    return Panel(title, **{"x": x, "y": y, "curves": curves, **look})
 
 
-def scaling(sizes: Sequence[Size]) -> Figure | None:
-    """Draw time and memory against the number of modules, one column a family."""
-    rows: list[list[Panel]] = []
-    wanted: list[tuple[str, str, Callable[[Size], float], str]] = [
-        ("ddm", "direct model", lambda s: s.us, "time per sample [us]"),
-        ("idm", "inverse model", lambda s: s.us, "time per sample [us]"),
-        ("ddm", "direct model", lambda s: s.mib, "memory, from the loaded robot on [MiB]"),
-    ]
-    for model, title, value, unit in wanted:
-        panels = []
-        for family, own in grouped(sizes, "family").items():
-            curves = []
-            for (method, batch), group in grouped(
-                [s for s in own if s.model == model and math.isfinite(value(s))], "method", "batch"
-            ).items():
-                label = named(method, batch)
-                at, values = [s.modules for s in group], [max(value(s), 0.1) for s in group]
-                curves.append(Curve(label, colour(method), at, values, filled=batch == 1))
-            if curves:
-                panels.append(Panel(f"{title}, {family}s", "modules", unit, curves, counts=True))
-        if panels:
-            rows.append(panels)
-    remark = "Lower is better. Every point in a process of its own. Open: in batches."
-    return Figure("scaling", "Cost against the number of modules", remark, rows) if rows else None
+def models(results: Results) -> list[list[Panel]]:
+    """Draw error against time of both models."""
+    return [
+        [
+            panel([r for r in chosen(results[model], case=case) if r.error < NO_ANSWER],
+                  f"{case}, {words}", ("us", "error"), pareto=True)
+            for case in DRAWN
+        ]
+        for model, words in MODELS.items()
+    ]  # fmt: skip
 
 
-def work_and_error(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    """Return times and errors, none of them zero."""
-    return [p.us for p in points], [max(p.error, LEAST_ERROR) for p in points]
+def scaling(results: Results) -> list[list[Panel]]:
+    """Draw time and memory against the number of modules, one row a family."""
+    wanted = (("ddm", "us"), ("idm", "us"), ("ddm", "mib"))
+    return [
+        [
+            panel(chosen(own, model=model), f"{family}s, {MODELS[model]}", ("at", field), counts=True,
+                  names=("method", "batch"))
+            for model, field in wanted
+        ]
+        for family, own in grouped(results["scaling"], "case").items()
+        if " " not in family
+    ]  # fmt: skip
 
 
-def overview(points: Sequence[Point], sizes: Sequence[Size]) -> Figure | None:
+def overview(results: Results) -> list[list[Panel]]:
     """Draw what the README shows: the direct model of the LX4, and of stacks of more modules."""
-    precision, grown = (
-        work_precision(points, "ddm", ["lx4"]),
-        scaling([s for s in sizes if s.family == "stack"]),
-    )
-    if precision is None or grown is None:
-        return None
-    left = replace(precision.panels[0][0], title="LX4: four Gough-Stewart modules, direct model")
-    right = replace(grown.panels[0][0], title="stacks of such modules, direct model")
-    return Figure("overview", "Efforts to accelerations", precision.remark, [[left, right]])
+    known = [row for row in chosen(results["ddm"], case="lx4") if row.error < NO_ANSWER]
+    left = panel(known, "LX4: four modules, direct model", ("us", "error"), pareto=True)
+    right = scaling({"scaling": chosen(results["scaling"], case="stack")})
+    return [[left, *(replace(row[0], title="stacks of such modules") for row in right)]]
 
 
-def simulation(flights: Sequence[Flight]) -> Figure | None:
-    """Draw error of the final state, energy drift and closure residual against time, one row a motion."""
-    wanted: list[tuple[Callable[[Flight], float], str]] = [
-        (lambda f: f.state, "error of the final state"),
-        (lambda f: f.energy, "energy drift, of the kinetic energy"),
-        (lambda f: f.closure, "closure residual, of the module's length"),
+def simulation(results: Results) -> list[list[Panel]]:
+    """Draw error of the final state, energy drift and closure residual against time."""
+    motions, scenes = (grouped(results[name], "case") for name in ("simulation", "controlled"))
+    state = {"x": "wall time [s]", "y": "error of the final state"}
+    rows = [
+        [panel(own, case, ("seconds", "error"), pareto=True, **state) for case, own in motions.items()],
+        [
+            panel(own, case, ("seconds", "energy"), pareto=True, x="wall time [s]")
+            for case, own in motions.items()
+        ],
+        [
+            panel(own, case, ("seconds", "error"), pareto=True, **state | {"x": "processor time [s/s]"})
+            for case, own in scenes.items()
+        ],
     ]
-    rows = []
-    for case, own in grouped(flights, "case").items():
-        panels = []
-        for value, name in wanted:
-            curves = []
-            for method, group in grouped([f for f in own if math.isfinite(value(f))], "method").items():
-                swept = method.startswith("MuJoCo")  # over two settings; the others' points follow one
-                best = front(group, lambda f: f.seconds, value) if swept else group
-                values = [max(value(f), LEAST_ERROR) for f in best]
-                style = METHOD_STYLES.get(method, (FALLBACK, method))
-                curves.append(Curve(style[1], style[0], [f.seconds for f in best], values))
-            if curves:
-                panels.append(Panel(case, "wall time [s]", name, curves))
-        rows.append(panels)
-    remark = "Lower left is better."
-    return Figure("simulation", "Simulation: what accuracy costs in time", remark, rows) if rows else None
+    case = next(reversed(motions), "")
+    rows[2] += (
+        [panel(motions[case], case, ("seconds", "closure"), pareto=True, x="wall time [s]")] if case else []
+    )
+    return rows
 
 
-METHOD_STYLES = {
-    "hybridyn, general, rk4, closed in stages": ("#3d9be9", "general, rk4, closed in stages"),
-    "hybridyn, general, rk4, closed after steps": ("#86c3f5", "general, rk4, closed after steps"),
-    "hybridyn, general, rk4, not closed": ("#9db4c8", "general, rk4, not closed"),
-    "hybridyn, compiled, rk4, closed in stages": ("#0b4f9e", "compiled, rk4, closed in stages"),
-    "hybridyn, general, dopri5": ("#00a5ab", "general, dopri5"),
-    "hybridyn, compiled, dopri5": ("#00676b", "compiled, dopri5"),
-    "hybridyn, general, conserving": ("#7b68c8", "general, conserving"),
-    "hybridyn, general, implicit": ("#5a6fd6", "general, implicit"),
-    "rk4 on constraintDynamics, held by nothing": ("#f2b36b", "constraintDynamics, rk4"),
-    "rk4 on constraintDynamics, held by baumgarte": ("#e07b00", "... with Baumgarte"),
-    "rk4 on constraintDynamics, held by projection": ("#9c5400", "... with projection"),
-    "rk4 on lcaba, held by nothing": ("#c22f1f", "lcaba, rk4"),
-    "MuJoCo, Euler": ("#8cc59a", "MuJoCo, Euler"),
-    "MuJoCo, RK4": ("#3f8f4f", "MuJoCo, RK4"),
-}
+def derivatives(results: Results) -> list[list[Panel]]:
+    """Draw times of the direct model's derivatives against Pinocchio's, a point for each robot."""
+    rows = [
+        Row(one.case, method=f"{OURS}{words}", batch=row.batch, us=one.peer.us, value=row.us)
+        for one in jacobians(results)
+        if one.peer and one.model == "ddm_jacobian"
+        for row, words in zip(one.ours, ("", "", ", over motors", ", over motors"), strict=True)
+        if row
+    ]
+    look = {"x": "time of Pinocchio's [us]", "y": "time of hybridyn's [us]"}
+    own = panel(rows, "ddm_jacobian", ("us", "value"), ("method", "batch"), **look)
+    return [[replace(own, curves=own.curves + _equal(own, lambda x: x))]]
 
 
-def throughput(points: Sequence[Point], case: str) -> Figure | None:
-    """Draw time per sample against batch size, one line for each method and number of threads."""
-    panels = []
-    for model, title in (("ddm", "direct model"), ("idm", "inverse model")):
-        own = [p for p in points if p.case == case and p.model == model and math.isfinite(p.us)]
-        curves = []
-        for (method, threads), group in grouped(own, "method", "threads").items():
-            label, shade = named(method), colour(method)
-            if method == OURS:
-                label += f", {threads} thread{'s' * (threads > 1)}"
-                shade = THREADS[min(threads, max(THREADS))]
-            elif threads > 1:  # float32 scales alike: the table has it
-                continue
-            curves.append(Curve(label, shade, [p.batch for p in group], [p.us for p in group]))
-        if curves:
-            panels.append(Panel(f"{case}, {title}", "samples per call", "time per sample [us]", curves))
-    remark = "Lower is better. Peers are called in a loop."
-    return Figure("throughput", "Throughput: batch size and threads", remark, [panels]) if panels else None
+def throughput(results: Results) -> list[list[Panel]]:
+    """Draw time per sample against batch size, one curve for each method and number of threads."""
+    rows = [r for r in results["throughput"] if r.threads == 1 or r.method == OURS]
+    return [
+        [
+            panel(chosen(rows, case=case, model=model), f"{case}, {words}", ("batch", "us"),
+                  names=("method", "threads"))
+            for model, words in MODELS.items()
+        ]
+        for case in dict.fromkeys(row.case for row in rows)
+    ]  # fmt: skip
 
 
-def singular(rows: Sequence[Near]) -> Figure | None:
-    """Draw the error near singular postures against the distance, each method at its best setting there."""
-    panels = []
-    for case, own in grouped(rows, "case").items():
-        own = [r for r in own if math.isfinite(r.distance)]
-        curves = []
-        for method, group in grouped(own, "method").items():
-            best = {
-                d: min((r.error for r in at if not math.isnan(r.error)), default=math.nan)
-                for d, at in grouped(group, "distance").items()
-            }
-            kept = [(d, min(max(e, LEAST_ERROR), 30.0)) for d, e in sorted(best.items()) if not math.isnan(e)]
-            if kept:
-                x, y = zip(*kept, strict=True)
-                curves.append(Curve(method, colour(method), list(x), list(y)))
-        if curves:
-            unit = "distance from the singular posture [rad]"
-            panels.append(Panel(case, unit, ERROR, curves, reverse=True))
-    remark = "Lower is better. Every method at its best setting for each distance."
-    return Figure("singular", "Close to singular postures", remark, [panels]) if panels else None
+def singular(results: Results) -> list[list[Panel]]:
+    """Draw the error near singular postures against the distance."""
+    rows = [row._replace(error=min(row.error, 30.0)) for row in results["singular"]]
+    distance = {"x": "distance from the singular posture [rad]", "reverse": True}
+    return [[panel(own, case, ("at", "error"), **distance) for case, own in grouped(rows, "case").items()]]
 
 
-def figures(results: dict[str, list[Any]]) -> list[Figure]:
+def losses(results: Results) -> list[list[Panel]]:
+    """Draw the ratio of times to the fastest peer against the peer's time, a point for each robot."""
+    look = {"x": "time of the fastest peer [us]", "y": "time of hybridyn over the peer's"}
+    out = []
+    for model, words in MODELS.items():
+        own = panel(ratios(results, [model]), words, ("us", "value"), ("method", "batch"), **look)
+        points = [replace(curve, joined=False) for curve in own.curves]
+        out.append(replace(own, curves=points + _equal(own, lambda x: 1.0)))
+    return [out]
+
+
+def _equal(own: Panel, value: Callable[[float], float]) -> list[Curve]:
+    """Return the line on which both are as fast."""
+    ends = [x for curve in own.curves for x in curve.x]
+    at = [min(ends), max(ends)] if ends else []
+    return [Curve("as fast as the peer", FALLBACK, at, [*map(value, at)])] if ends else []
+
+
+def sweeps(results: Results) -> list[list[Panel]]:
+    """Draw what sweeps cost against the number of postures of each design."""
+    rows = [
+        row._replace(
+            method=f"{row.method}, processes: {row.threads}, designs: {row.at:g}", us=row.batch, batch=1
+        )
+        for row in results["sweeps"]
+    ]
+    look = {"x": "postures of each design", "y": "processor time [s]"}
+    return [[panel(rows, "five_bar", ("us", "seconds"), **look)]]
+
+
+def effects(results: Results) -> list[list[Panel]]:
+    """Draw what each effect changes against what it costs."""
+    rows = [row._replace(value=100 * row.value) for row in results["effects"]]
+    look = {"x": "share of the operations [%]", "y": "change of the efforts without it"}
+    return [[panel(own, case, ("value", "error"), **look) for case, own in grouped(rows, "case").items()]]
+
+
+def cold(results: Results) -> list[list[Panel]]:
+    """Draw the time of a cold call against the code that it reads."""
+    look = {"x": "code [KiB]", "y": "time of a cold call [us]"}
+    return [
+        [
+            panel(own, case, ("mib", "median"), **look)
+            for case, own in grouped(results["cold"], "case").items()
+        ]
+    ]
+
+
+BETTER = "Lower left is better. Pale: all settings; line: the best. hybridyn: filled one call, open a batch."
+FIGURES = (
+    ("overview", "Efforts to accelerations", BETTER, overview),
+    ("models", "What accuracy costs in time", BETTER, models),
+    ("losses", "hybridyn against the fastest peer", "Points are robots. Lower is better.", losses),
+    (
+        "effects",
+        "What effects are worth",
+        "Upper left: needed and cheap. Lower right: leave it out.",
+        effects,
+    ),
+    (
+        "singular",
+        "Close to singular postures",
+        "Lower is better. Every method at its best setting.",
+        singular,
+    ),
+    ("cold", "Cold calls", "Lower is better.", cold),
+    ("derivatives", "Derivatives", "Points are robots. Lower is better. Open: in batches.", derivatives),
+    ("sweeps", "What a sweep costs", "Lower is better.", sweeps),
+    ("scaling", "Cost against the number of modules", "Lower is better. Open: in batches.", scaling),
+    ("throughput", "Batch size and threads", "Lower is better. Peers are called in a loop.", throughput),
+    ("simulation", "Simulation: what accuracy costs in time", "Lower left is better.", simulation),
+)
+
+
+def figures(results: Results) -> list[Figure]:
     """Give every figure that the results allow."""
-    points, chosen = (
-        results["ddm"] + results["idm"],
-        ("five_bar", "gough_stewart", "lx4", "stack 16", "snake 8"),
+    found = (
+        Figure(name, title, remark, [[p for p in row if p.curves] for row in make(results)])
+        for name, title, remark, make in FIGURES
     )
-    cases = [case for case in chosen if any(p.case == case for p in points)]
-    found = [
-        overview(points, results["scaling"]),
-        work_precision(points, "ddm", [*cases, "ur5"]),
-        work_precision(points, "idm", [*cases, "ur5"]),
-        scaling(results["scaling"]),
-        simulation(results["simulation"]),
-        throughput(results["throughput"], results["throughput"][0].case if results["throughput"] else ""),
-        singular(results["singular"]),
-    ]
-    return [figure for figure in found if figure is not None]
+    kept = (figure._replace(panels=[row for row in figure.panels if row]) for figure in found)
+    return [figure for figure in kept if figure.panels]
 
 
-def write_figures(folder: Path, results: dict[str, list[Any]], suffix: str = ".svg") -> list[Figure]:
-    """Write every figure; give what was drawn.
+def write_figures(folder: Path, results: Results, suffix: str = ".svg") -> list[str]:
+    """Write every figure; give the names of what was drawn.
 
     Raises:
         ImportError: matplotlib is not installed.
     """
-    drawn = figures(results)
     folder.mkdir(parents=True, exist_ok=True)
+    drawn = figures(results)
     for figure in drawn:
         draw(figure.title, figure.remark, figure.panels, folder / f"{figure.name}{suffix}")
-    return drawn
+    return [figure.name for figure in drawn]

@@ -1,184 +1,143 @@
-"""The speed goals: ratios of times in one run on the same states at 1e-10, and times of users' programs."""
+"""The speed goals as data: a number of a section, or its ratio to another, and what it may be."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from benchmarks.fronts import cheapest
-from benchmarks.results import Flight, Point
-from benchmarks.simulation import LONG
+from benchmarks.fronts import GOOD, chosen
+from benchmarks.results import Row
 
-OURS = ("hybridyn, compiled", "hybridyn, general")
-BATCH = 10_000
-SIMULATED = (LONG, "rk4 on constraintDynamics, held by nothing", "step 0.0001")
+OURS = "hybridyn, compiled"
+GUARD = "operations with the guard over those without"
 
 
 class Goal(NamedTuple):
-    """A goal with what was measured.
+    """A goal.
 
     Attributes:
-        case, against: What is compared.
-        goal: Largest ratio of times that meets it (smallest, for scaling with threads).
-        measured: The ratio of each of hybridyn's engines, NaN where not measured.
-        peer: What it is a ratio to, in words.
-        at_least: True where the goal is a lower bound.
+        what: What is compared, in words.
+        limit: Largest number that meets it, or smallest.
+        section: Where it is measured.
+        rows: What the rows have in their fields; without a case the goal is one of each robot.
+        over: What the rows have that it is a ratio to.
+        field: The number; of several rows the least counts, of those that are good to `GOOD` if any is.
+        times: A factor.
+        at_least: True where the limit is the smallest number.
     """
 
-    case: str
-    against: str
-    goal: float
-    measured: tuple[float, ...]
-    peer: str
-    at_least: bool = False
-
-    def verdict(self, engine: int) -> str:
-        """Say whether an engine meets the goal."""
-        value = self.measured[engine]
-        if math.isnan(value):
-            return "not measured"
-        return "met" if (value >= self.goal if self.at_least else value <= self.goal) else "missed"
-
-
-class ProgramGoal(NamedTuple):
-    """A goal of what stands around the models, with what was measured.
-
-    Attributes:
-        case: Robot.
-        what: What is measured.
-        goal: Largest value that meets it (smallest, where it is a lower bound).
-        value: What was measured.
-        unit: Unit of both.
-        at_least: True where the goal is a lower bound.
-    """
-
-    case: str
     what: str
-    goal: float
-    value: float
-    unit: str
+    limit: float
+    section: str
+    rows: Mapping[str, Any]
+    over: Mapping[str, Any] | None = None
+    field: str = "us"
+    times: float = 1.0
     at_least: bool = False
 
-    def verdict(self) -> str:
-        """Say whether the goal is met."""
-        return "met" if (self.value >= self.goal if self.at_least else self.value <= self.goal) else "missed"
+
+class Reached(NamedTuple):
+    """A goal of a robot, with what was measured, NaN for nothing."""
+
+    case: str
+    goal: Goal
+    value: float
+
+    @property
+    def met(self) -> bool:
+        """Whether it is met."""
+        return self.value >= self.goal.limit if self.goal.at_least else self.value <= self.goal.limit
 
 
-#: Largest value of each program's part by its unit.
-PROGRAM_GOALS = {
-    ("idm", "operations with the guard over those without", ""): 1.2,
-    ("idm_from_motors", "operations with the guard over those without", ""): 1.2,
-    ("simulate, RK4", "a step with PD", "bare steps"): 3.0,
-    ("simulate, RK4", "a step with computed torque", "bare steps"): 3.0,
-    ("simulate, RK4", "a law in Python, beyond its own call", "us"): 5.0,
-    ("hybridyn idm", "3 rows", "s"): 0.4,
-    ("hybridyn idm", "10,000 rows, beyond 3", "s"): 0.5,
-    ("compile, quick", "from the loaded robot to its first efforts, empty cache", "s"): 2.0,
-}
-#: Largest time of a control step by robot [us].
-STEP_GOALS = {
-    ("lx4", "from Python, median"): 30.0,
-    ("lx4", "in C"): 12.0,
-    ("five_bar", "from Python, median"): 5.0,
-    ("five_bar", "in C"): 1.0,
-}
-#: Largest time of derivatives over that of Pinocchio's, by robot, model and whether samples are batched.
-DERIVATIVE_GOALS = {
-    ("lx4", "ddm_jacobian", False): 1 / 15,
-    ("lx4", "ddm_jacobian", True): 1 / 60,
-    ("gough_stewart", "ddm_jacobian", False): 1 / 8,
-    ("ur5", "idm_jacobian", False): 1.0,
-}
-#: Least share of the peak rate in a batch.
-PEAK_GOAL = 0.6
+def _model(section: str, model: str, case: str, batch: int, peer: str, limit: float) -> Goal:
+    """Return a goal of a model against a peer that takes as many samples."""
+    how = "a call" if batch == 1 else f"batch of {batch:,}"
+    rows = {"case": case, "model": model, "batch": batch, "threads": 1}
+    return Goal(
+        f"{model}, {how}: time over {peer}",
+        limit,
+        section,
+        {**rows, "method": OURS},
+        {**rows, "method": peer},
+    )
 
 
-def program_goals(results: dict[str, list[Any]]) -> list[ProgramGoal]:
-    """Return the goals of what was measured around the models, of batches and of derivatives."""
-    out = []
-    for row in results["programs"]:
-        goal = PROGRAM_GOALS.get((row.program, row.what, row.unit))
-        if row.program == "control step":
-            goal = STEP_GOALS.get((row.case, row.what))
-        if goal is not None:
-            out.append(ProgramGoal(row.case, f"{row.program}: {row.what}", goal, row.value, row.unit))
-    for row in results["peak"]:
-        what = f"{row.model}, batch: share of the peak rate"
-        out.append(ProgramGoal(row.case, what, PEAK_GOAL, row.share, "", at_least=True))
-    return [*out, *_derivatives(results["derivatives"])]
+def _derivative(case: str, model: str, batch: int, limit: float) -> Iterator[Goal]:
+    """Yield a goal of derivatives over all joints, and over the motors, against Pinocchio's of a sample."""
+    how = "a call" if batch == 1 else "batch"
+    peer = {"case": case, "model": model, "method": "pin."}
+    for name in (model, f"{model} over motors"):
+        rows = {"case": case, "model": name, "batch": batch, "method": "hybridyn"}
+        yield Goal(f"{name}, {how}: time over Pinocchio's", limit, "derivatives", rows, peer)
 
 
-def _derivatives(points: Sequence[Point]) -> Iterator[ProgramGoal]:
-    """Yield the goals of derivatives, over all joints and over the motors."""
-    for (case, model, batched), goal in DERIVATIVE_GOALS.items():
-        own = [p for p in points if p.case == case and math.isfinite(p.us)]
-        peer = min((p.us for p in own if p.model == model and p.method.startswith("pin.")), default=math.nan)
-        for name in (model, f"{model} over motors"):
-            ours = [p.us for p in own if p.model == name and (p.batch > 1) == batched and _is_ours(p)]
-            if ours:
-                how = "batch" if batched else "a call"
-                yield ProgramGoal(case, f"{name}, {how}: time over Pinocchio's", goal, min(ours) / peer, "")
+def _program(model: str, setting: str, limit: float, unit: str = "", case: str = "") -> Goal:
+    """Return a goal of what stands around the models."""
+    rows = {"model": model, "setting": setting, "unit": unit} | ({"case": case} if case else {})
+    return Goal(f"{model}: {setting}", limit, "programs", rows, field="value")
 
 
-def _is_ours(point: Point) -> bool:
-    """Tell whether a point is of hybridyn."""
-    return point.method.startswith("hybridyn")
+_BATCH = {"case": "lx4", "model": "ddm", "method": OURS, "batch": 10_000}
+_FLIGHT = {"case": "lx4, hanging, 1 s", "setting": "step 0.0001"}
+GOALS: tuple[Goal, ...] = (
+    _model("ddm", "ddm", "lx4", 1, "pin.lcaba", 1 / 4),
+    _model("ddm", "ddm", "lx4", 1, "pin.constraintDynamics", 1 / 10),
+    _model("ddm", "ddm", "stack 16", 1, "pin.constraintDynamics", 1 / 90),
+    _model("ddm", "ddm", "stack 16", 1, "pin.lcaba", 1 / 4),
+    _model("throughput", "ddm", "lx4", 10_000, "pin.lcaba", 1 / 25),
+    Goal(
+        "ddm, batch of 10,000: time of four threads over a quarter of that of one", 1 / 0.8, "throughput",
+        _BATCH | {"threads": 4}, _BATCH | {"threads": 1}, times=4.0,
+    ),
+    _model("idm", "idm", "lx4", 1, "pin.rnea, loops open", 3 / 4),
+    _model("throughput", "idm", "lx4", 10_000, "pin.rnea, loops open", 1 / 6),
+    Goal(
+        "RK4, 10,000 steps: time over the same on pin.constraintDynamics", 1 / 8, "simulation",
+        _FLIGHT | {"method": f"{OURS}, rk4"},
+        _FLIGHT | {"method": "rk4 on constraintDynamics, held by nothing"}, field="seconds",
+    ),
+    _program("idm", GUARD, 1.2),
+    _program("idm_from_motors", GUARD, 1.2),
+    _program("control step", "from Python, median", 30.0, "us", "lx4"),
+    _program("control step", "in C", 12.0, "us", "lx4"),
+    _program("control step", "from Python, median", 5.0, "us", "five_bar"),
+    _program("control step", "in C", 1.0, "us", "five_bar"),
+    _program("simulate, RK4", "a step with PD", 3.0, "bare steps"),
+    _program("simulate, RK4", "a step with computed torque", 3.0, "bare steps"),
+    _program("simulate, RK4", "a law in Python, beyond its own call", 5.0, "us"),
+    _program("hybridyn idm", "3 rows", 0.4, "s"),
+    _program("hybridyn idm", "10,000 rows, beyond 3", 0.5, "s"),
+    _program("compile, quick", "from the loaded robot to its first efforts, empty cache", 2.0, "s"),
+    *(
+        Goal(
+            f"{model}, batch: share of the peak rate", 0.6, "peak",
+            {"model": model, "setting": "share of the peak rate"}, field="value", at_least=True,
+        )
+        for model in ("ddm", "idm")
+    ),
+    Goal("10,000 rows on two cores [s]", 5.0, "job", {"batch": 10_000, "threads": 2}, field="seconds"),
+    *_derivative("lx4", "ddm_jacobian", 1, 1 / 15),
+    *_derivative("lx4", "ddm_jacobian", 100, 1 / 60),
+    *_derivative("gough_stewart", "ddm_jacobian", 1, 1 / 8),
+    *_derivative("ur5", "idm_jacobian", 1, 1.0),
+)  # fmt: skip
 
 
-def goals(results: dict[str, list[Any]]) -> list[Goal]:
-    """Give every goal."""
-    ddm, idm, batches = results["ddm"], results["idm"], results["throughput"]
-    out = [
-        _one("ddm, LX4, one sample per call", ddm, "lx4", 1, "pin.lcaba", 1 / 4),
-        _one("ddm, LX4, one sample per call", ddm, "lx4", 1, "pin.constraintDynamics", 1 / 10),
-        _one("ddm, 16 modules, one sample per call", ddm, "stack 16", 1, "pin.constraintDynamics", 1 / 90),
-        _one("ddm, 16 modules, one sample per call", ddm, "stack 16", 1, "pin.lcaba", 1 / 4),
-    ]
-    ddm_batch, idm_batch = ([p for p in batches if p.model == model] for model in ("ddm", "idm"))
-    out.append(_one(f"ddm, LX4, batch of {BATCH:,}", ddm_batch, "lx4", BATCH, "pin.lcaba", 1 / 25))
-    out.append(_threads(ddm_batch, max((row.cores for row in results["peak"]), default=math.nan)))
-    open_tree = "pin.rnea, loops open"
-    out.append(_one("idm, LX4, one sample per call", idm, "lx4", 1, open_tree, 3 / 4))
-    out.append(_one(f"idm, LX4, batch of {BATCH:,}", idm_batch, "lx4", BATCH, open_tree, 1 / 6))
-    out.append(_simulation(results["simulation"]))
-    return out
+def reached(results: Mapping[str, list[Row]]) -> Iterator[Reached]:
+    """Yield every goal of every robot that it is one of."""
+    for goal in GOALS:
+        rows = chosen(results[goal.section], **goal.rows)
+        cases = [goal.rows["case"]] if "case" in goal.rows else dict.fromkeys(row.case for row in rows)
+        for case in cases:
+            value = goal.times * _least((row for row in rows if row.case == case), goal.field)
+            if goal.over is not None:
+                value /= _least(chosen(results[goal.section], **goal.over), goal.field)
+            yield Reached(case, goal, value)
 
 
-def _one(title: str, points: Sequence[Point], case: str, batch: int, against: str, goal: float) -> Goal:
-    """Compare hybridyn's time per sample at a batch with a peer's cheapest setting."""
-    own = [p for p in points if p.case == case]
-    error = math.inf if against == "pin.rnea, loops open" else 1e-10
-    peer = cheapest((p for p in own if p.method == against and p.batch == batch), error)
-    if peer is None:
-        return Goal(title, against, goal, (math.nan, math.nan), "not measured")
-    ratios = tuple(_ratio(own, name, batch, peer.us) for name in OURS)
-    setting = f"{peer.setting}, " if peer.setting else ""
-    return Goal(title, against, goal, ratios, f"{setting}{peer.us:.3g} us, error {peer.error:.0e}")
-
-
-def _ratio(points: Iterable[Point], name: str, batch: int, us: float) -> float:
-    found = [p.us for p in points if (p.method, p.batch) == (name, batch) and p.threads <= 1]
-    return min(found, default=math.nan) / us
-
-
-def _threads(points: Sequence[Point], machine: float) -> Goal:
-    """Return the rate of all threads over that of one, by the number of threads."""
-    own = [p for p in points if p.case == "lx4" and p.method == OURS[0] and p.batch == BATCH]
-    times = {p.threads: p.us for p in own if math.isfinite(p.us)}
-    most = max(times, default=1)
-    value = times[1] / (most * times[most]) if most > 1 and 1 in times else math.nan
-    title = f"ddm, LX4, batch of {BATCH:,}, {most if most > 1 else 'all'} threads"
-    said = f"rate over threads times that of one thread; the machine's own: {machine:.2f}"
-    return Goal(title, "one thread", 0.8, (value, math.nan), said, at_least=True)
-
-
-def _simulation(flights: Sequence[Flight]) -> Goal:
-    """Compare RK4 at one step with the same on constraintDynamics."""
-    case, method, setting = SIMULATED
-    times = {f.method: f.seconds for f in flights if (f.case, f.setting) == (case, setting)}
-    peer = times.get(method, math.nan)
-    ratios = tuple(times.get(f"{name}, rk4, closed in stages", math.nan) / peer for name in OURS)
-    said = "not measured" if math.isnan(peer) else f"{peer:.3g} s, closures not closed"
-    title = "simulate, LX4, RK4, 10,000 steps"
-    return Goal(title, "the same on pin.constraintDynamics", 1 / 8, ratios, said)
+def _least(rows: Iterable[Row], field: str) -> float:
+    """Return the least number of some rows, of those that are good if any is; NaN for none."""
+    found = [(row, getattr(row, field)) for row in rows if math.isfinite(getattr(row, field))]
+    good = [value for row, value in found if row.error <= GOOD]
+    return min(good or [value for _, value in found], default=math.nan)

@@ -2,13 +2,14 @@
 
     python -m benchmarks --hard
 
-runs `pytest tests/hard`, the slow tests too, and writes `results/hard.csv` and `hard.md`: for each case and
-quantity the bound that the test claims, the worst number measured, and what is left between the two.
+runs `pytest tests/hard`, the slow tests too, and writes `results/hard.csv`: for each case and quantity the
+bound that the test claims, the worst number measured, and what is left between the two. `hard.md` has a line
+for each file of tests.
 """
 
 from __future__ import annotations
 
-import csv
+import ast
 import json
 import math
 import os
@@ -20,19 +21,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.cases import ROOT
+from benchmarks.fronts import grouped
+from benchmarks.results import read_table, write_table
+from benchmarks.tables import table as markdown
 
 COLUMNS = ("case", "quantity", "claim", "measured", "margin", "test")
 HEAD = """# Hard cases: claimed and measured
 
-Written by `python -m benchmarks --hard` from the tests in `tests/hard/`; where a number is claimed for many
-samples, the worst stands here. The margin is the claim over what was measured ("exact" where that is zero).
-What happens in each case and why: [hard cases](../docs/hard-cases.md). Each test says where its bound comes
-from.
+`python -m benchmarks --hard` writes this page from the tests in `tests/hard/`. The margin is the claim over
+the worst number that was measured; a number of zero has none. [All claims](results/hard.csv) stand in a
+table, with the bound, the worst number and the test of each. What happens in each case and why:
+[hard cases](../docs/hard-cases.md). Each test says where its bound comes from.
 """
 
 
 class Row(NamedTuple):
-    """One line of the table: a claim with the worst number measured for it."""
+    """A claim with the worst number measured for it."""
 
     case: str
     quantity: str
@@ -51,6 +55,11 @@ class Row(NamedTuple):
         if not self.holds:
             return "FAILS"
         return "exact" if self.measured <= 0 else f"{self.claim / self.measured:.2g}"
+
+    @property
+    def file(self) -> str:
+        """The file of the test."""
+        return self.test.partition("::")[0]
 
 
 def run_hard(folder: Path, jobs: int = 3) -> int:
@@ -71,11 +80,8 @@ def run_hard(folder: Path, jobs: int = 3) -> int:
             check=False,
         ).returncode
         rows = table(claims.read_text().splitlines())
-    (folder / "results").mkdir(parents=True, exist_ok=True)
-    with (folder / "results" / "hard.csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([COLUMNS, *map(cells, rows)])
-    (folder / "hard.md").write_text(page(rows, status))
+    write_table(folder / "results" / "hard.csv", COLUMNS, map(cells, rows))
+    write_page(folder)
     return status
 
 
@@ -104,31 +110,32 @@ def cells(row: Row) -> tuple[str, str, str, str, str, str]:
     return (row.case, row.quantity, f"{row.claim:.3g}", f"{row.measured:.2g}", row.margin, row.test)
 
 
-def page(rows: list[Row], status: int) -> str:
-    """Return the table as Markdown, by file of tests; what fails stands first.
+def write_page(folder: Path) -> None:
+    """Write the page of the claims that are kept in a folder."""
+    found = read_table(folder / "results" / "hard.csv")
+    rows = [Row(x["case"], x["quantity"], float(x["claim"]), float(x["measured"]), x["test"]) for x in found]
+    (folder / "hard.md").write_text(page(rows))
 
-    Args:
-        rows: The rows, by test.
-        status: Pytest's exit status.
-    """
+
+def page(rows: list[Row]) -> str:
+    """Return the page as Markdown: a line for each file of tests; what fails stands first."""
     broken = [row for row in rows if not row.holds]
-    lines = [HEAD, f"{len(rows)} claims, {len(broken)} of them broken; pytest's exit status {status}.", ""]
+    lines = [HEAD, f"{len(rows):,} claims, {len(broken)} of them broken.\n"]
     if broken:
-        lines += ["## Broken claims", "", *_lines(broken), ""]
-    files: dict[str, list[Row]] = {}
-    for row in rows:
-        files.setdefault(row.test.partition("::")[0], []).append(row)
-    for file, members in files.items():
-        lines += [f"## {Path(file).stem.removeprefix('test_').replace('_', ' ').capitalize()}", ""]
-        lines += [f"[`{file}`](../{file})", "", *_lines(members), ""]
+        lines += ["## Broken claims\n", markdown(COLUMNS, [cells(row) for row in broken])]
+    head = ["file", "what it claims", "claims", "least margin", "of"]
+    lines.append(markdown(head, [_line(file, own) for file, own in grouped(rows, "file").items()]))
     return "\n".join(lines)
 
 
-def _lines(rows: list[Row]) -> list[str]:
-    """Return the lines of a Markdown table, without its column of files."""
-    out = ["| case | quantity | claim | measured | margin | test |", "|---|---|--:|--:|--:|---|"]
-    for row in rows:
-        case, quantity, claim, measured, margin, test = (cell.replace("|", "\\|") for cell in cells(row))
-        name = test.rpartition("::")[2].removeprefix("test_").replace("_", " ")
-        out.append(f"| {case} | {quantity} | {claim} | {measured} | {margin} | {name} |")
-    return out
+def _line(file: str, rows: list[Row]) -> list[str]:
+    """Return the line of a file of tests."""
+    source = ROOT / file
+    said = ast.get_docstring(ast.parse(source.read_text())) if source.exists() else None
+    name = Path(file).stem.removeprefix("test_").replace("_", " ")
+    link, what = f"[{name}](../{file})", (said or "").partition("\n")[0]
+    measured = [row for row in rows if not row.measured <= 0]
+    if not measured:
+        return [link, what, str(len(rows)), "exact", ""]
+    least = min(measured, key=lambda row: row.claim / row.measured if row.holds else -1.0)
+    return [link, what, str(len(rows)), least.margin, f"{least.case}: {least.quantity}"]

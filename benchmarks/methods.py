@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
 Model = Literal["ddm", "idm"]
+MODELS: tuple[Model, ...] = get_args(Model)
 Setting = Mapping[str, float]
 
 #: (q, v, tau) -> a for a direct model, (q, v, a) -> tau for an inverse one: one sample (n,), or (T, n).

@@ -37,6 +37,11 @@ def operations(program: Program) -> dict[str, dict[str, int]]:
     return {part: {kind: total[kind] for kind in KINDS} for part, total in out.items()}
 
 
+def total(program: Program, without: str = "") -> int:
+    """Count all operations of a program, without those of a part."""
+    return sum(sum(kinds.values()) for part, kinds in operations(program).items() if part != without)
+
+
 def flattened(program: Program) -> tuple[int, int]:
     """Count the operations of a program written as one expression, with common terms computed once.
 

@@ -24,8 +24,9 @@ from pathlib import Path
 
 import hybridyn
 from benchmarks.cases import case_of
-from benchmarks.operations import operations
-from benchmarks.results import Limit
+from benchmarks.operations import total
+from benchmarks.peers.ours import COMPILED
+from benchmarks.results import NAN, Row
 from benchmarks.timing import timed
 from hybridyn.compiled.library.building import NATIVE
 from hybridyn.compiled.library.compilers import best_lanes, find_compiler
@@ -59,15 +60,8 @@ def peak() -> tuple[float, float]:
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder, "peak.c"), Path(folder, "peak.so")
         source.write_text(SOURCE)
-        flags = [
-            "-O3",
-            *NATIVE,
-            "-ffp-contract=fast",
-            "-shared",
-            "-fPIC",
-            f"-DW={lanes}",
-            f"-DCHAINS={CHAINS}",
-        ]
+        sizes = [f"-DW={lanes}", f"-DCHAINS={CHAINS}"]
+        flags = ["-O3", *NATIVE, "-ffp-contract=fast", "-shared", "-fPIC", *sizes]
         subprocess.run([*find_compiler().command, *flags, str(source), "-o", str(library)], check=True)
         run = ctypes.CDLL(str(library)).run
         run.argtypes, run.restype = [ctypes.c_long], ctypes.c_double
@@ -80,19 +74,24 @@ def peak() -> tuple[float, float]:
         return one, 2 * lanes * CHAINS * sum(long) / least
 
 
-def measure(case: str) -> list[Limit]:
+def measure(case: str) -> list[Row]:
     """Return both models of a robot: operations of a sample, time in a batch on one thread, and the peak."""
     own = case_of(case)
     robot = own.load()
     compiled, (most, together) = hybridyn.compile(robot), peak()
-    scaling = together / most / (os.cpu_count() or 1)
     q, v, a = own.states(robot, SAMPLES)
     rows = []
     for model, given in (("ddm", hybridyn.idm(robot, q, v, a)), ("idm", a)):
-        program = programs(robot, models=(model,))[model]
-        count = sum(sum(kinds.values()) for kinds in operations(program).values())
+        count = total(programs(robot, models=(model,))[model])
         call = partial(getattr(compiled, model), q, v, given)
         call()
         seconds = min(timed(call, 1) for _ in range(ROUNDS)) / SAMPLES
-        rows.append(Limit(case, model, count, 1e6 * seconds, 1e-9 * most, count / seconds / most, scaling))
+        row = Row(case, model, COMPILED, us=1e6 * seconds, value=count / seconds / most)
+        rows.append(row._replace(setting="share of the peak rate"))
+        for what, value, unit in (
+            ("operations", count, "operations"),
+            ("peak rate of one core", 1e-9 * most, "1e9/s"),
+            ("rate of all cores, of one times their number", together / most / (os.cpu_count() or 1), ""),
+        ):
+            rows.append(row._replace(setting=what, us=NAN, value=value, unit=unit))
     return rows

@@ -27,7 +27,7 @@ from benchmarks.controlled import KD, KP
 from benchmarks.methods import NotMeasuredError
 from benchmarks.operations import flattened
 from benchmarks.processes import only_cores
-from benchmarks.results import Waited
+from benchmarks.results import NAN, Row
 from benchmarks.timing import timed
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.model import CompiledRobot
@@ -52,6 +52,20 @@ RUNS = 7
 SHORT, LONG = 3, 10_000
 #: How often a program is started, of which the least time counts.
 STARTS, COLD_STARTS = 12, 3
+#: Rows and cores of the whole program.
+JOBS = ((10_000, 1), (10_000, 2), (10_000, 4), (1_000, 2), (40_000, 2))
+WHOLE = "hybridyn idm, whole program"
+#: The command line, and then the most memory it ever held [KiB] on standard output.
+COMMAND = """
+import re, sys
+from pathlib import Path
+from hybridyn.cli import main
+status = main(sys.argv[1:])
+proc = Path("/proc/self/status")
+peak = re.search(r"VmHWM:\\s*(\\d+)", proc.read_text()) if proc.exists() else None
+print(peak[1] if peak else "nan")
+sys.exit(status)
+"""
 #: Loads the LX4, then computes with a model that it builds quickly in an empty cache; prints the seconds.
 COLD = """
 import sys, time
@@ -65,42 +79,32 @@ print(time.perf_counter() - started)
 """
 
 
-def measure(case: str, ticks: int = closing.STEPS) -> list[Waited]:
+def measure(case: str, count: int = closing.STEPS) -> list[Row]:
     """Measure everything around the models of a robot; the command line with the LX4 alone.
 
     Args:
         case: Robot.
-        ticks: Number of control steps from Python, of which percentiles are given.
+        count: Number of control steps from Python, of which percentiles are given.
     """
-    rows = [*guard(case), *control_step(case, ticks), *controlled_steps(case)]
-    return [*rows, *command_line(), *cold()] if case == "lx4" else rows
+    compiled = hybridyn.compile(case_of(case).load())
+    rows = [*guard(case), *closing.measure(case, compiled, count), *controlled_steps(case, compiled)]
+    return [*rows, *command_line(), *jobs(), *cold()] if case == "lx4" else rows
 
 
-def guard(case: str) -> Iterator[Waited]:
+def guard(case: str) -> Iterator[Row]:
     """Yield how many operations the inverse model has with its guard and without, and their ratio."""
     robot = case_of(case).load()
     asked = request(robot, choose(robot, None))
     for program, compared in (("idm", True), ("idm_from_motors", False)):
         with_guard, alone = flattened(inverse_program(replace(asked, compared=compared)))
-        yield Waited(case, program, "operations with the guard", with_guard, "")
-        yield Waited(case, program, "operations without the guard", alone, "")
-        yield Waited(case, program, GUARD, with_guard / alone, "")
+        yield _row(case, program, "operations with the guard", with_guard, "")
+        yield _row(case, program, "operations without the guard", alone, "")
+        yield _row(case, program, GUARD, with_guard / alone, "")
 
 
-def control_step(case: str, ticks: int) -> Iterator[Waited]:
-    """Yield the time of a step from the motors' encoders to their efforts, from Python and in C."""
-    compiled = hybridyn.compile(case_of(case).load())
-    motors = closing.ticks(compiled.robot)
-    _, median, ninety, last, _ = dict(closing.steps(compiled, motors, ticks))["idm_from_motors"]
-    for what, us in (("median", median), ("90 %", ninety), ("99 %", last)):
-        yield Waited(case, "control step", f"from Python, {what}", us, "us")
-    yield Waited(case, "control step", "in C", closing.step_alone(compiled, motors), "us")
-
-
-def controlled_steps(case: str) -> Iterator[Waited]:
+def controlled_steps(case: str, compiled: CompiledRobot) -> Iterator[Row]:
     """Yield the time of an RK4 step, and what controllers make of it."""
-    robot = case_of(case).load()
-    compiled = hybridyn.compile(robot)
+    robot = compiled.robot
     q, still = robot.home, np.zeros(robot.nv)
     held = compiled.idm(q, still, still)
     motors = dict(zip(robot.motors, MotorAxes.of(robot).positions(q) + MOVE, strict=True))
@@ -121,12 +125,12 @@ def controlled_steps(case: str) -> Iterator[Waited]:
         for name, effort in laws.items():
             times[name] = min(times[name], _step(compiled, effort))
     bare = times["bare"]
-    yield Waited(case, "simulate, RK4", "a bare step", 1e6 * bare, "us")
+    yield _row(case, "simulate, RK4", "a bare step", 1e6 * bare, "us")
     for name in ("PD", "computed torque"):
-        yield Waited(case, "simulate, RK4", f"a step with {name}", times[name] / bare, "bare steps")
+        yield _row(case, "simulate, RK4", f"a step with {name}", times[name] / bare, "bare steps")
     own = min(timed(lambda: law(0.0, q, still), 10_000, time.process_time) for _ in range(RUNS))
     beyond = (times["Python"] - bare) / STAGES - own
-    yield Waited(case, "simulate, RK4", "a law in Python, beyond its own call", 1e6 * beyond, "us")
+    yield _row(case, "simulate, RK4", "a law in Python, beyond its own call", 1e6 * beyond, "us")
 
 
 def _step(compiled: CompiledRobot, effort: Any) -> float:
@@ -143,19 +147,35 @@ def _step(compiled: CompiledRobot, effort: Any) -> float:
     return spent / run.counters.steps
 
 
-def command_line() -> Iterator[Waited]:
+def command_line() -> Iterator[Row]:
     """Yield the processor time of `hybridyn idm` on the LX4's poses, beside that of importing Pinocchio."""
     pinocchio = _program(["-c", "import pinocchio"])
-    yield Waited("lx4", "python", "import pinocchio", pinocchio, "s")
+    yield _row("lx4", "python", "import pinocchio", pinocchio, "s")
     with tempfile.TemporaryDirectory() as folder, only_cores(1):
         seconds = []
         for rows in (SHORT, LONG):
             table, out = Path(folder, f"{rows}.csv"), Path(folder, "efforts.csv")
             write_long_trajectory(table, rows)
             seconds.append(_program(["-m", "hybridyn", "idm", str(LX4), str(table), "-o", str(out), "-q"]))
-    yield Waited("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0], "s")
-    yield Waited("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0] / pinocchio, "imports of pinocchio")
-    yield Waited("lx4", "hybridyn idm", f"{LONG:,} rows, beyond {SHORT}", seconds[1] - seconds[0], "s")
+    yield _row("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0], "s")
+    yield _row("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0] / pinocchio, "imports of pinocchio")
+    yield _row("lx4", "hybridyn idm", f"{LONG:,} rows, beyond {SHORT}", seconds[1] - seconds[0], "s")
+
+
+def jobs() -> Iterator[Row]:
+    """Yield the time and the memory of `hybridyn idm` on the LX4's poses, from the start of the program on."""
+    for rows, cores in JOBS:
+        with tempfile.TemporaryDirectory() as folder, only_cores(cores) as given:
+            table = Path(folder) / "trajectory.csv"
+            write_long_trajectory(table, rows)
+            words = ["idm", str(LX4), str(table), "-o", str(Path(folder) / "efforts.csv"), "-q"]
+            started = time.perf_counter()
+            done = subprocess.run([sys.executable, "-c", COMMAND, *words], capture_output=True, text=True)
+            wall = time.perf_counter() - started
+        if done.returncode:
+            raise RuntimeError(f"hybridyn idm failed: {done.stderr.strip()}")
+        what = f"{rows:,} rows on {cores} core{'s' * (cores > 1)}"
+        yield _row("lx4", WHOLE, what, wall if given else NAN, "s")._replace(mib=float(done.stdout) / 1024.0)
 
 
 def _program(words: list[str]) -> float:
@@ -169,7 +189,7 @@ def _program(words: list[str]) -> float:
     return least
 
 
-def cold() -> Iterator[Waited]:
+def cold() -> Iterator[Row]:
     """Yield the time from the loaded LX4 to its first efforts, with an empty cache."""
     least = math.inf
     for _ in range(COLD_STARTS):
@@ -179,6 +199,11 @@ def cold() -> Iterator[Waited]:
                 env=os.environ | {VARIABLE: folder},
             )  # fmt: skip
         least = min(least, float(done.stdout))
-    yield Waited(
+    yield _row(
         "lx4", "compile, quick", "from the loaded robot to its first efforts, empty cache", least, "s"
     )
+
+
+def _row(case: str, program: str, what: str, value: float, unit: str) -> Row:
+    """Return a row of what a user's program waits for."""
+    return Row(case, program, setting=what, value=value, unit=unit)

@@ -1,21 +1,22 @@
 """Compiled closed-loop quantities beside Pinocchio's algorithms for the open tree of the same robot.
 
-Run `python -m benchmarks.quantities [robots]`. Times are per sample of a batch of `SAMPLES` [us]. Pinocchio's
-`crba` and `nonLinearEffects` know no closures: their results are those of the open tree, which the loops turn
+Pinocchio's `crba` and `nonLinearEffects` know no closures: their results are those of the open tree, which the loops turn
 into M by dq/du on both sides. So is that of `computeDelassusMatrix` of the link alone, which is compared with
 J M^-1 J^T of the open tree before anything is timed. They are called from Python, sample by sample.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from benchmarks.timing import interleaved, one_thread
+from benchmarks.methods import NotMeasuredError
+from benchmarks.peers.ours import COMPILED
+from benchmarks.results import Row
+from benchmarks.timing import Candidate, measured
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.spatial import Array
 
@@ -26,40 +27,41 @@ SAME = 1e-9
 SAMPLES, ROUNDS = 1_000, 9
 
 
-def main() -> int:
-    """Measure the robots that are named, and print a table."""
-    one_thread()
-    for name in sys.argv[1:] or ROBOTS:
-        compiled = hybridyn.compile(hybridyn.load(name))
-        calls = calls_of(compiled)
-        for call in calls.values():
-            call()
-        for what, time in zip(calls, interleaved(list(calls.values()), ROUNDS), strict=True):
-            print(f"{name:<15}{what:<35}{1e6 * time.least / SAMPLES:9.2f}", flush=True)
-        assert compiled.recomputed == 0
-    return 0
+def measure(case: str, samples: int = SAMPLES, rounds: int = ROUNDS) -> list[Row]:
+    """Measure a robot.
+
+    Raises:
+        NotMeasuredError: The general path had to compute a sample.
+    """
+    compiled = hybridyn.compile(hybridyn.load(case))
+    row = Row(case, "quantities", batch=samples)
+    calls = calls_of(compiled, samples).items()
+    rows = measured([Candidate(row._replace(method=name), samples, call) for name, call in calls], rounds)
+    if compiled.recomputed:
+        raise NotMeasuredError(f"the general path computed {compiled.recomputed} samples")
+    return rows
 
 
-def calls_of(compiled: hybridyn.CompiledRobot) -> dict[str, Callable[[], object]]:
+def calls_of(compiled: hybridyn.CompiledRobot, samples: int) -> dict[str, Callable[[], object]]:
     """Return what is measured, by name."""
     robot = compiled.robot
     model, link = robot.model.copy(), list(robot.bodies.place)[-1]
     data, delassus = model.createData(), delassus_of_tree(model, link)
-    q, v, _ = moving_states(robot, SAMPLES, 1)
+    q, v, _ = moving_states(robot, samples, 1)
     pairs = list(zip(q, v, strict=True))
     return {
-        "mass_matrix": lambda: compiled.mass_matrix(q),
-        "crba (open tree)": lambda: [pin.crba(model, data, x) for x in q],
-        "bias": lambda: compiled.bias(q, v),
-        "nonLinearEffects (open tree)": lambda: [pin.nonLinearEffects(model, data, *pair) for pair in pairs],
-        "coriolis": lambda: compiled.coriolis(q, v),
-        "gravity": lambda: compiled.gravity(q),
-        "motion_map": lambda: compiled.motion_map(q),
-        "motion_map with its rate": lambda: compiled.motion_map(q, v),
-        "link_jacobian": lambda: compiled.link_jacobian(q, link),
-        "delassus": lambda: compiled.delassus(q, link),
-        "computeDelassusMatrix (open tree)": lambda: [delassus(x) for x in q],
-        "energy": lambda: compiled.energy(q, v),
+        f"{COMPILED}, mass_matrix": lambda: compiled.mass_matrix(q),
+        "pin.crba, loops open": lambda: [pin.crba(model, data, x) for x in q],
+        f"{COMPILED}, bias": lambda: compiled.bias(q, v),
+        "pin.nonLinearEffects, loops open": lambda: [pin.nonLinearEffects(model, data, *pair) for pair in pairs],
+        f"{COMPILED}, coriolis": lambda: compiled.coriolis(q, v),
+        f"{COMPILED}, gravity": lambda: compiled.gravity(q),
+        f"{COMPILED}, motion_map": lambda: compiled.motion_map(q),
+        f"{COMPILED}, motion_map with its rate": lambda: compiled.motion_map(q, v),
+        f"{COMPILED}, link_jacobian": lambda: compiled.link_jacobian(q, link),
+        f"{COMPILED}, delassus": lambda: compiled.delassus(q, link),
+        "pin.computeDelassusMatrix, loops open": lambda: [delassus(x) for x in q],
+        f"{COMPILED}, energy": lambda: compiled.energy(q, v),
     }
 
 
@@ -80,6 +82,3 @@ def delassus_of_tree(model: pin.Model, link: str) -> Callable[[Array], Array]:
     assert off <= SAME * np.abs(right).max(), off
     return lambda q: np.asarray(pin.computeDelassusMatrix(model, data, q, constraints, states))
 
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,35 +1,48 @@
-"""The report, generated from the results alone."""
+"""The report, generated from the results alone: each question with one table and one figure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from benchmarks.fronts import cheapest, exponent, grouped
-from benchmarks.reached import around, reached
-from benchmarks.results import SECTIONS, Check, read_machines, read_rows
-from benchmarks.standing import fastest, flown, losses, standing
+import numpy as np
+
+from benchmarks import texts
+from benchmarks.fronts import chosen, exponent, grouped
+from benchmarks.goals import reached
+from benchmarks.results import CHECK, NAN, SECTIONS, Row, read_machines, read_rows
+from benchmarks.standing import fastest, jacobians, ratios, standings
 from benchmarks.tables import number, table
-from benchmarks.texts import (
-    CALLGRIND,
-    CONTROLLED,
-    DERIVATIVES,
-    HEAD,
-    JOB,
-    LIMITS,
-    METHODS,
-    OVER_MOTORS,
-    PEAK,
-    SINGULAR,
-    THROUGHPUT,
-)
 
-Results = dict[str, list[Any]]
+Results = dict[str, list[Row]]
+Table = tuple[Sequence[str], list[list[str]]]
 
-#: Cases of one reason that are written out.
-MOST_NAMED = 6
+#: Errors of a simulation's final state.
+WANTED = (1e-3, 1e-6, 1e-9)
+#: Number of modules at which memory is compared: the most that every peer was tried with.
+MODULES = 16
+#: Cores for which the rate of a sweep is stated, and seconds of a day.
+CORES, DAY = 1000, 86400.0
+
+
+class Question(NamedTuple):
+    """A question of the report.
+
+    Attributes:
+        title: The question.
+        words: What table and figure show.
+        files: The sections whose rows stand in full beside it.
+        table: Gives the table.
+        figure: Name of the figure, empty for none.
+    """
+
+    title: str
+    words: str
+    files: tuple[str, ...]
+    table: Callable[[Results], Table]
+    figure: str = ""
 
 
 def write_report(folder: Path) -> Path:
@@ -38,7 +51,7 @@ def write_report(folder: Path) -> Path:
     try:
         from benchmarks.figures import write_figures
 
-        drawn = [figure.name for figure in write_figures(folder / "figures", results)]
+        drawn = write_figures(folder / "figures", results)
     except ImportError:
         drawn = []
     path = folder / "report.md"
@@ -47,10 +60,8 @@ def write_report(folder: Path) -> Path:
 
 
 def read_results(folder: Path) -> Results:
-    """Read every section, and the gate."""
-    out: Results = {section: read_rows(folder / f"{section}.csv", kind) for section, kind in SECTIONS.items()}
-    out["gate"] = read_rows(folder / "gate.csv", Check)
-    return out
+    """Read every section."""
+    return {section: read_rows(folder / f"{section}.csv") for section in SECTIONS}
 
 
 def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequence[str]) -> str:
@@ -64,232 +75,261 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
     Returns:
         Markdown.
     """
-    titles: list[tuple[str, str, Callable[[Results], Iterator[str]]]] = [
-        ("ddm", "Direct model", lambda r: _models(r, "ddm")),
-        ("idm", "Inverse model", lambda r: _models(r, "idm")),
-        ("scaling", "Cost against the number of modules", _scaling),
-        ("simulation", "Simulation", _simulation),
-        ("controlled", "Scenes with controllers", _controlled),
-        ("throughput", "Throughput", _throughput),
-        ("derivatives", "Derivatives", _derivatives),
-        ("singular", "Close to singular postures", _singular),
-        ("callgrind", "Instructions", _callgrind),
-        ("peak", "Share of the peak rate", _peak),
-        ("job", "The main job", _job),
-        ("programs", "Around the models", around),
-    ]
-    parts = [HEAD, *standing(results), *losses(results), *reached(results), METHODS]
-    for name, title, body in titles:
-        if results[name]:
-            parts.append(f"## {title}\n")
-            if name in drawn:
-                parts.append(f"![{title}](figures/{name}.svg)\n")
-            parts += body(results)
-    parts += [*_gate(results), *_missing(results), LIMITS, *_machines(machines)]
+    parts = [texts.HEAD]
+    for question in QUESTIONS:
+        head, rows = question.table(results)
+        parts.append(f"## {question.title}\n\n{question.words}")
+        if question.figure in drawn:
+            parts.append(f"![{question.title}](figures/{question.figure}.svg)\n")
+        known = [name for name in question.files if results[name]]
+        missing = " ".join(name for name in question.files if name not in known)
+        if rows:
+            parts.append(table(head, rows))
+        if known:
+            parts.append(
+                f"Rows in full: {', '.join(f'[{name}.csv](results/{name}.csv)' for name in known)}.\n"
+            )
+        if missing:
+            parts.append(f"Not measured yet; `python -m benchmarks --full --only {missing}` does.\n")
+    parts += [texts.LIMITS, table(*_files(results)), *_machines(machines)]
     return "\n".join(parts)
 
 
-def _models(results: Results, model: str) -> Iterator[str]:
-    yield "Time per sample [us]: the fastest setting with an error of at most 1e-10, or the most exact.\n"
-    own = [p for p in results[model] if math.isfinite(p.us)]
-    columns = list(grouped(own, "method"))
+def against(results: Results) -> Table:
+    """Compare the models with the fastest peer, a line for each robot."""
     head = ["robot"]
-    for name in columns:
-        head += [f"{name}, one call", f"{name}, batch"] if name.startswith("hybridyn") else [name]
+    for model in ("ddm", "idm"):
+        head += [f"{model}: fastest peer", "us", "error", "hybridyn, a call", "in a batch", "error"]
+    lines: dict[str, list[str]] = {}
+    for one in standings(results, ("ddm", "idm")):
+        line = lines.setdefault(one.case, [one.case])
+        line += [one.peer.method.removeprefix("pin.rnea + "), number(one.peer.us), number(one.peer.error)]
+        ours = [one.ours("hybridyn", batch) for batch in (False, True)]
+        line += [_beside(row.us if row else NAN, one.peer.us) for row in ours]
+        line.append(number(max((row.error for row in ours if row), default=NAN)))
+    return head, list(lines.values())
+
+
+def losses(results: Results) -> Table:
+    """Say on which robots each engine is slower than the fastest peer, and by how much."""
     rows = []
-    for case, points in grouped(own, "case").items():
-        row = [case]
-        for name in columns:
-            of = [p for p in points if p.method == name]
-            if name.startswith("hybridyn"):
-                row += [_cell([p for p in of if p.batch == 1]), _cell([p for p in of if p.batch > 1])]
-            else:
-                row.append(_cell(of))
-        rows.append(row)
-    yield table(head, rows)
+    for (engine, model, batch), own in grouped(ratios(results), "method", "model", "batch").items():
+        lost = [row.case for row in own if row.value > 1]
+        worst = max(own, key=lambda row: row.value)
+        won = [row.case for row in own if row.value <= 1]
+        where = ", ".join(lost) if len(lost) <= len(won) else f"all but {', '.join(won) or 'none'}"
+        how = "one call" if batch == 1 else "batch"
+        rows.append(
+            [engine, model, how, f"{len(lost)} of {len(own)}", where, f"{_bold(worst.value)} ({worst.case})"]
+        )
+    head = ["engine", "model", "", "slower on", "which", "largest ratio of times"]
+    return head, sorted(rows, key=lambda line: line[0])
 
 
-def _cell(points: Sequence[Any]) -> str:
-    best = cheapest(points)
-    if best is None:
-        return ""
-    return number(best.us) if best.error <= 1e-10 else f"{number(best.us)} (error {best.error:.0e})"
+def missed(results: Results) -> Table:
+    """List the goals that are missed, after a line that counts them."""
+    known = [one for one in reached(results) if not math.isnan(one.value)]
+    lost = [one for one in known if not one.met]
+    rows = [[f"{len(known) - len(lost)} of {len(known)} goals are met", "", ""]] if known else []
+    for goal in dict.fromkeys(id(one.goal) for one in lost):
+        own = [one for one in lost if id(one.goal) == goal]
+        first = own[0].goal
+        limit = f"at {'least' if first.at_least else 'most'} {first.limit:.3g} {first.rows.get('unit', '')}"
+        rows.append([first.what, limit.rstrip(), ", ".join(f"{one.case} {number(one.value)}" for one in own)])
+    return ["goal", "wanted", "reached"], rows
 
 
-def _scaling(results: Results) -> Iterator[str]:
-    for family, own in grouped(results["scaling"], "family").items():
-        sizes = sorted({s.modules for s in own})
-        yield f"### {family}s\n"
-        for field, unit in (("us", "time per sample [us]"), ("mib", "memory [MiB]")):
-            rows = []
-            for (model, method, batch), group in grouped(own, "model", "method", "batch").items():
-                at = {s.modules: getattr(s, field) for s in group}
-                series = [at.get(size, math.nan) for size in sizes]
-                if not any(map(math.isfinite, series)):
-                    continue
-                slope = exponent(sizes, series)
-                cells = ["" if math.isnan(x) else number(x) for x in series]
-                fit = "" if math.isnan(slope) else f"n^{slope:.2f}"
-                rows.append([model, method, f"{batch:,}", *cells, fit])
-            yield table([unit, "method", "batch", *map(str, sizes), "fit, n >= 4"], rows)
+def effects(results: Results) -> Table:
+    """List what each effect changes, and its share of the operations."""
+    rows = [[r.case, r.method, number(r.error), f"{r.value:.1%}"] for r in results["effects"]]
+    return ["robot", "effect", "change of the efforts without it", "share of the operations"], rows
 
 
-def _simulation(results: Results) -> Iterator[str]:
-    for case, own in grouped(results["simulation"], "case").items():
-        yield f"### {case}\n"
-        rows = [
-            [
-                f.method,
-                f.setting,
-                number(f.seconds),
-                number(f.state),
-                number(f.energy),
-                number(f.closure),
-                f.note,
-            ]
-            for f in own
-            if math.isfinite(f.seconds)
-        ]
-        yield table(["method", "setting", "time [s]", "final state", "energy", "closures", ""], rows)
-        yield from flown(own)
+def singular(results: Results) -> Table:
+    """Give every method's error by distance."""
+    rows = [r for r in results["singular"] if r.model != CHECK and not math.isnan(r.at)]
+    return _pivot(rows, ("case", "method"), "at", lambda own: number(own[0].error) or "refused", every=4)
 
 
-def _controlled(results: Results) -> Iterator[str]:
-    yield CONTROLLED
-    for case, own in grouped(results["controlled"], "case").items():
-        yield f"### {case}\n"
-        rows = [
-            [r.method, r.setting, number(r.per_second), f"{r.steps:,}", number(r.error), r.note]
-            for r in own
-            if math.isfinite(r.per_second)
-        ]
-        yield table(["method", "setting", "time [s/s]", "steps", "final state", ""], rows)
-        yield from fastest(own)
-
-
-def _throughput(results: Results) -> Iterator[str]:
-    yield THROUGHPUT
-    own = [p for p in results["throughput"] if math.isfinite(p.us)]
-    sizes = sorted({p.batch for p in own})
-    rows = []
-    for (case, model, method, threads), group in grouped(own, "case", "model", "method", "threads").items():
-        at = {p.batch: p.us for p in group}
-        rows.append([case, model, method, str(threads), *(number(at.get(size, math.nan)) for size in sizes)])
-    yield table(["robot", "model", "method", "threads", *(f"{size:,}" for size in sizes)], rows)
-
-
-def _derivatives(results: Results) -> Iterator[str]:
-    yield DERIVATIVES
-    if any(p.model.endswith("over motors") for p in results["derivatives"]):
-        yield OVER_MOTORS
+def cold(results: Results) -> Table:
+    """List times of cold and of hot calls beside the code."""
     rows = [
-        [p.model, p.case, p.method, p.setting, f"{p.batch:,}", number(p.error), number(p.us)]
-        for p in results["derivatives"]
-        if math.isfinite(p.us)
+        [r.case, r.model, r.method, number(r.median), number(r.us), number(r.mib)] for r in results["cold"]
     ]
-    yield table(["model", "robot", "method", "", "batch", "error", "us"], rows)
+    return ["robot", "model", "method", "cold [us]", "hot [us]", "code [KiB]"], rows
 
 
-def _singular(results: Results) -> Iterator[str]:
-    yield SINGULAR
-    for case, own in grouped(results["singular"], "case").items():
-        own = [r for r in own if math.isfinite(r.distance)]
-        distances = sorted({r.distance for r in own}, reverse=True)[::2]
-        rows = []
-        for method, group in grouped(own, "method").items():
-            cells = []
-            for distance in distances:
-                errors = [r.error for r in group if r.distance == distance and not math.isnan(r.error)]
-                cells.append(number(min(errors)) if errors else "refused")
-            rows.append([method, *cells])
-        yield table([case, *(f"{d:.0e}" for d in distances)], rows)
+def derivatives(results: Results) -> Table:
+    """Compare derivatives with Pinocchio's, a line for each robot and model."""
+    lines = []
+    for one in jacobians(results):
+        us, error = (one.peer.us, one.peer.error) if one.peer else (NAN, NAN)
+        worst = max((row.error for row in one.ours if row), default=NAN)
+        times = [_beside(row.us if row else NAN, us) for row in one.ours]
+        lines.append([one.case, one.model, number(us), number(error), *times, number(worst)])
+    head = ["robot", "derivatives", "Pinocchio [us]", "error", "all joints, a call", "in a batch"]
+    return [*head, "over motors, a call", "in a batch", "error"], lines
 
 
-def _callgrind(results: Results) -> Iterator[str]:
-    yield CALLGRIND
-    times = {
-        (p.case, p.model, p.method, p.setting, p.batch > 1): p.us
-        for p in results["ddm"] + results["idm"]
-        if math.isfinite(p.us)
-    }
-    rows = []
-    for c in results["callgrind"]:
-        if math.isfinite(c.instructions):
-            us = times.get((c.case, c.model, c.method, c.setting, c.batch > 1), math.nan)
-            name = f"{c.method}, {c.setting}" if c.setting else c.method
-            own = number(c.own) if c.own else ""
-            rows.append([c.case, c.model, name, str(c.batch), number(c.instructions), own, number(us)])
-    head = ["robot", "model", "method", "batch", "instructions", "in its own library", "time [us]"]
-    yield table(head, rows)
-
-
-def _peak(results: Results) -> Iterator[str]:
-    yield PEAK.format(cores=max(r.cores for r in results["peak"]))
+def sweeps(results: Results) -> Table:
+    """Give the costs of a design by least squares, and those of the engines."""
+    runs = results["sweeps"]
+    if not runs:
+        return [], []
+    alone = chosen(runs, "loky", threads=1)
+    shapes = [[1.0, r.at, r.at * r.batch] for r in alone]
+    fitted = np.linalg.lstsq(np.array(shapes), [r.seconds for r in alone], rcond=None)[0]
+    start, design, posture = (float(x) for x in fitted)
+    few = min(r.batch for r in alone)
+    each = design + few * posture
     rows = [
-        [r.case, r.model, f"{r.operations:,}", number(r.us), number(r.operations / r.us / 1e3),
-         number(r.peak), number(r.operations / r.peak / 1e3), f"{r.share:.0%}"]
-        for r in results["peak"]
-    ]  # fmt: skip
-    head = [
-        "robot",
-        "model",
-        "operations",
-        "time [us]",
-        "1e9 / s",
-        "peak [1e9 / s]",
-        "at the peak [us]",
-        "share",
+        ["start of a sweep", f"{start:.1f} s", ""],
+        ["a design, without postures", f"{1e3 * design:.0f} ms", ""],
+        ["a posture", f"{1e3 * posture:.2f} ms", ""],
+        [f"a design with {few} postures", f"{1e3 * each:.0f} ms", ""],
+        [f"such designs on {CORES:,} cores in a day", f"{CORES * DAY / each / 1e6:.0f} million", ""],
     ]
-    yield table(head, rows)
+    for r in runs:
+        if (r.at, r.batch) == (max(run.at for run in runs), few):
+            what = f"{r.at:.0f} such designs by {r.method}, {r.threads} process{'es' * (r.threads > 1)}"
+            rows.append([what, f"{r.seconds:.1f} s", f"{r.value:.1f} s"])
+    return ["", "processor time", "by the clock"], rows
 
 
-def _job(results: Results) -> Iterator[str]:
-    yield JOB
-    rows = [[str(j.cores), f"{j.rows:,}", number(j.seconds), number(j.mib)] for j in results["job"]]
-    yield table(["cores", "rows", "wall time [s]", "peak memory [MiB]"], rows)
-
-
-def _gate(results: Results) -> Iterator[str]:
-    yield "## Checks of models and references\n"
-    yield "Largest difference, relative to the largest entry. If it exceeds its limit, no time is measured.\n"
+def modules(results: Results) -> Table:
+    """Give times by number of stacked modules, their growth, and memory."""
     rows = [
-        [c.case, c.what, number(c.error), "" if math.isnan(c.limit) else number(c.limit)]
-        for c in results["gate"]
+        r
+        for r in chosen(results["scaling"], case="stack")
+        if r.batch in (1, 500) and r.model in ("ddm", "idm")
     ]
-    yield table(["robot", "what", "error", "limit"], rows)
+    rows = [r for r in rows if math.isfinite(r.us) and not r.method.startswith("dense")]
+    head, lines = _pivot(rows, ("model", "method", "batch"), "at", lambda own: number(own[0].us), every=2)
+    for line, own in zip(lines, grouped(rows, "model", "method", "batch").values(), strict=True):
+        slopes = [exponent([r.at for r in own], [getattr(r, name) for r in own]) for name in ("us", "mib")]
+        most = next((r.mib for r in own if r.at == MODULES), NAN)
+        line += [f"n^{slopes[0]:.2f}" if slopes[0] > -1 else "", number(most)]
+        line.append(f"n^{slopes[1]:.2f}" if slopes[1] > -1 else "")
+    return [*head, "growth", f"MiB at {MODULES}", "growth"], lines
 
 
-def _missing(results: Results) -> Iterator[str]:
-    """List what was not measured, with the reason."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for section, rows in results.items():
-        for row in rows:
-            if section != "gate" and row.note if hasattr(row, "note") else False:
-                case = (
-                    getattr(row, "case", "") or f"{getattr(row, 'family', '')} {getattr(row, 'modules', '')}"
-                )
-                cases = found.setdefault((row.method, row.note), [])
-                if case not in cases:
-                    cases.append(case)
-    if found:
-        yield "## Not measured\n"
-        yield table(["method", "why", "where"], [[*key, _where(cases)] for key, cases in found.items()])
+def simulation(results: Results) -> Table:
+    """Give the fastest runs that reach an error, of each motion and scene."""
+    lines = []
+    for case, own in grouped(results["simulation"] + results["controlled"], "case").items():
+        for error in WANTED:
+            ours, peer = fastest(own, error)
+            runs = [_run(ours), _run(peer)]
+            ratio = _bold(ours.seconds / peer.seconds) if ours and peer else ""
+            lines.append([case, f"{error:.0e}", *runs[0], *runs[1], ratio])
+    return ["motion", "error", "hybridyn", "s", "fastest peer", "s", "ratio"], lines
 
 
-def _where(cases: Sequence[str]) -> str:
-    return ", ".join(cases) if len(cases) <= MOST_NAMED else f"{len(cases)} cases"
+def throughput(results: Results) -> Table:
+    """Give times of the LX4 by size of the batch and number of threads."""
+    rows = [r for r in chosen(results["throughput"], case="lx4") if math.isfinite(r.us)]
+    rows = rows or [r for r in results["throughput"] if math.isfinite(r.us)]
+    rows = [r for r in rows if r.threads == 1 or r.method == "hybridyn, compiled"]
+    return _pivot(rows, ("model", "method", "threads"), "batch", lambda own: number(own[0].us))
+
+
+def around(results: Results) -> Table:
+    """Give what a user's program waits for, a column for each robot."""
+    rows = [r._replace(setting=f"{r.setting} [{r.unit or 'ratio'}]") for r in results["programs"]]
+    left_out = (
+        "operations with the guard [",
+        "operations without",
+        "from Python, 90",
+        "import pinocchio [s]",
+    )
+    rows = [r for r in rows if not r.setting.startswith(left_out)]
+    for r in results["job"]:
+        what = f"{r.batch:,} rows on {r.threads} core{'s' * (r.threads > 1)} [s]"
+        rows.append(Row("lx4", "hybridyn idm, whole program", setting=what, value=r.seconds))
+    return _pivot(rows, ("model", "setting"), "case", lambda own: number(own[0].value))
+
+
+def _pivot(
+    rows: Sequence[Row], names: Sequence[str], column: str, cell: Callable[[list[Row]], str], every: int = 1
+) -> Table:
+    """Write rows with one line for some fields, and one column for every value of another."""
+    values = list(dict.fromkeys(getattr(row, column) for row in rows))
+    if column != "case":
+        values = sorted(values)[::every]
+    lines = []
+    for key, own in grouped(rows, *names).items():
+        at: dict[Any, list[Row]] = grouped(own, column)
+        lines.append([*map(str, key), *(cell(at[value]) if value in at else "" for value in values)])
+    return [*names, *(x if isinstance(x, str) else f"{x:,g}" for x in values)], lines
+
+
+def _run(row: Row | None) -> list[str]:
+    """Write who ran at which setting, and its time."""
+    if row is None:
+        return ["none", ""]
+    return [f"{row.method.removeprefix('hybridyn, ')}, {row.setting}", number(row.seconds)]
+
+
+def _beside(us: float, peer: float) -> str:
+    """Write a time, and its ratio to a peer's."""
+    return f"{number(us)} ({_bold(us / peer)})" if math.isfinite(us / peer) else number(us)
+
+
+def _bold(ratio: float) -> str:
+    """Write a ratio of times; bold if hybridyn is slower."""
+    return f"**{ratio:.2g}**" if ratio > 1 else f"{ratio:.2g}"
+
+
+def _files(results: Results) -> Table:
+    """List the files of the rows: what each holds, how much was checked before, and what has a note."""
+    lines = []
+    for name, rows in results.items():
+        checks = [row for row in rows if row.model == CHECK]
+        without = sum(bool(row.note) for row in rows)
+        counts = [f"{len(rows) - len(checks):,}", str(len(checks) or ""), str(without or "")]
+        lines.append([f"[{name}.csv](results/{name}.csv)" if rows else name, SECTIONS[name], *counts])
+    return ["file", "what it holds", "rows", "checks", "with a note"], lines
 
 
 def _machines(machines: dict[str, dict[str, str]]) -> Iterator[str]:
-    """Write the machine: what is common once, the rest by section."""
-    if not machines:
-        return
-    yield "## Machine and versions\n"
-    names = list(next(iter(machines.values())))
+    """Write the machines: what is common once, the processors with their sections."""
     each = list(machines.values())
-    common = [name for name in names if len({facts.get(name) for facts in each}) == 1]
-    yield table(["", ""], [[name, each[0][name]] for name in common])
-    rest = [name for name in names if name not in common]
-    if rest:
-        rows = [[section, *(facts.get(name, "") for name in rest)] for section, facts in machines.items()]
-        yield table(["section", *rest], rows)
+    common = [name for name in (each[0] if each else []) if len({facts.get(name) for facts in each}) == 1]
+    if common:
+        yield f"All sections: {', '.join(f'{name} {each[0][name]}' for name in common)}.\n"
+    where: dict[str, list[str]] = {}
+    for section, facts in machines.items():
+        where.setdefault(f"{facts['processor']}, {facts['cores']} cores", []).append(section)
+    for name, sections in where.items():
+        yield f"{name}: {', '.join(sections)}.\n"
+    yield "Load and commit of each section: [machine.csv](results/machine.csv).\n"
+
+
+QUESTIONS = (
+    Question("How fast and how exact, against whom?", texts.AGAINST, ("ddm", "idm"), against, "models"),
+    Question("Where does hybridyn lose?", texts.LOSSES, (), losses, "losses"),
+    Question("Which goals are missed?", texts.GOALS, (), missed),
+    Question("What does an effect cost?", texts.EFFECTS, ("effects",), effects, "effects"),
+    Question("What happens near singularities?", texts.SINGULAR, ("singular",), singular, "singular"),
+    Question("What does a cold call cost?", texts.COLD, ("cold",), cold, "cold"),
+    Question("What do derivatives cost?", texts.DERIVATIVES, ("derivatives",), derivatives, "derivatives"),
+    Question("What does a sweep cost?", texts.SWEEPS, ("sweeps",), sweeps, "sweeps"),
+    Question("What does a module cost?", texts.MODULES, ("scaling",), modules, "scaling"),
+    Question(
+        "What does a simulation cost?",
+        texts.SIMULATION,
+        ("simulation", "controlled"),
+        simulation,
+        "simulation",
+    ),
+    Question(
+        "What do batches and threads gain?",
+        texts.THROUGHPUT,
+        ("throughput", "peak"),
+        throughput,
+        "throughput",
+    ),
+    Question(
+        "What does a program wait for?", texts.PROGRAMS, ("programs", "job", "closing", "quantities"), around
+    ),
+)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import tempfile
 import time
@@ -17,9 +16,10 @@ import hybridyn
 from benchmarks.cases import case_of, stack_motion
 from benchmarks.gate import round_trip, round_trip_limit
 from benchmarks.methods import Method, NotMeasuredError, Setting, written
-from benchmarks.peers import METHODS, compiled
+from benchmarks.peers import METHODS
+from benchmarks.peers.ours import COMPILED, GENERAL, SINGLE, compiled
 from benchmarks.processes import MIB, forget_peak, in_own_process, peak, resident
-from benchmarks.results import Check, Size
+from benchmarks.results import CHECK, NAN, Row
 from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
 from hybridyn.description.cache_folder import VARIABLE
@@ -48,47 +48,42 @@ class Line(NamedTuple):
 def lines() -> Iterator[Line]:
     """Give every method, one sample per call, and in batches where it takes them."""
     for method in METHODS:
-        if method.name in ("pin.aba", "pin.rnea", compiled.SINGLE):
+        if method.name in ("pin.aba", "pin.rnea", SINGLE):
             continue
         yield Line(method.model, method.name, 1)
         if method.batches:
             yield Line(method.model, method.name, BATCH)
-    yield Line("assemble", "hybridyn, general", BATCH)
+    yield Line("assemble", GENERAL, BATCH)
 
 
-def measure(
-    family: str, modules: int, samples: int = BATCH, only: tuple[str, ...] = ()
-) -> list[Size | Check]:
+def measure(family: str, modules: int, samples: int = BATCH, only: tuple[str, ...] = ()) -> list[Row]:
     """Measure all methods on one robot, or only the direct model by some."""
     case = f"{family} {modules}"
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, {VARIABLE: folder}):
         motion = Path(folder) / "motion.npz"
         error, nv = in_own_process(write_motion, case, samples, motion)
-        out: list[Size | Check] = [Check(case, "ddm(idm(a)) against a", error, round_trip_limit(modules))]
+        what = "ddm(idm(a)) against a"
+        out = [Row(case, CHECK, setting=what, error=error, limit=round_trip_limit(modules))]
+        jobs: list[tuple[Line, Callable[..., tuple[float, float]], tuple[object, ...]]] = []
         if not only:  # into an empty cache; what is built serves the other points
-            us, mib, note = _tried(Line("ddm", compiled.NAME, 1), nv, compilation, case)
-            out.append(Size(family, modules, "compile", compiled.NAME, 1, us, mib, note))
+            jobs.append((Line("compile", COMPILED, 1), compilation, (case,)))
         for line in lines():
-            if only and (line.model != "ddm" or line.method not in only):
-                continue
-            line = line._replace(batch=min(line.batch, samples))
-            us, mib, note = _tried(line, nv, point, case, line, motion)
+            if not only or (line.model == "ddm" and line.method in only):
+                line = line._replace(batch=min(line.batch, samples))
+                jobs.append((line, point, (case, line, motion)))
+        for line, task, arguments in jobs:
+            us, mib, note = NAN, NAN, ""
+            try:
+                if line.model != "assemble":
+                    _method(line).check_size(nv)
+                us, mib = in_own_process(task, *arguments, patience=PATIENCE)
+            except NotMeasuredError as why:
+                note = str(why)
             setting = written(SETTINGS.get(line.method, {}))
             name = f"{line.method}, {setting}" if setting else line.method
-            out.append(Size(family, modules, line.model, name, line.batch, us, mib, note))
+            row = Row(family, line.model, name, at=modules, batch=line.batch)
+            out.append(row._replace(us=us, mib=mib, note=note))
     return out
-
-
-def _tried(
-    line: Line, nv: int, task: Callable[..., tuple[float, float]], *arguments: object
-) -> tuple[float, float, str]:
-    """Return time and memory of a task in a process of its own, or why there are none."""
-    try:
-        if line.model != "assemble":
-            _method(line).check_size(nv)
-        return (*in_own_process(task, *arguments, patience=PATIENCE), "")
-    except NotMeasuredError as why:
-        return math.nan, math.nan, str(why)
 
 
 def write_motion(case: str, samples: int, path: Path) -> tuple[float, int]:
@@ -114,7 +109,7 @@ def compilation(case: str) -> tuple[float, float]:
     before = resident()
     forget_peak()
     started = time.perf_counter()
-    compiled.compiled(robot)
+    compiled(robot)
     return 1e6 * (time.perf_counter() - started), (peak() - before) / MIB
 
 
@@ -150,8 +145,9 @@ def _call(robot: HybridRobot, line: Line, motion: tuple[Array, Array, Array, Arr
 
 
 def _method(line: Line) -> Method:
-    """Return the method of a line."""
-    return next(m for m in METHODS if (m.model, m.name) == (line.model, line.method))
+    """Return the method of a line; what is compiled serves both models."""
+    model = "ddm" if line.model == "compile" else line.model
+    return next(m for m in METHODS if (m.model, m.name) == (model, line.method))
 
 
 def _motors(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array, Array]]:

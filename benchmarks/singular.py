@@ -20,7 +20,7 @@ from benchmarks.cases import ROOT
 from benchmarks.gate import relative
 from benchmarks.methods import Model, NotMeasuredError, Solver, written
 from benchmarks.peers import methods_of
-from benchmarks.results import Near
+from benchmarks.results import CHECK, Row
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
 from tests.oracle import Extended, Oracle
@@ -98,34 +98,34 @@ def exact(robot: HybridRobot, model: Model, state: State) -> tuple[Array, float]
         return answer.astype(float), floor
 
 
-def measure(case: str, distances: tuple[float, ...]) -> list[Near]:
+def measure(case: str, distances: tuple[float, ...]) -> list[Row]:
     """Measure every method at every setting; give each at its best setting for every distance."""
     approach = APPROACHES[case]
-    robot, nan = load(approach), math.nan
+    robot, model = load(approach), approach.model
     states = {distance: approach.state(distance) for distance in distances}
-    answers = {distance: exact(robot, approach.model, state) for distance, state in states.items()}
-    out = []
-    for method in methods_of(approach.model):
+    answers = {distance: exact(robot, model, state) for distance, state in states.items()}
+    said = f"{model}: what closing the loop to the last of {DIGITS} digits moves the answer by"
+    out = [Row(case, CHECK, setting=said, error=max(floor for _, floor in answers.values()))]
+    for method in methods_of(model):
         try:
             at = method.prepare(robot)
         except NotMeasuredError as why:
-            out.append(Near(case, nan, method.name, "", nan, nan, str(why)))
+            out.append(Row(case, model, method.name, note=str(why)))
             continue
         for distance, state in states.items():
-            answer, floor = answers[distance]
+            row = Row(case, model, method.name, at=distance)
             tried = [
-                Near(case, distance, method.name, written(setting), *error(at(setting), state, answer))
+                error(at(setting), state, answers[distance][0], row._replace(setting=written(setting)))
                 for setting in method.settings
             ]
-            best = min(tried, key=lambda row: math.inf if math.isnan(row.error) else row.error)
-            out.append(best._replace(floor=floor))
+            out.append(min(tried, key=lambda row: math.inf if math.isnan(row.error) else row.error))
     return out
 
 
-def error(solve: Solver, state: State, answer: Array) -> tuple[float, float, str]:
-    """Return a method's relative error at a state, no floor yet, and what it said instead of an answer."""
+def error(solve: Solver, state: State, answer: Array, row: Row) -> Row:
+    """Fill in a method's relative error at a state, or what it said instead of an answer."""
     try:
         found = solve(*state)
     except (HybridynError, np.linalg.LinAlgError) as said:
-        return math.nan, math.nan, f"{type(said).__name__}: {str(said).splitlines()[0]}"
-    return (relative(found, answer) if np.isfinite(found).all() else math.inf), math.nan, ""
+        return row._replace(note=f"{type(said).__name__}: {str(said).splitlines()[0]}")
+    return row._replace(error=relative(found, answer) if np.isfinite(found).all() else math.inf)

@@ -7,7 +7,6 @@ runs `pytest -m slow` and writes `results/slow.csv`: for each test its cases, ho
 
 from __future__ import annotations
 
-import csv
 import subprocess
 import sys
 import tempfile
@@ -15,6 +14,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from benchmarks.cases import ROOT
+from benchmarks.results import write_table
 
 COLUMNS = ("file", "test", "cases", "failed", "seconds")
 
@@ -23,22 +23,10 @@ def run_slow(target: Path, jobs: int = 3) -> int:
     """Run the slow tests in some processes, write their table; gives pytest's exit status."""
     with tempfile.TemporaryDirectory() as folder:
         record = Path(folder) / "slow.xml"
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-q",
-            "-m",
-            "slow",
-            "-n",
-            str(jobs),
-            f"--junitxml={record}",
-        ]
-        status = subprocess.run(command, cwd=ROOT, check=False).returncode
+        options = ["-q", "-m", "slow", "-n", str(jobs), f"--junitxml={record}"]
+        status = subprocess.run([sys.executable, "-m", "pytest", *options], cwd=ROOT, check=False).returncode
         rows = table(record.read_text())
-    with target.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([COLUMNS, *rows])
+    write_table(target, COLUMNS, rows)
     return status
 
 
@@ -46,7 +34,7 @@ def table(junit: str) -> list[tuple[str, str, int, int, str]]:
     """Sum up pytest's JUnit record by test function, in order of file and name."""
     sums: dict[tuple[str, str], list[float]] = {}
     for case in ElementTree.fromstring(junit).iter("testcase"):  # written by pytest just now
-        file = case.attrib["classname"].removeprefix("tests.") + ".py"
+        file = case.attrib["classname"].replace(".", "/") + ".py"
         total = sums.setdefault((file, case.attrib["name"].partition("[")[0]), [0, 0, 0.0])
         total[0] += 1
         total[1] += any(child.tag in ("failure", "error") for child in case)

@@ -6,159 +6,102 @@ HEAD = """\
 # Benchmarks
 
 `python -m benchmarks --full` generates this report from the tables in [results](results); do not edit it.
-The report shows computing time against error for hybridyn and for other libraries (the *peers*). All methods
-are measured in the same run, on the same states of the same robots, each over a range of its settings. Every
-error is the difference from a reference whose own error is smaller and stated. hybridyn's errors are checked
-before any time is measured. In every figure, results nearer the lower left corner are better.
+It compares hybridyn with other libraries (the *peers*): computing time against error, on the same states of
+the same robots, each method over a range of its settings. An error is the difference from a reference whose
+own error is smaller and stated. A model that is wrong is not timed.
+
+- *hybridyn, general*: `hybridyn.ddm`, `idm`. *hybridyn, compiled*: `hybridyn.compile(robot)`, C for one
+  robot; *float32*: in single precision.
+- *pin.constraintDynamics*, *pin.lcaba*: Pinocchio's solvers of loops, over mu and iterations.
+- *pin.rnea + projection*: efforts of the spanning tree, projected through the closures of all modules at once
+  (*dense*) or of each. *pin.rnea, loops open* computes another robot; its time is a floor.
+- *MuJoCo*: equality constraints, over impedance and iterations. *dense null space*: hybridyn's oracle.
+
+Times are those of a Python caller on one thread; arrays are converted within them. "In a batch" is the time
+per sample of a call with many. Ratios are hybridyn's time over the peer's; **bold: hybridyn is slower**.
 """
 
-STANDING = """\
-The table compares hybridyn's fastest engine with the fastest peer that computes the same quantity with an
-error of at most 1e-10. If no peer reaches this error, the most exact peer is taken. The first ratio is for
-one sample per call. The second ratio is for a batch, with one call per sample for the peer. hybridyn is
-faster if the ratio is below 1; **ratios above 1, where hybridyn is slower, are bold**.
+AGAINST = """\
+Each robot with the fastest peer that is good to 1e-10, else with the most exact one. Times in us, and ratios.
 """
 
 LOSSES = """\
-The table compares each engine with the fastest peer of the table above; the peer takes one sample per call.
-The general path is made for arrays: with one sample per call it spends milliseconds in Python, for any
-robot. The section on simulation names the fastest method for each simulation. `hybridyn.compile` itself
-takes seconds, once for each robot.
+Each engine against the fastest peer, which takes one sample per call. The general path is made for arrays: a
+call with one sample spends milliseconds in Python. `hybridyn.compile` takes seconds, once for each robot.
 """
 
-FLOWN = """\
-The fastest run, over all steps and tolerances, whose final state has at most the given error:
+GOALS = """\
+What the project wants of its times and of the programs around its models; only what is missed has a line.
 """
 
-CONTROLLED = """\
-Processor time per simulated second, with outputs at 100 Hz. The governor's stiff springs and dampers hold
-explicit methods to steps below 0.7 ms; before steps were chosen in C (commit ca76b5c), its scene took 12
-times as long, 0.36 s per second on the same machine. The excavator's four motors follow a reference by
-computed torque, from a start on the reference. With the law in Python, the general path computes its
-inverse model, as it did before controllers ran in C. MuJoCo has no inverse model of a closed robot: it
-receives the efforts of the reference, prepared before the clock starts, and proportional-derivative control
-about it, some 5 us a step in NumPy; the exact motion is the same.
-"""
-
-THROUGHPUT = """\
-Time per sample [us]. Peers are called once for each sample. The shortest time of many rounds counts, for
-every method.
-"""
-
-DERIVATIVES = """\
-Processor time of one sample [us]: `idm_jacobian`, `ddm_jacobian`, and Pinocchio's derivatives. Times of
-`computeConstraintDynamicsDerivatives` leave out `constraintDynamics`, which it needs. "Given arrays" are
-filled again by each call, as Pinocchio's data are. Operations are those of one sample, beside the model's;
-dense products grow with the square of the number of modules, as the result does. The error is that of
-the change along a random motion that keeps the loops closed, against differences of the oracle in long
-double. In Pinocchio 4.1.0 the derivatives over q of robots with loops differ from differences of its
-own `constraintDynamics`, which agree with the oracle: for these robots the ratio compares times alone.
-"""
-
-OVER_MOTORS = """\
-Rows "over motors" give fewer numbers: derivatives of the motors' accelerations (or efforts) over the motors'
-positions, rates and efforts (or accelerations), along which the loops stay closed. Of the LX4 that is 24 by
-72 numbers instead of 84 by 192, all that a controller or an optimiser in these coordinates reads. Pinocchio
-has no such derivatives: its function computes those of all joints and of the loops' forces, which would have
-to be projected afterwards.
-"""
-
-METHODS = """\
-## What is compared
-
-| method | what it is |
-| --- | --- |
-| hybridyn, general | `hybridyn.ddm`, `idm`: Pinocchio per module, NumPy over the batch |
-| hybridyn, compiled | `hybridyn.compile(robot)`: straight-line C for one robot |
-| hybridyn, compiled, float32 | the same in single precision |
-| pin.constraintDynamics | Pinocchio's sparse KKT solver, for a range of mu and iterations |
-| pin.lcaba | Pinocchio's loop-constrained articulated-body algorithm, for a range of mu and iterations |
-| pin.rnea + projection, dense | `pin.rnea` of the spanning tree, one solve with all closure rows |
-| pin.rnea + projection, per module | the same, with a small solve for each module |
-| pin.rnea, loops open | `pin.rnea` of the tree without closures, a lower bound of the time: another robot |
-| MuJoCo | the same robot as MJCF with equality constraints, for a range of impedance, iterations, solref |
-| dense null space | hybridyn's oracle in double precision: maximal coordinates, singular values |
-| pin.aba, pin.rnea | for the robot without loops |
-
-Times are those of a Python caller. A call takes q, v and tau (or a) of the spanning tree and returns
-accelerations (or efforts); the conversion of arrays is included. Peers take one sample per call. "One call"
-is the time of a call with one sample; "batch" is the time per sample of a call with many. Calls are
-interleaved in random order over several rounds. The shortest time counts; the medians are in the CSV files.
-Every method uses one thread, unless a table says otherwise.
+EFFECTS = """\
+Along the robot's own motion: the largest change of any motor's effort without the effect, relative to the
+motor's largest effort, and the part of the compiled model's operations that the effect takes. The same as
+`hybridyn cost` states for a robot of your own. Effects with small changes and large shares can be left out.
 """
 
 SINGULAR = """\
-Relative error against the distance from the singular posture, with the best setting of every method at each
-distance. The reference has 60 digits. Closing the loops to the last of these digits changes the result by
-less than 1e-15.
+Relative error by distance from the singular posture [rad], each method at its best setting there. The
+reference has 60 digits.
 """
 
-JOB = """\
-`hybridyn idm urdf/lx4.urdf.xacro TABLE -o efforts.csv` reads the poses of four platforms, assembles the
-robot and writes 24 efforts per row. The time is that of the whole program. Goal: 10,000 rows in 5 s on two
-cores.
+COLD = """\
+A controller calls once a millisecond, and other programs use the caches in between. 40 MB are touched before
+each of some hundred calls; "cold" is the median of their times, "hot" the least time of calls in a row. Code
+is what the compiled library holds, of Pinocchio the library that all robots share.
 """
 
-CALLGRIND = """\
-Instructions per sample, counted by valgrind's callgrind (optional: `apt-get install valgrind`). The column
-"instructions" includes those of Python, which vary by 0.1 % from run to run. The column "in its own library"
-counts those in the library that was compiled for the robot, which are the same in every run. Valgrind does
-not support AVX-512, so the compiled models use four lanes of AVX2 for these counts. The times are from the
-sections above, with the vector width of this machine. Pinocchio's solvers have one setting here, the fastest
-with an error of at most 1e-10 on the LX4.
+DERIVATIVES = """\
+Processor time of a sample [us], with ratios to Pinocchio's. `computeConstraintDynamicsDerivatives` needs
+`constraintDynamics`, which is not counted. In Pinocchio 4.1.0 its derivatives over q of robots with loops
+differ from differences of its own `constraintDynamics`, which agree with the oracle: their errors say so.
+"Over motors" are derivatives along which the loops stay closed, 24 by 72 numbers of the LX4 instead of 84 by
+192; Pinocchio has none.
 """
 
-LIMITS = """\
-## Limits of these measurements
-
-- The machine is virtual and shared. Times differ by 10 to 20 % from run to run, and by up to a factor of two
-  from hour to hour: compare times of one section only. Ratios differ by less, because calls are
-  interleaved. "Load before" below is the load of the machine before each section.
-- Errors are the largest over two to four states of a smooth motion near home, relative to the largest entry
-  of the result. Other motions have other errors; the section on singular postures shows how large they can
-  become.
-- The same states are used again and again, so that caches and branch predictors are warm for every method.
-- Every method is called from Python. A call from C or C++ takes one to a few microseconds less.
-- One number for a peer with several settings is that of its fastest setting with an error of at most 1e-10
-  on these states. A user does not know this setting beforehand.
-- MuJoCo's closures are soft by design, and MuJoCo leaves out the term J_dot v. Its error here does not tell
-  how good it is for contacts. It has no inverse model with passive joints.
-- `pin.constraintDynamics` and `pin.lcaba` support closures at points and welds only. The five-bar's hinge
-  is given to them as a point, which is equivalent in the plane. Robots with other closures are left out of
-  this comparison, because only hybridyn could compute them.
-- Pinocchio's Data contains tensors of nv^3 numbers. It is not measured above 400 velocities (19 stacked
-  modules).
-- In the section on the number of modules every point is measured in a process of its own. Its times are
-  therefore not interleaved, and peers have one setting there. Memory is the growth of the process from the
-  loaded robot to the end of the calls.
-- Simulations of peers are RK4 in Python with one call per stage; hybridyn's simulations include its checks
-  and outputs. Pinocchio's solvers have one setting there, the fastest with an error of at most 1e-10 on
-  these robots.
-- A compiled model closes the loops in every stage of a simulation. Simulations that leave the loops open
-  use the general path, so the tables have no compiled row for them.
-- The LX4 is the stack of four modules; it is not measured twice.
-- The tail of the snakes is held, so that every peer can compute them.
+SWEEPS = """\
+Sweeps of the five-bar by the general path (`--no-compile`). Processor times are those of all child
+processes; Ray's are not among them. With one process, loky computes in the program itself.
 """
 
-PEAK = """\
-The number of operations of one sample (a fused multiply-add counts as two), divided by its time in a batch
-on one thread, beside the highest rate of one core. That rate is measured in the same run, with independent
-multiply-adds on full vectors. The rest of the time is spent on quotients, sines, loads and operations that
-wait for the results of others. The rate of all cores of this machine together is {cores:.2f} times their
-number times the rate of one core; threads cannot scale better than this.
+MODULES = """\
+Time per sample [us] of stacks of 6-UPS modules, in a process of its own for each number; "growth" is fitted
+from 4 modules on. Snakes are in the figure and in the file.
 """
 
-REACHED = """\
-### Around the models
+SIMULATION = """\
+The fastest run whose final state has at most the given error; wall time, for scenes with controllers
+processor time per simulated second. Motors push with constant efforts. Peers are RK4 in Python, and MuJoCo.
+The excavator follows a reference by computed torque; MuJoCo has no inverse model of it and receives the
+efforts of the reference, prepared before, with proportional-derivative control about it.
+"""
 
-Goals of what a user's program waits for; the section "Around the models" says how it was measured.
+THROUGHPUT = """\
+Time per sample [us] of the LX4 by number of samples per call; peers are called in a loop. What remains to one
+core's rate of multiplications and additions is in peak.csv.
 """
 
 PROGRAMS = """\
-What a user's program waits for around the models. Times are processor times, the least of several runs; the
-time of a cold start is wall time, because it builds in two processes. Operations are those of one expression
-with common terms computed once. `hybridyn idm` reads poses of the LX4's platforms, on one core, with a model
-that was built before; importing Pinocchio alone is shown beside it. Controllers follow a small motion of all
-motors; a law in Python is asked in each of the four stages of a step. A control step takes the motion of the
-motors' encoders and the last posture, and gives their efforts.
+Processor times, the least of several; of a cold start, which builds in two processes, by the clock. A control
+step takes the motors' motion and the last posture, and gives efforts. Controllers follow a small motion of
+all motors; a law in Python is asked in each stage of a step.
+"""
+
+LIMITS = """\
+## Machine and limits
+
+- The machines are virtual and shared. Times differ by 10 to 20 % from run to run, and by up to a factor of
+  two from hour to hour: compare times of one section. Calls are interleaved, so that ratios differ by less.
+- Errors are the largest over two to four states of a smooth motion near home, relative to the largest entry.
+- Caches and branch predictors are warm, but for cold calls.
+- A call from C or C++ takes one to a few microseconds less, whoever is called.
+- A peer's one number is that of its best setting, which a user does not know beforehand. Where modules are
+  counted and in simulations, peers have one setting.
+- MuJoCo's closures are soft by design, and it leaves out J_dot v. Its error here does not say how good it is
+  for contacts. It has no inverse model with passive joints.
+- Pinocchio knows closures at points and welds. The five-bar's hinge is given to it, and to MuJoCo, as a
+  point, which is equivalent in the plane. Robots with other closures only hybridyn could compute.
+- Pinocchio's Data holds nv^3 numbers: not tried above 400 velocities, 19 stacked modules.
+- A compiled model closes the loops in every stage of a step; runs that leave them open take the general path.
+- Instructions are counted by valgrind's callgrind, for four lanes of AVX2; those of Python vary by 0.1 %.
 """

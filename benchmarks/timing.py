@@ -7,14 +7,26 @@ import os
 import random
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from benchmarks.results import Row
 
 #: A measurement repeats a call until it takes this long [s].
 LEAST = 2e-3
+#: Calls in a row.
+MOST = 100_000
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 #: A clock that counts seconds.
 Clock = Callable[[], float]
+
+
+class Candidate(NamedTuple):
+    """What is known of a call before it is timed, as a row; its samples, and the call."""
+
+    row: Row
+    samples: int
+    call: Callable[[], object]
 
 
 class Time(NamedTuple):
@@ -67,6 +79,22 @@ def interleaved(
     return [Time(min(one), sorted(one)[len(one) // 2]) for one in found]
 
 
+def measured(candidates: Sequence[Candidate], rounds: int, least: float = LEAST, **options: Any) -> list[Row]:
+    """Time some calls, interleaved; give their rows with times per sample.
+
+    Args:
+        candidates: The calls.
+        rounds: Measurements of each.
+        least: Shortest measurement [s].
+        options: As `interleaved` takes them.
+    """
+    times = interleaved([one.call for one in candidates], rounds, least, **options)
+    return [
+        one.row._replace(us=1e6 * time.least / one.samples, median=1e6 * time.median / one.samples)
+        for one, time in zip(candidates, times, strict=True)
+    ]
+
+
 def timed(call: Callable[[], object], repeats: int, clock: Clock | None = None) -> float:
     """Return the time of one of some calls in a row [s]."""
     clock = clock or time.perf_counter
@@ -80,11 +108,8 @@ def _repeats(call: Callable[[], object], least: float) -> int:
     """Warm a call up; give how often it must run to take so long."""
     call()
     repeats = 1
-    while (taken := repeats * timed(call, repeats)) < least:
-        repeats = max(2 * repeats, int(repeats * least / max(taken, 1e-9)) + 1) if taken else 2 * repeats
-        repeats = min(repeats, 100_000)
-        if repeats == 100_000:
-            break
+    while repeats < MOST and (taken := repeats * timed(call, repeats)) < least:
+        repeats = min(MOST, max(2 * repeats, int(repeats * least / max(taken, 1e-9)) + 1))
     return repeats
 
 

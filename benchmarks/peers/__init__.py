@@ -1,31 +1,15 @@
 """What is compared, one small file each; `METHODS` is all of it.
 
 A method whose package is absent, or that cannot do a robot, raises `NotMeasuredError` when it is set up, and
-the report says so.
+the results say so. Robots come into Pinocchio and MuJoCo as in `hybridyn compare`.
 """
 
 from __future__ import annotations
 
 from benchmarks.methods import Method, Model
-from benchmarks.peers import (
-    compiled,
-    general,
-    mujoco,
-    oracle,
-    proximal,
-    rnea_projection,
-    serial,
-)
+from benchmarks.peers import mujoco, ours, proximal, trees
 
-METHODS: tuple[Method, ...] = (
-    *general.METHODS,
-    *compiled.METHODS,
-    *proximal.METHODS,
-    *rnea_projection.METHODS,
-    *mujoco.METHODS,
-    *oracle.METHODS,
-    *serial.METHODS,
-)
+METHODS: tuple[Method, ...] = (*ours.METHODS, *proximal.METHODS, *trees.METHODS, *mujoco.METHODS)
 
 
 def methods_of(model: Model) -> list[Method]:

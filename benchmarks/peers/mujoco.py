@@ -6,15 +6,20 @@ acceleration of `solref` vanishes there. MuJoCo also leaves J_dot v out. Both sh
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import hybridyn
 from benchmarks.methods import Method, NotMeasuredError, Setting, Solver, grid
-from benchmarks.peers.mjcf import mjcf
-from hybridyn import HybridRobot
+from benchmarks.peers.pinocchio_loops import at_points
+from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import SINGLE
+from hybridyn.studies.compare.engines.mujoco_engine import MujocoEngine
 
 SETTINGS = grid(impedance=(0.9, 0.99, 0.999, 0.9999), iterations=(1, 2, 5, 20, 100))
 
@@ -24,10 +29,15 @@ class Translated:
 
     Attributes:
         mujoco, model, data: The package and its model and data.
+        to_q, to_v: Where joints stand in its positions and velocities.
     """
 
-    def __init__(self, robot: HybridRobot) -> None:
-        """Translate a robot.
+    def __init__(self, robot: HybridRobot, rigid: bool = True) -> None:
+        """Translate a robot as `hybridyn.convert` does.
+
+        Args:
+            robot: The robot.
+            rigid: Whether friction, springs, rotors and contacts are left out, as `hybridyn compare` does.
 
         Raises:
             NotMeasuredError: MuJoCo is not installed, or cannot state the robot.
@@ -36,15 +46,28 @@ class Translated:
             import mujoco
         except ImportError:
             raise NotMeasuredError("the package mujoco is not installed") from None
+        if robot.base != "fixed" or set(robot.kinds) - set(SINGLE):
+            raise NotMeasuredError("only hinges and slides on a fixed base are written as MJCF")
         self.mujoco: Any = mujoco
+        robot = at_points(robot) if rigid else robot
         try:
-            self.model: Any = mujoco.MjModel.from_xml_string(mjcf(robot))
-        except ValueError as error:
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / "robot.xml"
+                hybridyn.convert(robot, file)
+                self.model: Any = mujoco.MjModel.from_xml_path(str(file))
+            self.data: Any = (
+                MujocoEngine(robot, self.model, "").data if rigid else mujoco.MjData(self.model)
+            )
+        except (ValueError, HybridynError) as error:
             raise NotMeasuredError(f"MuJoCo: {str(error).splitlines()[0]}") from None
-        self.data: Any = mujoco.MjData(self.model)
+        if rigid:
+            mujoco.mj_setConst(self.model, self.data)  # rotors are gone
+            self.model.opt.tolerance = 0.0
+            self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
         joints = [self.model.joint(name) for name in robot.joints]
-        self.to_q = np.array([j.qposadr[0] for j in joints], dtype=int)
-        self.to_v = np.array([j.dofadr[0] for j in joints], dtype=int)
+        self.to_q, self.to_v = (
+            np.array([getattr(joint, key)[0] for joint in joints], dtype=int) for key in ("qposadr", "dofadr")
+        )
         self.motors = self.to_v[robot.motor_v]
         self.cosine = np.array([at.start for at in robot.q_slices], dtype=int)
         self.turning = np.array([kind == "continuous" for kind in robot.kinds])
@@ -77,18 +100,15 @@ def setup(robot: HybridRobot) -> Callable[[Setting], Solver]:
 
     def at(setting: Setting) -> Solver:
         def solve(q: Array, v: Array, tau: Array) -> Array:
+            own.stiffen(setting["impedance"])
+            own.model.opt.iterations = int(setting["iterations"])
             own.place(q, v)
             own.data.qfrc_applied[own.motors] = tau
             own.mujoco.mj_forward(own.model, own.data)
             out: Array = own.data.qacc[own.to_v]
             return out
 
-        def solve_stiff(q: Array, v: Array, tau: Array) -> Array:
-            own.stiffen(setting["impedance"])
-            own.model.opt.iterations = int(setting["iterations"])
-            return solve(q, v, tau)
-
-        return solve_stiff
+        return solve
 
     return at
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,9 @@ import pinocchio as pin
 from benchmarks.methods import NotMeasuredError
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array, Index
+from hybridyn.structure.building import rebuilt
+from hybridyn.studies.compare.engines import pinocchio_engine
+from hybridyn.studies.compare.own_file import OwnFile
 
 #: Velocities: Pinocchio's Data holds several nv^3 tensors, 3 GB there.
 MOST = 400
@@ -42,32 +45,19 @@ class Loops:
 
 
 def loops(robot: HybridRobot) -> Loops:
-    """Write a robot for Pinocchio.
+    """Write a robot for Pinocchio, as `hybridyn compare` does.
 
     Raises:
         NotMeasuredError: It has closures that Pinocchio cannot state.
     """
-    model = tree(robot)
-    kinds = {"spherical": pin.ContactType.CONTACT_3D, "fixed": pin.ContactType.CONTACT_6D}
-    constraints = pin.StdVec_RigidConstraintModel()
-    for closure in robot.description.closures:
-        kind = kinds.get(closure_kind(robot, closure.name))
-        if kind is None:
-            raise NotMeasuredError(f"closure '{closure.name}' ({closure.kind}) is neither a point nor a weld")
-        ends = []
-        for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
-            at = model.frames[model.getFrameId(link, pin.BODY)]
-            ends += [at.parentJoint, at.placement * pin.SE3(frame)]
-        constraints.append(pin.RigidConstraintModel(kind, model, *ends, pin.ReferenceFrame.LOCAL))
-    data = pin.StdVec_RigidConstraintData()
-    for constraint in constraints:
-        data.append(constraint.createData())
-    motors = robot.motor_v
-    return Loops(model, model.createData(), constraints, data, motors, others(motors, robot.nv))
+    *_, (_, build) = pinocchio_engine.ways(at_points(robot), OwnFile())
+    own: Any = build()
+    passive = np.setdiff1d(np.arange(robot.nv), robot.motor_v)
+    return Loops(own.model, own.data, own.contacts, own.datas, robot.motor_v, passive)
 
 
 def tree(robot: HybridRobot) -> pin.Model:
-    """Return a copy of the spanning tree's model: compiled robots watch the model itself while it is held.
+    """Return a copy of the spanning tree's model.
 
     Raises:
         NotMeasuredError: Couplings hold it.
@@ -77,16 +67,23 @@ def tree(robot: HybridRobot) -> pin.Model:
     return robot.model.copy()
 
 
-def closure_kind(robot: HybridRobot, name: str) -> str:
-    """Give what a closure is for tools that know points and welds; a plane keeps a hinge's axes parallel."""
-    closure = next(c for c in robot.description.closures if c.name == name)
-    if (closure.translations, closure.rotation) == ((0, 1, 2), "free"):
-        return "spherical"
-    if (closure.translations, closure.rotation) == ((0, 1, 2), "fixed"):
-        return "fixed"
-    if (closure.translations, closure.rotation) == ((0, 1, 2), "parallel") and planar(robot):
-        return "spherical"
-    return "other"
+def at_points(robot: HybridRobot) -> HybridRobot:
+    """Return a robot whose loops are closed at points and welds; a plane keeps a hinge's axes parallel.
+
+    Raises:
+        NotMeasuredError: They cannot be, or couplings hold it.
+    """
+    tree(robot)
+    closures = []
+    for closure in robot.description.closures:
+        kinds = ("free", "fixed", *(["parallel"] if planar(robot) else []))
+        if closure.translations != (0, 1, 2) or closure.rotation not in kinds:
+            raise NotMeasuredError(f"closure '{closure.name}' ({closure.kind}) is neither a point nor a weld")
+        point = replace(closure, kind="spherical", rotation="free")
+        closures.append(point if closure.rotation == "parallel" else closure)
+    if tuple(closures) == robot.description.closures:
+        return robot
+    return rebuilt(robot, replace(robot.description, closures=tuple(closures)))
 
 
 def planar(robot: HybridRobot) -> bool:
@@ -98,8 +95,3 @@ def planar(robot: HybridRobot) -> bool:
     pin.computeJointJacobians(model, data, robot.home)
     axes = data.J[3:].T
     return bool(np.abs(np.cross(axes, axes[0])).max() < 1e-12)
-
-
-def others(index: Index, size: int) -> Index:
-    """Return what is not in an index."""
-    return np.setdiff1d(np.arange(size), index)

@@ -27,8 +27,7 @@ ARTICULATED = grid(mu=(1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), iterations=(1,
 
 
 def sparse(own: Loops) -> Callable[..., Array]:
-    """Prepare `pin.constraintDynamics`."""
-    pin.initConstraintDynamics(own.model, own.data, own.constraints, own.constraint_data)
+    """Give `pin.constraintDynamics`, for which the data are prepared."""
     solve: Callable[..., Array] = pin.constraintDynamics
     return solve
 

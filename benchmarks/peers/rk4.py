@@ -15,7 +15,7 @@ import pinocchio as pin
 from benchmarks.methods import NotMeasuredError
 from benchmarks.peers import proximal
 from benchmarks.peers.pinocchio_loops import Loops, loops
-from benchmarks.peers.rnea_projection import closure_rows
+from benchmarks.peers.trees import closure_rows
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
@@ -45,8 +45,8 @@ SOLVERS = {
 
 def prepare(
     robot: HybridRobot, q: Array, v: Array, tau: Array, duration: float, step: float, solver: str, hold: str
-) -> Callable[[], tuple[Array, Array]]:
-    """Prepare a run, which gives q and v after every step, shapes (steps + 1, nq), (steps + 1, nv).
+) -> Callable[[], tuple[Array, Array, int]]:
+    """Prepare a run, which gives q and v after every step, (steps + 1, nq), (steps + 1, nv), and the steps.
 
     Raises:
         NotMeasuredError: Joints are not all hinges and slides, or Pinocchio cannot state the closures.
@@ -68,14 +68,14 @@ def prepare(
     judge = loops(robot)  # constraint data of its own: they keep state
     steps = round(duration / step)
 
-    def fly() -> tuple[Array, Array]:
+    def fly() -> tuple[Array, Array, int]:
         qs, vs = np.zeros((steps + 1, len(q))), np.zeros((steps + 1, len(v)))
         qs[0], vs[0] = q, v
         for i in range(steps):
             qs[i + 1], vs[i + 1] = advance(acceleration, qs[i], vs[i], step)
             if hold == "projection":
                 qs[i + 1], vs[i + 1] = projected(judge, qs[i + 1], vs[i + 1])
-        return qs, vs
+        return qs, vs, steps
 
     return fly
 

@@ -1,23 +1,24 @@
-"""The honest baseline of inverse dynamics: `pin.rnea` of the spanning tree, projected through the closures.
+"""Pinocchio's algorithms for trees: `aba`, `rnea`, and `rnea` projected through the closures.
 
-With K the closure rows, split into motors m and passive joints p, K v = 0 and Q the tree's efforts,
+The projection is the honest baseline of inverse dynamics. With K the closure rows, split into motors m and passive joints p, K v = 0 and Q the tree's efforts,
 
     tau = Q_m - K_m^T K_p^-T Q_p,
 
 one solve of K_p: of all the robot at once (dense), or module after module, since a module's rows touch its
 own joints only. Where K_p is not square, the minimum-norm solution of the same rows. A cheaper baseline of
-equal accuracy is not known to us. `pin.rnea` alone, which does not close the loops, is listed too: its time
-is a floor for whoever starts there, its efforts are another robot's.
+equal accuracy is not known to us. `pin.rnea` of a robot with loops, which does not close them, is listed too:
+its time is a floor for whoever starts there, its efforts are another robot's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.methods import Method, NotMeasuredError, Setting, Solver
+from benchmarks.methods import Method, Model, NotMeasuredError, Setting, Solver
 from benchmarks.peers.pinocchio_loops import MOST, Loops, loops, tree
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array, Index
@@ -113,22 +114,33 @@ def _parts(robot: HybridRobot, own: Loops) -> Parts:
     return out
 
 
-def rnea_alone(robot: HybridRobot) -> Callable[[Setting], Solver]:
-    """Prepare `pin.rnea` of the spanning tree; the motors' entries are the efforts of the tree cut open."""
-    if not robot.description.closures:
-        raise NotMeasuredError("no loops: listed as pin.rnea")
-    model, motors = tree(robot), robot.motor_v
-    data = model.createData()
+def tree_alone(model: Model, closed: bool, robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare `pin.aba` or `pin.rnea`; of a robot with loops, the tree cut open.
 
-    def solve(q: Array, v: Array, a: Array) -> Array:
-        out: Array = pin.rnea(model, data, q, v, a)[motors]
+    Raises:
+        NotMeasuredError: It has no loops where some are wanted, or the other way round.
+    """
+    if bool(robot.description.closures) != closed:
+        raise NotMeasuredError("no loops: listed as pin.rnea" if closed else "it has loops")
+    own, motors = tree(robot), robot.motor_v
+    data, efforts = own.createData(), np.zeros(robot.nv)
+
+    def direct(q: Array, v: Array, tau: Array) -> Array:
+        efforts[motors] = tau
+        a: Array = pin.aba(own, data, q, v, efforts)
+        return a.copy()
+
+    def inverse(q: Array, v: Array, a: Array) -> Array:
+        out: Array = pin.rnea(own, data, q, v, a)[motors]
         return out
 
-    return lambda setting: solve
+    return lambda setting: direct if model == "ddm" else inverse
 
 
 METHODS = (
     Method("pin.rnea + projection, dense", "idm", dense, most=MOST),
     Method("pin.rnea + projection, per module", "idm", per_module, most=MOST),
-    Method("pin.rnea, loops open", "idm", rnea_alone, most=MOST),
+    Method("pin.rnea, loops open", "idm", partial(tree_alone, "idm", True), most=MOST),
+    Method("pin.aba", "ddm", partial(tree_alone, "ddm", False), most=MOST),
+    Method("pin.rnea", "idm", partial(tree_alone, "idm", False), most=MOST),
 )

@@ -1,0 +1,63 @@
+"""hybridyn's own: the general path, compiled models in double and in single precision, and the oracle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import hybridyn
+from benchmarks.methods import MODELS, Method, Model, NotMeasuredError, Setting, Solver
+from hybridyn import HybridRobot, HybridynError
+from tests.oracle import Oracle
+
+GENERAL, COMPILED = "hybridyn, general", "hybridyn, compiled"
+SINGLE, ORACLE = f"{COMPILED}, float32", "dense null space"
+#: Velocities: 64 stacked modules compile in a minute, and as long again for four times as many.
+MOST = 1_600
+#: Velocities of the oracle: beyond, seconds per sample.
+MOST_DENSE = 400
+#: Seven digits, less what a stack of 16 modules loses.
+SINGLE_LIMIT = 1e-2
+
+
+def general(model: Model, robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare the general path: Pinocchio per module, NumPy over the batch."""
+    return lambda setting: partial(getattr(hybridyn, model), robot)
+
+
+def compiled(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> Any:
+    """Compile a robot.
+
+    Raises:
+        NotMeasuredError: No C compiler is here, or this robot is refused.
+    """
+    try:
+        return hybridyn.compile(robot, threads=threads, dtype=dtype)
+    except (HybridynError, ImportError) as error:
+        raise NotMeasuredError(f"hybridyn.compile: {str(error).splitlines()[0]}") from None
+
+
+def in_c(model: Model, dtype: str, robot: HybridRobot, threads: int = 1) -> Callable[[Setting], Solver]:
+    """Prepare a compiled model."""
+    own = compiled(robot, threads, dtype)
+    return lambda setting: getattr(own, model)
+
+
+def dense(model: Model, robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare the oracle: maximal coordinates, singular values, double precision."""
+    oracle = Oracle(robot.description, robot.base)
+    return lambda setting: getattr(oracle, model)
+
+
+_C = partial(Method, batches=True, threads=True, most=MOST, beyond="minutes of compilation")
+METHODS = tuple(
+    method
+    for model in MODELS
+    for method in (
+        Method(GENERAL, model, partial(general, model), batches=True),
+        _C(COMPILED, model, partial(in_c, model, "float64")),
+        _C(SINGLE, model, partial(in_c, model, "float32"), limit=SINGLE_LIMIT),
+        Method(ORACLE, model, partial(dense, model), most=MOST_DENSE),
+    )
+)
