@@ -7,20 +7,19 @@ import shutil
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 from benchmarks.cases import ROOT
-from benchmarks.hard import run_hard
+from benchmarks.hard import run_hard, write_page
 from benchmarks.plan import CACHE, Cache, Task, fingerprint, full, measured, short
 from benchmarks.report import write_report
-from benchmarks.results import SECTIONS, Check, read_machines, read_rows, write_machines, write_rows
+from benchmarks.results import SECTIONS, Row, read_machines, write_machines, write_rows
 from benchmarks.slow import run_slow
 from benchmarks.timing import one_thread
 
 COMMITTED = ROOT / "benchmarks"
 SCRATCH = ROOT / "build" / "benchmarks"
 
-Collected = dict[str, tuple[list[Any], dict[str, str]]]
+Collected = dict[str, tuple[list[Row], dict[str, str]]]
 
 
 def main() -> int:
@@ -31,6 +30,7 @@ def main() -> int:
     if options.slow:
         return run_slow(COMMITTED / "results" / "slow.csv")
     if options.report:
+        write_page(COMMITTED)
         print(write_report(COMMITTED))
         return 0
     folder, tasks = (SCRATCH, short()) if options.short else (COMMITTED, full())
@@ -52,7 +52,6 @@ def main() -> int:
     else:
         store(folder / "results", collected)
         print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")
-    print(summary(tasks, collected))
     for line in failed:
         print(line, file=sys.stderr)
     return 1 if failed else 0
@@ -76,40 +75,20 @@ def collect(tasks: list[Task], cache: Cache | None) -> tuple[Collected, list[str
             print(failed[task.section], flush=True)
             continue
         how = "from the cache" if remembered else f"{time.perf_counter() - started:.1f} s"
-        print(f"[{number}/{len(tasks)}] {task.section}, {task.name}: {len(rows)} rows, {how}", flush=True)
+        without = sum(bool(row.note) for row in rows)
+        said = f"{len(rows)} rows, {without} not measured" if without else f"{len(rows)} rows"
+        print(f"[{number}/{len(tasks)}] {task.section}, {task.name}: {said}, {how}", flush=True)
         out.setdefault(task.section, ([], facts))[0].extend(rows)
     return {name: found for name, found in out.items() if name not in failed}, list(failed.values())
 
 
-def summary(tasks: list[Task], collected: Collected) -> str:
-    """Say in a line for each section what was measured, and what was not."""
-    lines = []
-    for section in dict.fromkeys(task.section for task in tasks):
-        jobs = sum(task.section == section for task in tasks)
-        if section not in collected:
-            lines.append(f"{section}: failed, its earlier results stay")
-            continue
-        rows = [row for row in collected[section][0] if not isinstance(row, Check)]
-        missing = sum(bool(getattr(row, "note", "")) for row in rows)
-        lines.append(f"{section}: {jobs} jobs, {len(rows) - missing} rows measured")
-        if missing:
-            lines[-1] += f", {missing} not (the report says why)"
-    return "\n".join(lines)
-
-
 def store(folder: Path, collected: Collected) -> None:
     """Write the files of the sections that were measured; the others stay."""
-    folder.mkdir(parents=True, exist_ok=True)
     machines = read_machines(folder / "machine.csv")
-    checks = [row for row in read_rows(folder / "gate.csv", Check) if row.section not in collected]
     for section, (rows, facts) in collected.items():
         machines[section] = facts
-        checks += [row for row in rows if isinstance(row, Check)]
-        kind = SECTIONS[section]
-        write_rows(folder / f"{section}.csv", kind, [row for row in rows if isinstance(row, kind)])
-    order = list(SECTIONS)
-    write_rows(folder / "gate.csv", Check, sorted(checks, key=lambda row: order.index(str(row[4]))))
-    write_machines(folder / "machine.csv", {name: machines[name] for name in order if name in machines})
+        write_rows(folder / f"{section}.csv", rows)
+    write_machines(folder / "machine.csv", {name: machines[name] for name in SECTIONS if name in machines})
 
 
 def _options() -> argparse.Namespace:
@@ -117,7 +96,7 @@ def _options() -> argparse.Namespace:
     group = parser.add_mutually_exclusive_group(required=True)
     group.add_argument("--short", action="store_true", help="under a minute, into build/benchmarks/")
     group.add_argument("--full", action="store_true", help="tens of minutes, into benchmarks/")
-    group.add_argument("--report", action="store_true", help="only the report, from the committed results")
+    group.add_argument("--report", action="store_true", help="only the pages, from the committed results")
     group.add_argument("--hard", action="store_true", help="the hard cases, into benchmarks/hard.md")
     group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
     parser.add_argument("--only", nargs="+", choices=list(SECTIONS), help="these sections")

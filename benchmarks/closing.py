@@ -70,7 +70,7 @@ def ticks(robot: HybridRobot) -> Motors:
 
 
 def steps(compiled: CompiledRobot, motors: Motors, count: int) -> dict[str, Array]:
-    """Return times of `idm`, of closing the loops, of both, and of a step in one call, shapes (count,), [us]."""
+    """Return times of `idm`, of closing the loops, of both, of a step in one call, shapes (count,), [us]."""
     there = [[x[i] for i in [*range(ROWS), *reversed(range(ROWS))]] for x in motors]
     q = compiled.close(*(x[0] for x in there))[0]
     closing, inverse, step = np.empty(count), np.empty(count), np.empty(count)
@@ -88,7 +88,12 @@ def steps(compiled: CompiledRobot, motors: Motors, count: int) -> dict[str, Arra
         start = time.perf_counter()
         q = compiled.idm_from_motors(position, rate, acceleration, last=q)[1]
         step[i] = 1e6 * (time.perf_counter() - start)
-    return {"idm, a call": inverse, "close": closing, "close, then idm": closing + inverse, "control step": step}
+    return {
+        "idm, a call": inverse,
+        "close": closing,
+        "close, then idm": closing + inverse,
+        "control step": step,
+    }
 
 
 def alone(compiled: CompiledRobot, motors: Motors) -> float:
@@ -130,9 +135,7 @@ def step_alone(compiled: CompiledRobot, motors: Motors) -> float:
     return 1e6 * least / ROWS
 
 
-def tables(
-    compiled: CompiledRobot, motors: Motors
-) -> Iterator[tuple[str, Callable[[], object]]]:
+def tables(compiled: CompiledRobot, motors: Motors) -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield calls that assemble `ROWS` rows, from motors and from poses, in C and by the general path."""
     robot = compiled.robot
     named = {name: tuple(x[:, i] for x in motors) for i, name in enumerate(robot.motors)}
@@ -152,4 +155,3 @@ def tables(
     }
     yield "a row of poses, in C", lambda: compiled.assemble(platforms=poses)
     yield "a row of poses, general", lambda: hybridyn.assemble(robot, platforms=poses)
-

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import Effort, one_by_one, posed
-from benchmarks.methods import MODELS, NotMeasuredError, written
+from benchmarks.accuracy import Effort, States, one_by_one, posed
+from benchmarks.methods import MODELS, NotMeasuredError, Solver, written
 from benchmarks.peers import methods_of
 from benchmarks.peers.ours import COMPILED, compiled
 from benchmarks.results import NAN, Row
@@ -50,9 +50,11 @@ def measure(case: str, calls: int = CALLS, touched: int = TOUCHED) -> list[Row]:
             except NotMeasuredError as why:
                 rows.append(row._replace(note=str(why)))
                 continue
-            row = row._replace(error=problem.reference.off(np.array([solve(*one) for one in problem.singles])))
+            row = row._replace(
+                error=problem.reference.off(np.array([solve(*one) for one in problem.singles]))
+            )
             states = itertools.cycle(problem.singles)
-            times = [_cold(lambda solve=solve, state=next(states): solve(*state), block) for _ in range(calls)]
+            times = [_cold(solve, next(states), block) for _ in range(calls)]
             hot = Candidate(row, len(problem.singles), one_by_one(solve, problem.singles))
             (row,) = measured([hot], 7)
             size = _code(problem.robot) if method.name == COMPILED else NAN
@@ -60,11 +62,11 @@ def measure(case: str, calls: int = CALLS, touched: int = TOUCHED) -> list[Row]:
     return rows
 
 
-def _cold(call: Callable[[], object], block: np.ndarray) -> float:
+def _cold(solve: Solver, state: States, block: Any) -> float:
     """Touch a block of memory, then return the time of a call [s]."""
     block[::64] += 1
     started = time.perf_counter()
-    call()
+    solve(*state)
     return time.perf_counter() - started
 
 

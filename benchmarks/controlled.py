@@ -93,14 +93,14 @@ def measure(case: str, steps: Steps) -> list[Row]:
 def own_runs(at: Start, model: Any, steps: Steps) -> Iterator[Run]:
     """Yield hybridyn's runs."""
     for rtol in steps.ours:
-        yield at.runs(f"{COMPILED}, dopri5", f"rtol {rtol:g}", compiled=model, **adaptive(rtol))
+        yield at.run(f"{COMPILED}, dopri5", f"rtol {rtol:g}", {"compiled": model, **adaptive(rtol)})
     for h in steps.fixed:
-        yield at.runs(f"{COMPILED}, rk4", f"step {h:g}", compiled=model, method="rk4", step=h)
+        yield at.run(f"{COMPILED}, rk4", f"step {h:g}", {"compiled": model, "method": "rk4", "step": h})
     if law := at.effort:
         slow = replace(at, effort=lambda t, q, v: law(t, q, v))
         for rtol in steps.python:
             name = f"{COMPILED}, law in Python, dopri5"
-            yield slow.runs(name, f"rtol {rtol:g}", compiled=model, **adaptive(rtol))
+            yield slow.run(name, f"rtol {rtol:g}", {"compiled": model, **adaptive(rtol)})
 
 
 def mujoco_runs(at: Start, model: Any, reference: Reference | None, steps: Steps) -> Iterator[Run]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]], path: Path) -
 
     columns = max(len(row) for row in rows)
     size = (PANEL[0] * columns + LEGEND, PANEL[1] * len(rows) + 0.6)
-    settings = {"svg.hashsalt": SEED, "font.size": 9, "axes.titlesize": 10, "legend.fontsize": 8}
+    settings: Any = {"svg.hashsalt": SEED, "font.size": 9, "axes.titlesize": 10, "legend.fontsize": 8}
     with mpl.rc_context(settings):
         figure = Figure(figsize=size, facecolor="white", layout="constrained")
         figure.suptitle(f"{title}\n{remark}", fontsize=11, color=INK, x=0.01, ha="left")
@@ -121,7 +121,7 @@ def _panel(ax: Axes, panel: Panel, most: float) -> None:
 
 def _curve(ax: Axes, curve: Curve) -> None:
     """Draw a curve, what it was chosen from, and its open points."""
-    look = {"color": curve.colour, "markersize": 4.2}
+    look: Any = {"color": curve.colour, "markersize": 4.2}
     y, all_y = ([max(value, LEAST) for value in values] for values in (curve.y, curve.all_y))
     ax.plot(curve.all_x, all_y, ".", color=curve.colour, alpha=PALE, markersize=5, mew=0, zorder=2)
     ax.plot(curve.x, y, "-o" if curve.joined else "o", label=curve.label, lw=1.4, zorder=3, **look)

@@ -155,7 +155,9 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
         for name, options in ((OURS, ({}, {})), (GIVEN, ({"out": one}, {"out": many}))):
             named = row._replace(method=name)
             candidates.append(Candidate(named, 1, partial(derive, q, v, x, **options[0])))
-            candidates.append(Candidate(named._replace(batch=batch), batch, partial(derive, *given, **options[1])))
+            candidates.append(
+                Candidate(named._replace(batch=batch), batch, partial(derive, *given, **options[1]))
+            )
     try:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):
             row = Row(case, what, name, written(setting), error=reference.off(blocks))
@@ -212,4 +214,3 @@ def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
     call()
     blocks = (data.ddq_dq.copy(), data.ddq_dv.copy(), data.ddq_dtau[:, own.motors].copy())
     return "pin.computeConstraintDynamicsDerivatives", setting, blocks, call
-

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,7 +99,7 @@ def label(row: Row, names: Sequence[str]) -> str:
 
 def panel(
     rows: Sequence[Row], title: str, fields: tuple[str, str], names: Sequence[str] = ("method",), *,
-    pareto: bool = False, **look: Any,
+    pareto: bool = False, look: Mapping[str, Any] | None = None,
 ) -> Panel:  # fmt: skip
     """Draw two fields of some rows against each other.
 
@@ -111,7 +112,7 @@ def panel(
         look: Fields of the panel.
     """
     curves = []
-    across, up = (lambda row, name=name: getattr(row, name) for name in fields)
+    across, up = map(attrgetter, fields)
     shown = [row for row in rows if math.isfinite(across(row)) and math.isfinite(up(row))]
     for group in grouped(shown, *names).values():
         group = sorted(group, key=lambda row: (across(row), up(row)))
@@ -130,7 +131,7 @@ def panel(
         )
         curves.append(curve)
     x, y = (AXES.get(name, name) for name in fields)
-    return Panel(title, **{"x": x, "y": y, "curves": curves, **look})
+    return Panel(title, **{"x": x, "y": y, "curves": curves, **(look or {})})
 
 
 def models(results: Results) -> list[list[Panel]]:
@@ -148,15 +149,15 @@ def models(results: Results) -> list[list[Panel]]:
 def scaling(results: Results) -> list[list[Panel]]:
     """Draw time and memory against the number of modules, one row a family."""
     wanted = (("ddm", "us"), ("idm", "us"), ("ddm", "mib"))
+    names, look = ("method", "batch"), {"counts": True}
     return [
         [
-            panel(chosen(own, model=model), f"{family}s, {MODELS[model]}", ("at", field), counts=True,
-                  names=("method", "batch"))
+            panel(chosen(own, model=model), f"{family}s, {MODELS[model]}", ("at", field), names, look=look)
             for model, field in wanted
         ]
         for family, own in grouped(results["scaling"], "case").items()
         if " " not in family
-    ]  # fmt: skip
+    ]
 
 
 def overview(results: Results) -> list[list[Panel]]:
@@ -170,22 +171,18 @@ def overview(results: Results) -> list[list[Panel]]:
 def simulation(results: Results) -> list[list[Panel]]:
     """Draw error of the final state, energy drift and closure residual against time."""
     motions, scenes = (grouped(results[name], "case") for name in ("simulation", "controlled"))
-    state = {"x": "wall time [s]", "y": "error of the final state"}
+    wall = {"x": "wall time [s]"}
+    state = wall | {"y": "error of the final state"}
     rows = [
-        [panel(own, case, ("seconds", "error"), pareto=True, **state) for case, own in motions.items()],
+        [panel(own, case, ("seconds", "error"), pareto=True, look=state) for case, own in motions.items()],
+        [panel(own, case, ("seconds", "energy"), pareto=True, look=wall) for case, own in motions.items()],
         [
-            panel(own, case, ("seconds", "energy"), pareto=True, x="wall time [s]")
-            for case, own in motions.items()
-        ],
-        [
-            panel(own, case, ("seconds", "error"), pareto=True, **state | {"x": "processor time [s/s]"})
+            panel(own, case, ("seconds", "error"), pareto=True, look=state | {"x": "processor time [s/s]"})
             for case, own in scenes.items()
         ],
     ]
     case = next(reversed(motions), "")
-    rows[2] += (
-        [panel(motions[case], case, ("seconds", "closure"), pareto=True, x="wall time [s]")] if case else []
-    )
+    rows[2] += [panel(motions[case], case, ("seconds", "closure"), pareto=True, look=wall)] if case else []
     return rows
 
 
@@ -199,7 +196,7 @@ def derivatives(results: Results) -> list[list[Panel]]:
         if row
     ]
     look = {"x": "time of Pinocchio's [us]", "y": "time of hybridyn's [us]"}
-    own = panel(rows, "ddm_jacobian", ("us", "value"), ("method", "batch"), **look)
+    own = panel(rows, "ddm_jacobian", ("us", "value"), ("method", "batch"), look=look)
     return [[replace(own, curves=own.curves + _equal(own, lambda x: x))]]
 
 
@@ -220,7 +217,7 @@ def singular(results: Results) -> list[list[Panel]]:
     """Draw the error near singular postures against the distance."""
     rows = [row._replace(error=min(row.error, 30.0)) for row in results["singular"]]
     distance = {"x": "distance from the singular posture [rad]", "reverse": True}
-    return [[panel(own, case, ("at", "error"), **distance) for case, own in grouped(rows, "case").items()]]
+    return [[panel(own, case, ("at", "error"), look=distance) for case, own in grouped(rows, "case").items()]]
 
 
 def losses(results: Results) -> list[list[Panel]]:
@@ -228,7 +225,7 @@ def losses(results: Results) -> list[list[Panel]]:
     look = {"x": "time of the fastest peer [us]", "y": "time of hybridyn over the peer's"}
     out = []
     for model, words in MODELS.items():
-        own = panel(ratios(results, [model]), words, ("us", "value"), ("method", "batch"), **look)
+        own = panel(ratios(results, [model]), words, ("us", "value"), ("method", "batch"), look=look)
         points = [replace(curve, joined=False) for curve in own.curves]
         out.append(replace(own, curves=points + _equal(own, lambda x: 1.0)))
     return [out]
@@ -250,24 +247,22 @@ def sweeps(results: Results) -> list[list[Panel]]:
         for row in results["sweeps"]
     ]
     look = {"x": "postures of each design", "y": "processor time [s]"}
-    return [[panel(rows, "five_bar", ("us", "seconds"), **look)]]
+    return [[panel(rows, "five_bar", ("us", "seconds"), look=look)]]
 
 
 def effects(results: Results) -> list[list[Panel]]:
     """Draw what each effect changes against what it costs."""
     rows = [row._replace(value=100 * row.value) for row in results["effects"]]
     look = {"x": "share of the operations [%]", "y": "change of the efforts without it"}
-    return [[panel(own, case, ("value", "error"), **look) for case, own in grouped(rows, "case").items()]]
+    return [[panel(own, case, ("value", "error"), look=look) for case, own in grouped(rows, "case").items()]]
 
 
 def cold(results: Results) -> list[list[Panel]]:
-    """Draw the time of a cold call against the code that it reads."""
-    look = {"x": "code [KiB]", "y": "time of a cold call [us]"}
+    """Draw times of cold calls against those of hot ones."""
+    look = {"x": "time of a hot call [us]", "y": "time of a cold call [us]"}
+    rows = grouped(results["cold"], "case", "model").items()
     return [
-        [
-            panel(own, case, ("mib", "median"), **look)
-            for case, own in grouped(results["cold"], "case").items()
-        ]
+        [panel(own, f"{case}, {MODELS[model]}", ("us", "median"), look=look) for (case, model), own in rows]
     ]
 
 

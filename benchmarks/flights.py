@@ -78,8 +78,8 @@ class Start:
             raise NotMeasuredError(f"ended at {result.t[-1]:g} s: {result.message}")
         return result.q, result.v, result.counters.steps
 
-    def runs(self, method: str, setting: str, **options: Any) -> Run:
-        """Return a run of `hybridyn.simulate`."""
+    def run(self, method: str, setting: str, options: dict[str, Any]) -> Run:
+        """Return a run of `hybridyn.simulate` with some options."""
         return Run(method, setting, lambda: partial(self.simulate, options))
 
 
@@ -114,7 +114,7 @@ class Judge:
         return float(error) if np.isfinite(error) else math.inf
 
     def kept(self, q: Array, v: Array) -> tuple[float, float]:
-        """Return the largest change of the energy under constant efforts, and the largest closure residual."""
+        """Return the change of the energy under constant efforts, and the largest closure residual."""
         at, every = self._start, max(1, len(q) // SAMPLES)
         q, v = (np.vstack([x[:-1:every], x[-1:]]) for x in (q, v))
         found = hybridyn.energy(at.robot, q, v)

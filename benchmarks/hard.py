@@ -110,11 +110,15 @@ def cells(row: Row) -> tuple[str, str, str, str, str, str]:
     return (row.case, row.quantity, f"{row.claim:.3g}", f"{row.measured:.2g}", row.margin, row.test)
 
 
+def read_claims(folder: Path) -> list[Row]:
+    """Read the claims that are kept in a folder."""
+    found = read_table(folder / "hard.csv")
+    return [Row(x["case"], x["quantity"], float(x["claim"]), float(x["measured"]), x["test"]) for x in found]
+
+
 def write_page(folder: Path) -> None:
     """Write the page of the claims that are kept in a folder."""
-    found = read_table(folder / "results" / "hard.csv")
-    rows = [Row(x["case"], x["quantity"], float(x["claim"]), float(x["measured"]), x["test"]) for x in found]
-    (folder / "hard.md").write_text(page(rows))
+    (folder / "hard.md").write_text(page(read_claims(folder / "results")))
 
 
 def page(rows: list[Row]) -> str:

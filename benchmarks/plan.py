@@ -16,42 +16,36 @@ from typing import Any
 from benchmarks import (
     accuracy,
     callgrind,
+    cold,
     controlled,
     derivatives,
-    job,
+    effects,
     peak,
     programs,
+    quantities,
     scaling,
     simulation,
     singular,
-    throughput,
+    sweeps,
 )
 from benchmarks.cases import ROOT
-from benchmarks.methods import NotMeasuredError
+from benchmarks.methods import MODELS, NotMeasuredError
 from benchmarks.processes import in_own_process
-from benchmarks.results import SECTIONS, Check, machine
+from benchmarks.results import Row, machine
 
 CACHE = ROOT / "build" / "benchmarks" / "cache"
 #: Files of this package that only show what was measured, or measure something else.
 OUTPUT = {
-    "report.py",
-    "reached.py",
-    "standing.py",
-    "tables.py",
-    "texts.py",
-    "figures.py",
-    "fronts.py",
-    "curves.py",
-    "labels.py",
-    "goals.py",
-    "__main__.py",
-    "slow.py",
-    "hard.py",
-}
+    f"{name}.py"
+    for name in (
+        "report", "standing", "tables", "texts", "figures", "curves", "goals", "__main__", "slow", "hard",
+    )
+}  # fmt: skip
 
 SHIPPED = ("gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "lx4")
 STACKS = (1, 2, 4, 8, 16)
 SNAKES = (4, 8, 16)
+SIZES = {"stack": (1, 2, 4, 8, 16, 32, 64, 256), "snake": (4, 8, 16, 32, 64, 128)}
 LONG = simulation.Steps(
     rk4=(), projected=(1e-2, 1e-3), general=(), implicit=(), mujoco=(1e-3, 2e-4)
 )  # the general path would take a quarter of an hour for 10,000 steps
@@ -72,51 +66,40 @@ class Task:
 
     section: str
     name: str
-    function: Callable[..., list[Any]]
+    function: Callable[..., list[Row]]
     arguments: tuple[Any, ...]
     apart: bool = True
 
-    def run(self) -> list[Any]:
+    def run(self) -> list[Row]:
         """Measure."""
-        rows = (
-            in_own_process(self.function, *self.arguments) if self.apart else self.function(*self.arguments)
-        )
-        return [row._replace(section=self.section) if isinstance(row, Check) else row for row in rows]
+        if self.apart:
+            rows: list[Row] = in_own_process(self.function, *self.arguments)
+            return rows
+        return self.function(*self.arguments)
 
 
 def short() -> list[Task]:
-    """Return the jobs of the short run: every section, in under a minute on two cores."""
-    effort = accuracy.Effort(judged=2, batch=32, rounds=2, sweep=9)
-    load = throughput.Load((1, 32), (1, 2), 1)
+    """Return the jobs of the short run: nearly every section, in under a minute on two cores."""
+    effort = accuracy.Effort(judged=2, batches=(1, 32), rounds=2, sweep=9)
+    load = accuracy.Effort(2, (1, 32), (1, 2), rounds=1, looped=True)
     steps = simulation.Steps(
-        rk4=(1e-2,),
-        compiled=(1e-3,),
-        peers=(1e-2,),
-        projected=(1e-2,),
-        rtol=(1e-3,),
-        general=(1e-3,),
-        conserving=(1e-2,),
-        implicit=(),
-        mujoco=(2e-3,),
-        part=0.1,
-    )
-    few = controlled.Steps(ours=(1e-5,), fixed=(), python=None, mujoco=(1e-4,), duration=0.1)
+        rk4=(1e-2,), compiled=(1e-2,), peers=(1e-2,), projected=(1e-2,), rtol=(1e-3,), general=(1e-3,),
+        conserving=(1e-2,), implicit=(), mujoco=(2e-3,), part=0.1,
+    )  # fmt: skip
+    few = controlled.Steps(ours=(1e-5,), fixed=(), python=(), mujoco=(1e-4,), duration=0.1)
+    some = ("hybridyn, general", "pin.lcaba")
     return [
         Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar", effort)),
         Task("idm", "gough_stewart", accuracy.measure, ("idm", "gough_stewart", effort)),
-        Task(
-            "scaling", "stack 1", scaling.measure, ("stack", 1, 8, ("hybridyn, general", "pin.lcaba")), False
-        ),
-        Task(
-            "scaling", "stack 2", scaling.measure, ("stack", 2, 8, ("hybridyn, general", "pin.lcaba")), False
-        ),
+        *(Task("scaling", f"stack {n}", scaling.measure, ("stack", n, 8, some), False) for n in (1, 2)),
         Task("simulation", "five_bar", simulation.measure, ("five_bar, let go, 1 s", steps)),
         Task("controlled", controlled.GOVERNOR, controlled.measure, (controlled.GOVERNOR, few)),
-        Task("throughput", "five_bar", throughput.measure, ("ddm", "five_bar", load)),
+        Task("throughput", "five_bar", accuracy.measure, ("ddm", "five_bar", load)),
         Task("derivatives", "five_bar", derivatives.measure, ("five_bar", 32, 2)),
         *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
-        Task("job", "idm 1000 2", job.measure, (1_000, 2)),
+        Task("cold", "five_bar", cold.measure, ("five_bar", 20)),
         Task("programs", "five_bar", programs.measure, ("five_bar", 2_000)),
+        Task("quantities", "five_bar", quantities.measure, ("five_bar", 32, 1)),
     ]
 
 
@@ -124,35 +107,36 @@ def full() -> list[Task]:
     """Return the jobs of the full run."""
     out: list[Task] = []
     cases = [*SHIPPED, *(f"stack {n}" for n in STACKS if n != 4), *(f"snake {n}" for n in SNAKES), "ur5"]
-    for model in ("ddm", "idm"):
+    for model in MODELS:
         for case in cases:
             few = case in ("stack 16", "snake 16")
-            effort = accuracy.Effort(judged=2 if few else 4, batch=500 if few else 1_000)
+            effort = accuracy.Effort(judged=2 if few else 4, batches=(1, 500 if few else 1_000))
             out.append(Task(model, case, accuracy.measure, (model, case, effort)))
-    for family, sizes in {"stack": (1, 2, 4, 8, 16, 32, 64, 256), "snake": (4, 8, 16, 32, 64, 128)}.items():
+    for family, sizes in SIZES.items():
         for n in sizes:
             samples = scaling.BATCH if n <= 64 else 100
             out.append(Task("scaling", f"{family} {n}", scaling.measure, (family, n, samples), False))
     for name in simulation.MOTIONS:
         steps = LONG if name == simulation.LONG else simulation.Steps()
         out.append(Task("simulation", name, simulation.measure, (name, steps)))
-    for case in controlled.CASES:
-        out.append(Task("controlled", case, controlled.measure, (case, controlled.Steps())))
+    out += [
+        Task("controlled", name, controlled.measure, (name, controlled.Steps())) for name in controlled.CASES
+    ]
     for case in ("lx4", "five_bar"):
-        for model in ("ddm", "idm"):
-            out.append(
-                Task("throughput", f"{case} {model}", throughput.measure, (model, case, throughput.Load()))
-            )
+        for model in MODELS:
+            arguments = (model, case, accuracy.BATCHES)
+            out.append(Task("throughput", f"{case} {model}", accuracy.measure, arguments))
     out += [Task("derivatives", case, derivatives.measure, (case, 100, 40)) for case in derivatives.ROBOTS]
     out += [Task("singular", name, singular.measure, (name, DISTANCES)) for name in singular.APPROACHES]
+    out += [Task("effects", case, effects.measure, (case,)) for case in effects.ROBOTS]
+    out += [Task("cold", case, cold.measure, (case,)) for case in cold.ROBOTS]
     for case in ("gough_stewart", "lx4"):
-        for model in ("ddm", "idm"):
+        for model in MODELS:
             out.append(Task("callgrind", f"{case} {model}", callgrind.measure, (case, model), False))
     out += [Task("peak", case, peak.measure, (case,)) for case in ("gough_stewart", "lx4")]
-    for rows, cores in ((10_000, 1), (10_000, 2), (10_000, 4), (1_000, 2), (40_000, 2)):
-        out.append(Task("job", f"idm {rows} {cores}", job.measure, (rows, cores), False))
     out += [Task("programs", case, programs.measure, (case,), False) for case in programs.ROBOTS]
-    return out
+    out += [Task("quantities", case, quantities.measure, (case,)) for case in quantities.ROBOTS]
+    return [*out, Task("sweeps", "five_bar", sweeps.measure, (2, 48), False)]
 
 
 def fingerprint() -> str:
@@ -186,7 +170,7 @@ class Cache:
         key = hashlib.sha256(repr((task.section, task.name, task.arguments)).encode()).hexdigest()[:12]
         return self.folder / f"{task.section}-{key}.json"
 
-    def get(self, task: Task) -> tuple[list[Any], dict[str, str]] | None:
+    def get(self, task: Task) -> tuple[list[Row], dict[str, str]] | None:
         """Return the rows and the machine of a finished job, None where there is none."""
         try:
             stored = json.loads(self.path(task).read_text())
@@ -194,13 +178,12 @@ class Cache:
             return None
         if stored["print"] != self.print:
             return None
-        kinds = {kind.__name__: kind for kind in (*SECTIONS.values(), Check)}
-        return [kinds[name](*values) for name, values in stored["rows"]], stored["machine"]
+        return [Row(*values) for values in stored["rows"]], stored["machine"]
 
-    def put(self, task: Task, rows: list[Any], facts: dict[str, str]) -> None:
+    def put(self, task: Task, rows: list[Row], facts: dict[str, str]) -> None:
         """Keep a finished job."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        stored = {"print": self.print, "machine": facts, "rows": [(type(r).__name__, list(r)) for r in rows]}
+        stored = {"print": self.print, "machine": facts, "rows": rows}
         part = self.path(task).with_suffix(".part")
         part.write_text(json.dumps(stored))
         part.replace(self.path(task))
@@ -211,7 +194,7 @@ class Cache:
             self.path(task).unlink(missing_ok=True)
 
 
-def measured(task: Task, cache: Cache | None) -> tuple[list[Any], dict[str, str], bool]:
+def measured(task: Task, cache: Cache | None) -> tuple[list[Row], dict[str, str], bool]:
     """Return a job's rows and machine, and whether they were remembered.
 
     Raises:

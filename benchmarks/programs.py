@@ -163,7 +163,7 @@ def command_line() -> Iterator[Row]:
 
 
 def jobs() -> Iterator[Row]:
-    """Yield the time and the memory of `hybridyn idm` on the LX4's poses, from the start of the program on."""
+    """Yield time and memory of `hybridyn idm` on the LX4's poses, from the start of the program on."""
     for rows, cores in JOBS:
         with tempfile.TemporaryDirectory() as folder, only_cores(cores) as given:
             table = Path(folder) / "trajectory.csv"
@@ -199,9 +199,7 @@ def cold() -> Iterator[Row]:
                 env=os.environ | {VARIABLE: folder},
             )  # fmt: skip
         least = min(least, float(done.stdout))
-    yield _row(
-        "lx4", "compile, quick", "from the loaded robot to its first efforts, empty cache", least, "s"
-    )
+    yield _row("lx4", "compile, quick", "from the loaded robot to its first efforts, empty cache", least, "s")
 
 
 def _row(case: str, program: str, what: str, value: float, unit: str) -> Row:

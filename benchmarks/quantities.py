@@ -1,8 +1,8 @@
 """Compiled closed-loop quantities beside Pinocchio's algorithms for the open tree of the same robot.
 
-Pinocchio's `crba` and `nonLinearEffects` know no closures: their results are those of the open tree, which the loops turn
-into M by dq/du on both sides. So is that of `computeDelassusMatrix` of the link alone, which is compared with
-J M^-1 J^T of the open tree before anything is timed. They are called from Python, sample by sample.
+Pinocchio's `crba` and `nonLinearEffects` know no closures: their results are those of the open tree, which
+the loops turn into M by dq/du on both sides. So is that of `computeDelassusMatrix` of the link, which is
+compared with J M^-1 J^T of the open tree before anything is timed. They are called sample by sample.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ def calls_of(compiled: hybridyn.CompiledRobot, samples: int) -> dict[str, Callab
         f"{COMPILED}, mass_matrix": lambda: compiled.mass_matrix(q),
         "pin.crba, loops open": lambda: [pin.crba(model, data, x) for x in q],
         f"{COMPILED}, bias": lambda: compiled.bias(q, v),
-        "pin.nonLinearEffects, loops open": lambda: [pin.nonLinearEffects(model, data, *pair) for pair in pairs],
+        "pin.nonLinearEffects, loops open": lambda: [
+            pin.nonLinearEffects(model, data, *pair) for pair in pairs
+        ],
         f"{COMPILED}, coriolis": lambda: compiled.coriolis(q, v),
         f"{COMPILED}, gravity": lambda: compiled.gravity(q),
         f"{COMPILED}, motion_map": lambda: compiled.motion_map(q),
@@ -81,4 +83,3 @@ def delassus_of_tree(model: pin.Model, link: str) -> Callable[[Array], Array]:
     off = np.abs(pin.computeDelassusMatrix(model, data, q, constraints, states) - right).max()
     assert off <= SAME * np.abs(right).max(), off
     return lambda q: np.asarray(pin.computeDelassusMatrix(model, data, q, constraints, states))
-

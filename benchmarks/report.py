@@ -154,7 +154,8 @@ def singular(results: Results) -> Table:
 def cold(results: Results) -> Table:
     """List times of cold and of hot calls beside the code."""
     rows = [
-        [r.case, r.model, r.method, number(r.median), number(r.us), number(r.mib)] for r in results["cold"]
+        [r.case, r.model, r.method, number(r.median), number(r.us), number(r.value / 1024)]
+        for r in results["cold"]
     ]
     return ["robot", "model", "method", "cold [us]", "hot [us]", "code [KiB]"], rows
 
@@ -235,17 +236,9 @@ def throughput(results: Results) -> Table:
 
 def around(results: Results) -> Table:
     """Give what a user's program waits for, a column for each robot."""
-    rows = [r._replace(setting=f"{r.setting} [{r.unit or 'ratio'}]") for r in results["programs"]]
-    left_out = (
-        "operations with the guard [",
-        "operations without",
-        "from Python, 90",
-        "import pinocchio [s]",
-    )
-    rows = [r for r in rows if not r.setting.startswith(left_out)]
-    for r in results["job"]:
-        what = f"{r.batch:,} rows on {r.threads} core{'s' * (r.threads > 1)} [s]"
-        rows.append(Row("lx4", "hybridyn idm, whole program", setting=what, value=r.seconds))
+    left_out = ("operations with the guard [", "operations without", "from Python, 9", "import pinocchio [s]")
+    rows = [row._replace(setting=f"{row.setting} [{row.unit or 'ratio'}]") for row in results["programs"]]
+    rows = [row for row in rows if not row.setting.startswith(left_out) and not math.isnan(row.value)]
     return _pivot(rows, ("model", "setting"), "case", lambda own: number(own[0].value))
 
 
@@ -329,7 +322,5 @@ QUESTIONS = (
         throughput,
         "throughput",
     ),
-    Question(
-        "What does a program wait for?", texts.PROGRAMS, ("programs", "job", "closing", "quantities"), around
-    ),
+    Question("What does a program wait for?", texts.PROGRAMS, ("programs", "quantities"), around),
 )

@@ -27,9 +27,7 @@ SECTIONS = {
     "cold": "single calls after other memory was touched",
     "callgrind": "instructions per sample",
     "peak": "share of the rate of one core",
-    "job": "`hybridyn idm` from start to end",
-    "programs": "what a user's program waits for around the models",
-    "closing": "loops closed in C",
+    "programs": "what a program waits for around the models; loops closed in C; the command line",
     "quantities": "mass matrices and their like, beside those of Pinocchio's open tree",
     "sweeps": "sweeps of designs",
 }

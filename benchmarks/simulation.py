@@ -113,17 +113,19 @@ def own_flights(at: Start, steps: Steps, model: dict[str, Any]) -> Iterator[Run]
     wanted = [(GENERAL, h, projection) for projection in closed for h in steps.rk4]
     wanted += [(COMPILED, h, "stages") for h in steps.compiled]  # open postures are the general path's
     for engine, h, projection in wanted:
-        options = {"method": "rk4", "step": h, "projection": projection} | (model if engine == COMPILED else {})
-        yield at.runs(f"{engine}, rk4, {closed[projection]}", f"step {h:g}", **options)
+        options = {"method": "rk4", "step": h, "projection": projection} | (
+            model if engine == COMPILED else {}
+        )
+        yield at.run(f"{engine}, rk4, {closed[projection]}", f"step {h:g}", options)
     for engine, tolerances in ((GENERAL, steps.general), (COMPILED, steps.rtol)):
         for rtol in tolerances:
             options = adaptive(rtol) | (model if engine == COMPILED else {})
-            yield at.runs(f"{engine}, dopri5", f"rtol {rtol:g}", **options)
+            yield at.run(f"{engine}, dopri5", f"rtol {rtol:g}", options)
     fixed = [("implicit", h) for h in steps.implicit]
     if not at.effort.any():  # it conserves where nothing pushes
         fixed += [("conserving", h) for h in steps.conserving]
     for method, h in fixed:
-        yield at.runs(f"{GENERAL}, {method}", f"step {h:g}", method=method, step=h)
+        yield at.run(f"{GENERAL}, {method}", f"step {h:g}", {"method": method, "step": h})
 
 
 def peer_flights(at: Start, steps: Steps) -> Iterator[Run]:

@@ -48,7 +48,7 @@ reference has 60 digits.
 COLD = """\
 A controller calls once a millisecond, and other programs use the caches in between. 40 MB are touched before
 each of some hundred calls; "cold" is the median of their times, "hot" the least time of calls in a row. Code
-is what the compiled library holds, of Pinocchio the library that all robots share.
+is the size of the file that was compiled for the robot.
 """
 
 DERIVATIVES = """\

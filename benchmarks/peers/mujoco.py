@@ -55,9 +55,7 @@ class Translated:
                 file = Path(folder) / "robot.xml"
                 hybridyn.convert(robot, file)
                 self.model: Any = mujoco.MjModel.from_xml_path(str(file))
-            self.data: Any = (
-                MujocoEngine(robot, self.model, "").data if rigid else mujoco.MjData(self.model)
-            )
+            self.data: Any = MujocoEngine(robot, self.model, "").data if rigid else mujoco.MjData(self.model)
         except (ValueError, HybridynError) as error:
             raise NotMeasuredError(f"MuJoCo: {str(error).splitlines()[0]}") from None
         if rigid:

@@ -1,6 +1,7 @@
 """Pinocchio's algorithms for trees: `aba`, `rnea`, and `rnea` projected through the closures.
 
-The projection is the honest baseline of inverse dynamics. With K the closure rows, split into motors m and passive joints p, K v = 0 and Q the tree's efforts,
+The projection is the honest baseline of inverse dynamics. With K the closure rows, split into motors m and
+passive joints p, K v = 0 and Q the tree's efforts,
 
     tau = Q_m - K_m^T K_p^-T Q_p,
 

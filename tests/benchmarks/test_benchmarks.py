@@ -18,8 +18,11 @@ from benchmarks import accuracy, callgrind, controlled, derivatives, peak, peers
 from benchmarks.__main__ import COMMITTED, store
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
+from benchmarks.curves import Curve, Panel, draw
 from benchmarks.fronts import cheapest, front
 from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
+from benchmarks.goals import reached
+from benchmarks.hard import page, read_claims
 from benchmarks.methods import NotMeasuredError
 from benchmarks.peers import rk4
 from benchmarks.peers.mujoco import Translated
@@ -27,19 +30,13 @@ from benchmarks.plan import Cache, Task
 from benchmarks.processes import in_own_process
 from benchmarks.reference import Reference, digits, extended, floor, refer
 from benchmarks.report import read_results, report
-from benchmarks.results import (
-    SECTIONS,
-    Check,
-    Point,
-    read_machines,
-    read_rows,
-    write_rows,
-)
-from benchmarks.simulation import MOTIONS, ours, start
+from benchmarks.results import CHECK, SECTIONS, Row, read_machines, read_rows, read_table, write_rows
+from benchmarks.simulation import MOTIONS, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
+from tests import ROOT
 from tests.clocks import Clock
 from tests.comparing import refused
 from tests.extras import needs
@@ -72,9 +69,9 @@ def test_gate_refuses_a_wrong_model(error: float) -> None:
 def test_nothing_is_timed_of_a_wrong_model(monkeypatch: pytest.MonkeyPatch) -> None:
     right = hybridyn.ddm
     monkeypatch.setattr(hybridyn, "ddm", lambda *given: right(*given) * (1 + 1e-8))
-    monkeypatch.setattr(accuracy, "interleaved", lambda *_: pytest.fail("timed"))
+    monkeypatch.setattr(accuracy, "measured", lambda *_, **__: pytest.fail("timed"))
     refused(
-        lambda: accuracy.measure("ddm", "five_bar", accuracy.Effort(1, 4, 1, 100)),
+        lambda: accuracy.measure("ddm", "five_bar", accuracy.Effort(1, (1, 4), rounds=1, sweep=100)),
         WrongModelError,
         r"hybridyn, general, 1 samples of five_bar: error 1.0e-08",
     )
@@ -166,8 +163,8 @@ def test_closures_in_space_that_are_no_points_are_refused(tmp_path: Path) -> Non
 )
 def test_rk4_on_pinocchios_solvers_flies_the_same_motion(solver: str, hold: str) -> None:
     at = start(MOTIONS["five_bar, let go, 1 s"], 0.01)
-    q, v = rk4.prepare(at.robot, at.q, at.v, at.tau, at.duration, 2e-3, solver, hold)()
-    expected_q, expected_v = ours(at, {"method": "rk4", "step": 2e-3})
+    q, v, _ = rk4.prepare(at.robot, at.q, at.v, at.effort, at.duration, 2e-3, solver, hold)()
+    expected_q, expected_v, _ = at.simulate({"method": "rk4", "step": 2e-3})
     assert np.abs(q - expected_q).max() < STEPS
     assert np.abs(v - expected_v).max() < STEPS * np.abs(v).max()
     if hold == "projection":
@@ -248,7 +245,7 @@ def test_processes_of_their_own() -> None:
 
 def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:
     cache, task = Cache(tmp_path, "code 1"), Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar"))
-    rows = [Check("five_bar", "a", 1e-12, NAN, "ddm"), Point("ddm", "five_bar", "x", "", 1, 1, 0.1, 2, 3, "")]
+    rows = [Row("five_bar", CHECK, setting="a", error=1e-12), Row("five_bar", "ddm", "x", error=0.1, us=2.0)]
     assert cache.get(task) is None
     cache.put(task, rows, {"cores": "4"})
     found, facts = cache.get(task) or ([], {})
@@ -274,7 +271,7 @@ def test_without_valgrind_counts_are_not_measured(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(callgrind.shutil, "which", lambda _: None)
     (row,) = callgrind.measure("five_bar", "idm")
     assert (row.method, row.note) == ("every method", "valgrind is not installed")
-    assert math.isnan(row.instructions)
+    assert math.isnan(row.value)
 
 
 def test_callgrind_costs_by_library() -> None:
@@ -298,8 +295,8 @@ summary: 312
 # ------------------------------------------------------------------ what the results say
 
 
-def points(*pairs: tuple[float, float]) -> list[Point]:
-    return [Point("ddm", "lx4", "pin.lcaba", f"{us}", 1, 1, error, us, us, "") for us, error in pairs]
+def points(*pairs: tuple[float, float]) -> list[Row]:
+    return [Row("lx4", "ddm", "pin.lcaba", f"{us}", error=error, us=us) for us, error in pairs]
 
 
 def test_front_and_cheapest() -> None:
@@ -312,11 +309,11 @@ def test_front_and_cheapest() -> None:
 
 @pytest.mark.slow
 def test_an_excavator_follows_its_reference_by_computed_torque() -> None:
-    few = controlled.Steps(ours=(1e-7,), fixed=(5e-4,), python=None, mujoco=(5e-4,), duration=0.2)
+    few = controlled.Steps(ours=(1e-7,), fixed=(5e-4,), python=(), mujoco=(5e-4,), duration=0.2)
     check, *rows = controlled.measure(controlled.EXCAVATOR, few)
     assert check.error < 1e-10
     for row in rows:
-        if math.isfinite(row.per_second):  # MuJoCo may be absent
+        if math.isfinite(row.seconds):  # MuJoCo may be absent
             assert row.error < (1e-2 if row.method.startswith("MuJoCo") else 1e-6)
 
 
@@ -324,7 +321,7 @@ def test_an_excavator_follows_its_reference_by_computed_torque() -> None:
 @pytest.mark.parametrize("case", ["five_bar", "ur5"])
 def test_derivatives_are_measured_beside_pinocchio(case: str) -> None:
     rows = derivatives.measure(case, 2, 1)
-    points = [row for row in rows if isinstance(row, Point) and math.isfinite(row.us)]
+    points = [row for row in rows if math.isfinite(row.us)]
     own = [row for row in points if row.method == "hybridyn, compiled"]
     assert {(row.model, row.batch) for row in own} == {
         (model + over, batch)
@@ -343,32 +340,58 @@ def test_derivatives_are_measured_beside_pinocchio(case: str) -> None:
 @pytest.mark.slow
 def test_the_peak_is_out_of_reach_and_said_beside_it() -> None:
     rows = peak.measure("five_bar")
-    assert [row.model for row in rows] == ["ddm", "idm"]
-    assert all(0.0 < row.share < 1.0 for row in rows)
-    said = report({name: [] for name in SECTIONS} | {"peak": rows, "gate": []}, {}, [])
-    assert f"| five_bar | ddm | {rows[0].operations:,} |" in said
+    shares = [row for row in rows if row.setting == "share of the peak rate"]
+    assert [row.model for row in shares] == ["ddm", "idm"]
+    assert all(0.0 < row.value < 1.0 for row in shares)
+    said = report({name: [] for name in SECTIONS} | {"peak": rows}, {}, [])
+    assert ("share of the peak rate" in said) == any(row.value < 0.6 for row in shares)
 
 
-@pytest.mark.parametrize("section", list(SECTIONS))
-def test_rows_survive_their_file(tmp_path: Path, section: str) -> None:
-    kind = SECTIONS[section]
-    values, types = {str: "a, b", int: 3, float: 1.25e-13}, get_type_hints(kind)
-    row = kind(*(values[t] for t in types.values()))
-    nothing = row._replace(**{name: NAN for name, t in types.items() if t is float})
-    write_rows(tmp_path / "rows.csv", kind, [row, nothing])
-    found = read_rows(tmp_path / "rows.csv", kind)
-    assert found[0] == row
-    assert repr(found[1]) == repr(nothing)
+def test_rows_survive_their_file(tmp_path: Path) -> None:
+    values, types = {str: "a, b", int: 3, float: 1.25e-13}, get_type_hints(Row)
+    full = Row(*(values[t] for t in types.values()))
+    for rows in ([full, Row("alone")], [Row("alone", us=2.5)], []):
+        write_rows(tmp_path / "rows.csv", rows)
+        assert [repr(row) for row in read_rows(tmp_path / "rows.csv")] == [repr(row) for row in rows]
+    assert read_rows(tmp_path / "none.csv") == []
 
 
 def test_a_section_alone_leaves_the_others(tmp_path: Path) -> None:
-    checks = [Check("a", "x", 1e-12, NAN, section) for section in ("idm", "ddm")]
-    rows = points((1, 1e-12))
-    store(tmp_path, {"idm": ([checks[0], *rows], {"cores": "1"}), "ddm": ([checks[1]], {"cores": "1"})})
-    store(tmp_path, {"ddm": (rows, {"cores": "2"})})
-    assert [row.section for row in read_rows(tmp_path / "gate.csv", Check)] == ["idm"]
-    assert read_rows(tmp_path / "idm.csv", Point) == read_rows(tmp_path / "ddm.csv", Point) == rows
+    first, second = points((1.0, 1e-12)), points((2.0, 1e-12))
+    store(tmp_path, {"idm": (first, {"cores": "1"}), "ddm": (first, {"cores": "1"})})
+    store(tmp_path, {"ddm": (second, {"cores": "2"})})
+    found = [repr(read_rows(tmp_path / f"{section}.csv")) for section in ("idm", "ddm")]
+    assert found == [repr(first), repr(second)]
     assert read_machines(tmp_path / "machine.csv") == {"ddm": {"cores": "2"}, "idm": {"cores": "1"}}
+
+
+def test_goals_are_ratios_of_the_best_rows() -> None:
+    results: dict[str, list[Row]] = {name: [] for name in SECTIONS}
+    assert all(math.isnan(one.value) for one in reached(results))
+    ours = [
+        Row("lx4", "ddm", "hybridyn, compiled", error=error, us=us)
+        for us, error in ((1.0, 1e-3), (2.0, 1e-13))
+    ]
+    results["ddm"] = [*points((10, 1e-11), (5, 1e-3), (NAN, 0.0)), *ours]
+    values = [one.value for one in reached(results) if one.goal.section == "ddm" and one.case == "lx4"]
+    assert values[0] == 0.2
+    assert math.isnan(values[1])
+
+
+def test_a_panel_of_rounding_says_zero(tmp_path: Path) -> None:
+    def panels(*tops: float) -> list[Panel]:
+        return [Panel("p", "x", "y", [Curve("c", "#000000", [1.0, 2.0], [top, top / 2])]) for top in tops]
+
+    for number, (tops, zeros) in enumerate((((1.0, 1e-13), 1), ((1e-13, 1e-14), 0))):
+        path = tmp_path / f"{number}.svg"
+        draw("t", "r", [panels(*tops)], path)
+        assert path.read_text().count("<!-- zero -->") == zeros
+
+
+def test_a_section_that_is_not_measured_says_so() -> None:
+    said = report({name: [] for name in SECTIONS}, {}, [])
+    for section in ("cold", "effects"):
+        assert f"python -m benchmarks --full --only {section}" in said
 
 
 def test_committed_report_is_that_of_the_committed_results() -> None:
@@ -376,3 +399,15 @@ def test_committed_report_is_that_of_the_committed_results() -> None:
     drawn = [path.stem for path in (COMMITTED / "figures").glob("*.svg")]
     expected = report(read_results(folder), read_machines(folder / "machine.csv"), drawn)
     assert (COMMITTED / "report.md").read_text() == expected, "run python -m benchmarks --report"
+
+
+def test_committed_hard_cases_name_tests_that_exist() -> None:
+    """Names of tests that were renamed are carried over by hand, until the hard cases are measured again."""
+    folder = COMMITTED / "results"
+    assert (COMMITTED / "hard.md").read_text() == page(read_claims(folder)), (
+        "run python -m benchmarks --report"
+    )
+    named = [row.test.partition("::") for row in read_claims(folder)]
+    named += [(row["file"], "", row["test"]) for row in read_table(folder / "slow.csv")]
+    missing = {(file, test) for file, _, test in named if f"def {test}(" not in (ROOT / file).read_text()}
+    assert not missing

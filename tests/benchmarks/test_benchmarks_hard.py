@@ -40,16 +40,22 @@ def test_a_broken_claim_is_shown_plainly(measured: float) -> None:
     rows = table(json.dumps(x) for x in [*LINES, {**BROKEN, "measured": measured}, BROKEN])
     broken = next(row for row in rows if row.case == "bad")
     assert broken.margin == "FAILS"
-    text = page(rows, 1)
-    assert "3 claims, 1 of them broken; pytest's exit status 1" in text
-    assert text.index("## Broken claims") < text.index("| bad |") < text.index("## A")
+    text = page(rows)
+    assert "3 claims, 1 of them broken" in text
+    assert text.index("## Broken claims") < text.index("|bad|") < text.index("|[a](../tests/hard/test_a.py)|")
+    assert "|FAILS|bad: x|" in text
 
 
 def test_the_page_escapes_bars_and_names_files() -> None:
-    text = page(table(json.dumps(x) for x in LINES), 0)
-    assert "a \\| b" in text
-    assert "[`tests/hard/test_b.py`](../tests/hard/test_b.py)" in text
+    more = line("test_a.py::test_one", "a | b", "error", 1e-15, 1e-12)
+    text = page(table(json.dumps(x) for x in [*LINES, more]))
+    assert "|2|1e+03|a \\| b: error|" in text
+    assert "|[b](../tests/hard/test_b.py)|" in text
     assert "Broken" not in text
+
+
+def test_a_file_whose_numbers_are_all_zero_is_exact() -> None:
+    assert "|1|exact||" in page(table([json.dumps(LINES[-1])]))
 
 
 def test_tests_are_run_and_what_they_claim_is_written(
@@ -68,5 +74,5 @@ def test_tests_are_run_and_what_they_claim_is_written(
     csv = (tmp_path / "results/hard.csv").read_text().splitlines()
     assert csv[0] == "case,quantity,claim,measured,margin,test"
     assert len(csv) == 3
-    assert "exit status 1" in (tmp_path / "hard.md").read_text()
+    assert "2 claims, 0 of them broken" in (tmp_path / "hard.md").read_text()
     assert Row("c", "q", 1.0, 0.5, "t").margin == "2"

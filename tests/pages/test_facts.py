@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import sweeps
 from docs.extensions import tolerances
 from hybridyn.description.side_cars.tables import ModelFile, keys_at
 from hybridyn.scenes import scene_tables as scenes
@@ -55,10 +54,6 @@ def test_every_key_and_measure_is_named(page: str) -> None:
 def test_the_table_of_codes_is_complete() -> None:
     rows = re.findall(r"^\| `([\w-]+)` \| (\w+) \| (.*) \|$", (DOCS / "check.md").read_text(), re.MULTILINE)
     assert {code: (severity, title) for code, severity, title in rows} == CODES
-
-
-def test_the_costs_are_those_that_were_measured() -> None:
-    assert sweeps.PAGE.read_text() == sweeps.page(sweeps.read())
 
 
 def test_the_scene_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
