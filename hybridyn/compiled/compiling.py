@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,14 +107,20 @@ class _Asked:
         key = library_key(robot, effects, scalar, chosen.slots)
         return _Asked(robot, effects, chosen, scalar, key)
 
-    def built(self, models: tuple[str, ...] = MODELS, **options: Any) -> Built:
+    def built(
+        self,
+        models: tuple[str, ...] = MODELS,
+        check: Callable[[Built], None] | None = None,
+        **options: Any,
+    ) -> Built:
         """Find or build the library; `options` are those of `cache.cached`.
 
         Raises:
             CompileError: As in `compile`.
         """
-        find = library_of(self.robot, self.effects, self.scalar, self.parameters.slots, models, self.key)
-        return find(**{"accept": self.accept, **options})
+        slots, check = self.parameters.slots, check or self.accept
+        artifact = library_of(self.robot, self.effects, self.scalar, slots, models, self.key, check)
+        return artifact.built(**options)
 
     def known(self, *, quick: bool = False) -> Built | None:
         """Return the library if it is in the cache."""
@@ -158,6 +164,6 @@ def build_optimised() -> None:
         check_bits(first, built)
 
     try:
-        asked.built(accept=accept, run=run_in_turn)
+        asked.built(check=accept, run=run_in_turn)
     except HybridynError as error:
         sys.exit(str(error))

@@ -281,5 +281,5 @@ def _restored(
     except OSError:
         number = str(built.about["number"])
         scalar = Scalar(number, best_lanes(number))
-        library = Library(library_of(robot, effects, scalar, parameters.slots)())
+        library = Library(library_of(robot, effects, scalar, parameters.slots).built())
     return CompiledRobot(robot, effects, library, threads, parameters)

@@ -17,6 +17,7 @@ from ..errors import CompileError, HybridynError
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from .agreement import BUG, check_agreement, difference
 from .code.scalars import GUARD_LIMIT
 from .library.calls import Numbers
 from .programs.body_rows import body_rows
@@ -48,8 +49,6 @@ AWAY = 1e-3
 
 #: Number of Newton steps of that check; fewer suffice from `AWAY`.
 NEWTON_STEPS = 8
-
-BUG = "it is not used. This is a bug: report it with the robot's files; the general path is right"
 
 
 class Built(Protocol):
@@ -262,14 +261,7 @@ class _Comparison:
         if (off <= self._agree).all():
             return
         rounding = np.minimum(ROUNDINGS * self._rounding(name, model, given, wanted), EXCUSED)
-        allowed = np.maximum(self._agree, rounding)
-        if not (off <= allowed).all():
-            worst = int(np.argmax(np.where(np.isnan(off), np.inf, off / allowed)))
-            raise CompileError(
-                f"the compiled '{name}' of the robot '{self._robot.description.name}' differs from the "
-                f"general path by {off[worst]:.2g} of its largest entry (limit {allowed[worst]:.2g}) at a "
-                f"random state: {BUG}"
-            )
+        check_agreement(self._robot, f"'{name}'", off, np.maximum(self._agree, rounding))
 
     def _rounding(
         self, name: str, model: Callable[..., Array], given: tuple[Array, ...], wanted: Array
@@ -321,10 +313,3 @@ def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) 
             f"(off by {max(off):.2g}, limit {agree:g}): {BUG}"
         )
     return bool(off)
-
-
-def difference(result: Numbers, reference: Array) -> Array:
-    """Compute the difference of each sample, relative to its largest entry, shape (T,)."""
-    scale = np.abs(reference).max(axis=1, initial=0.0)
-    out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
-    return out

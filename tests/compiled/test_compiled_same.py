@@ -246,5 +246,7 @@ def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.Mo
 
     calls = SimpleNamespace(batch=batch, trusted=1.0, dtype=np.dtype(float))
     monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
-    moves = following.Following(robot, independent_coordinates(robot, None), "float64")
-    refused(lambda: moves._accept(None), hybridyn.CompileError, "trusted at none of 96 random states")
+    moves = following.Following(robot, independent_coordinates(robot, None), SimpleNamespace())
+    refused(
+        lambda: following.check_following(moves), hybridyn.CompileError, "trusted at none of 96 random states"
+    )

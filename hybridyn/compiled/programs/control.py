@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -10,25 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import CompileError, HybridynError
 from ...spatial import Array
 from ...structure.parameters.entries import Parameters
+from ..agreement import check_agreement, difference
 from ..code.scalars import GUARD_LIMIT, Scalar, text_of
-from ..failures import as_compile_error
-from ..library.cache import Built, cached
+from ..library.cache import Built
 from ..library.calls import Library, Numbers
 from ..library.closed_rows import ClosedRows
 from ..library.compilers import best_lanes
 from ..library.control import Control
 from ..library.direct_calls import DOUBLE, REFUSED, readable
-from ..needs import needs_casadi
 from .postures import Postures, refuse
-from .sources import library_key
+from .sources import Artifact, library_key
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
-
-log = logging.getLogger("hybridyn.compiled")
 
 #: Number of random states at which a new library is compared with the model that compares the loops.
 STATES = 12
@@ -100,26 +95,23 @@ class ControlSteps(Postures):
         """Load the library of a control step; build it if it is new; None if that cannot be done."""
         robot, scalar = self.robot, Scalar(str(DOUBLE), best_lanes())
 
-        def source() -> Source:
+        def write() -> Source:
             """Generate the C source."""
-            needs_casadi()
             from ..code.library_source import library_source
             from ..equations.request import request
             from .inverse import inverse_program
 
-            with as_compile_error(robot):
-                asked = replace(request(robot, self.effects), compared=False)
-                sizes = {"NQ": robot.nq, "NV": robot.nv, "EFFORTS": len(robot.motors)}
-                lines = [f"#define {name} {size}" for name, size in sizes.items()]
-                text = "\n".join([*lines, text_of("control.h")])
-                return library_source([inverse_program(asked)], scalar, text)
+            asked = replace(request(robot, self.effects), compared=False)
+            sizes = {"NQ": robot.nq, "NV": robot.nv, "EFFORTS": len(robot.motors)}
+            lines = [f"#define {name} {size}" for name, size in sizes.items()]
+            text = "\n".join([*lines, text_of("control.h")])
+            return library_source([inverse_program(asked)], scalar, text)
 
-        try:
-            key = f"control {library_key(robot, self.effects, scalar)}"
-            return Control(cached(key, source, accept=self._check_control), rows)
-        except (HybridynError, OSError) as error:
-            log.warning("idm_from_motors: two calls compute the efforts (%s)", error)
-            return None
+        key = f"control {library_key(robot, self.effects, scalar)}"
+        artifact = Artifact(robot, key, write, self._check_control)
+        return artifact.tried(
+            lambda built: Control(built, rows), "idm_from_motors: two calls compute the efforts"
+        )
 
     def _check_control(self, built: Built) -> None:
         """Compare a new library with the inverse model at random states.
@@ -133,10 +125,4 @@ class ControlSteps(Postures):
         (tau,), guard = Library(built).batch("idm", q, v, a)
         (right,), compared = self._current.program("idm").batch([q, v, a], 1)
         good = (guard <= GUARD_LIMIT) & (compared <= GUARD_LIMIT)
-        off = np.abs(tau - right)[good].max(axis=1, initial=0.0)
-        size = np.abs(right)[good].max(axis=1, initial=0.0)
-        if not (off <= SAME_EFFORTS * size).all():
-            raise CompileError(
-                f"the control step of the robot '{self.robot.description.name}' differs from its inverse "
-                "model: it is not used. This is a bug: report it with the robot's files"
-            )
+        check_agreement(self.robot, "control step", difference(tau[good], right[good]), SAME_EFFORTS)

@@ -1,24 +1,31 @@
-"""Generate the programs of a robot's models, their C source, and the built library."""
+"""Generate the programs of a robot's models, their C source, and built libraries."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import logging
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...effects.choice import Effects
+from ...errors import HybridynError
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
 from ..failures import as_compile_error
 from ..library.cache import Built, cached
+from ..needs import needs_casadi
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
     from ..program import Program
+
+log = logging.getLogger("hybridyn.compiled")
+
+Used = TypeVar("Used")
 
 #: Models of a library.
 MODELS = ("idm", "ddm", "kinematics", "lift")
@@ -33,6 +40,52 @@ def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
     return hashlib.sha256(pickle.dumps(facts)).hexdigest()
 
 
+@dataclass(frozen=True, eq=False)
+class Artifact:
+    """A library of one robot: found in the cache, or written, built and checked.
+
+    Attributes:
+        robot: The robot.
+        key: Text that determines the source and is cheap to compute.
+        write: Generates the source, where CasADi is installed.
+        check: Compares a new library with the general path and raises an error if it is wrong; or None.
+    """
+
+    robot: HybridRobot
+    key: str
+    write: Callable[[], Source]
+    check: Callable[[Built], None] | None = None
+
+    def built(self, **options: Any) -> Built:
+        """Find or build the library; `options` are those of `cache.cached`.
+
+        Raises:
+            CompileError: As `cache.cached` and `check`, or the source cannot be generated.
+        """
+        return cached(self.key, self._source, accept=self._accept, **options)
+
+    def tried(self, use: Callable[[Built], Used], otherwise: str) -> Used | None:
+        """Return what uses the library; None, and a warning of what is done `otherwise`, if there is none."""
+        try:
+            try:
+                return use(self.built())
+            except OSError:  # another process removed it after it was found
+                return use(self.built())
+        except (HybridynError, OSError) as error:
+            log.warning("%s (%s)", otherwise, error)
+            return None
+
+    def _source(self) -> Source:
+        needs_casadi()
+        with as_compile_error(self.robot):
+            return self.write()
+
+    def _accept(self, built: Built) -> None:
+        if self.check is not None:
+            with as_compile_error(self.robot):
+                self.check(built)
+
+
 def library_of(
     robot: HybridRobot,
     effects: Effects,
@@ -40,8 +93,9 @@ def library_of(
     parameters: Sequence[Slot] = (),
     models: tuple[str, ...] = MODELS,
     key: str = "",
-) -> Callable[..., Built]:
-    """Return `cache.cached` for a robot's models, without its key and source; the source is generated once.
+    check: Callable[[Built], None] | None = None,
+) -> Artifact:
+    """Return the library of a robot's models; its source is generated once.
 
     Args:
         effects: Effects in the models.
@@ -49,10 +103,11 @@ def library_of(
         parameters: Numbers of the description that are arguments of the models.
         models: Names of the models.
         key: Key of all models in the cache; empty to compute it.
+        check: As in `Artifact`.
     """
     key = key or library_key(robot, effects, scalar, parameters)
-    source = functools.cache(lambda: source_of(robot, effects, scalar, parameters, models))
-    return functools.partial(cached, key if models == MODELS else " ".join([key, *models]), source)
+    write = functools.cache(lambda: source_of(robot, effects, scalar, parameters, models))
+    return Artifact(robot, key if models == MODELS else " ".join([key, *models]), write, check)
 
 
 def library_key(robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()) -> str:
@@ -67,14 +122,7 @@ def source_of(
     parameters: Sequence[Slot] = (),
     models: tuple[str, ...] = MODELS,
 ) -> Source:
-    """Generate the C source of a robot's models.
-
-    Raises:
-        CompileError: casadi is not installed.
-    """
-    from ..needs import needs_casadi
-
-    needs_casadi()
+    """Generate the C source of a robot's models."""
     from ..code.library_source import library_source
 
     written = write_programs(robot, effects, scalar.name, parameters, models)
@@ -93,8 +141,6 @@ def write_programs(
     Raises:
         CompileError: casadi is not installed, or the models cannot be generated.
     """
-    from ..needs import needs_casadi
-
     needs_casadi()
     from .whole_robot import programs
 

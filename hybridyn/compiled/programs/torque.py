@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from ...effects.choice import Effects
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
-from ..failures import as_compile_error
-from ..library.cache import Built, cached
+from ..library.cache import Built
 from ..library.compilers import best_lanes
-from .sources import robot_key
+from .sources import Artifact, robot_key
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -46,19 +45,16 @@ def closing_of_motors(robot: HybridRobot) -> Built | None:
     """
     scalar = Scalar("float64", best_lanes())
 
-    def source() -> Source:
+    def write() -> Source:
         """Generate the C source; it has no program where the motors do not determine the motion."""
         from ..code.library_source import library_source
         from ..equations.request import request
-        from ..needs import needs_casadi
         from .close import close_program
 
-        needs_casadi()
-        program = close_program(request(robot, None)) if _motors_determine(robot) else None
-        return library_source([] if program is None else [program], scalar)
+        programs = [close_program(request(robot, None))] if _motors_determine(robot) else []
+        return library_source(programs, scalar)
 
-    with as_compile_error(robot):
-        built = cached(f"close {robot_key(robot, None)} {scalar!r}", source)
+    built = Artifact(robot, f"close {robot_key(robot, None)} {scalar!r}", write).built()
     return built if "close" in built.about["programs"] else None
 
 

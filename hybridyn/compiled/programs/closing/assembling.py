@@ -17,12 +17,10 @@ from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
-from ...failures import as_compile_error
-from ...library.cache import Built, cached
+from ...library.cache import Built
 from ...library.closed_rows import ClosedRows, Place
 from ...library.compilers import best_lanes
-from ...needs import needs_casadi
-from ..sources import robot_key
+from ..sources import Artifact, robot_key
 from .checking import check_rows, from_place
 from .choosing import module_requests, numbers, parts_of, structure_of
 from .part import Part, lanes_for
@@ -121,25 +119,20 @@ class Assembler:
             return None
         scalar, robot = Scalar("float64", min(lanes, lanes_for(parts))), self.robot
 
-        def source() -> Source:
+        def write() -> Source:
             """Generate the C source."""
-            needs_casadi()
             from .closing_source import closing_source
 
-            with as_compile_error(robot):
-                return closing_source(robot, parts, scalar)
+            return closing_source(robot, parts, scalar)
 
-        def accept(built: Built) -> None:
+        def check(built: Built) -> None:
             """Compare a new library with the general path."""
-            with as_compile_error(robot):
-                check_rows(from_place(ClosedRows(built), robot, parts), robot, parts)
+            check_rows(from_place(ClosedRows(built), robot, parts), robot, parts)
 
-        try:
-            name = f"closing {key!r} {robot_key(robot, None)} {scalar!r}"
-            return Closing(parts, ClosedRows(cached(name, source, accept=accept)))
-        except (HybridynError, OSError) as error:
-            log.warning("assemble: the general path closes the loops (%s)", error)
-            return None
+        name = f"closing {key!r} {robot_key(robot, None)} {scalar!r}"
+        otherwise = "assemble: the general path closes the loops"
+        rows = Artifact(robot, name, write, check).tried(ClosedRows, otherwise)
+        return rows and Closing(parts, rows)
 
     def _start(self, closing: Closing, key: tuple[object, ...], guess: Array) -> Place | None:
         """Return the closed posture at a guess; that of the home posture is kept."""

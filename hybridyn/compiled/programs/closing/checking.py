@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ....assembly.assemble import spanning_positions
-from ....errors import CompileError
 from ....linkage.newton import LoopProblem, close
 from ....manifold.manifold import Manifold
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
+from ...agreement import check_agreement
 from ...library.closed_rows import ClosedRows
 from .part import Part
 from .starting import place_of
@@ -67,13 +67,7 @@ def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
             np.abs(found[0] - right)[at].max(initial=0.0) / (1.0 + np.abs(right).max())
             for found, right, at in zip(room, wanted, compared, strict=True)
         ]
-        for off in (*offs, *spun):
-            if not off <= ROWS_AGREE:
-                raise CompileError(
-                    f"the compiled loops of the robot '{robot.description.name}' differ from the general "
-                    f"path by {off:.2g} (limit {ROWS_AGREE:g}) at a random state: they are not used. This is "
-                    "a bug: report it with the robot's files; the general path is right"
-                )
+        check_agreement(robot, "motion of the loops", [*offs, *spun], ROWS_AGREE)
 
 
 def _compared(robot: HybridRobot, parts: list[Part]) -> tuple[Mask, Mask, Mask]:

@@ -7,24 +7,21 @@ certain are left to the general path.
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....assembly.requests import Requests
-from ....errors import CompileError, HybridynError
+from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
-from ...failures import as_compile_error
-from ...library.cache import Built, cached
+from ...library.cache import Built
 from ...library.closed_designs import ClosedDesigns
 from ...library.compilers import best_lanes
-from ...needs import needs_casadi
 from ..designs import DesignsInSlots, designs_to_verify
-from ..sources import robot_key
+from ..sources import Artifact, robot_key
 from .checking import Closer, check_rows
 from .choosing import module_requests, numbers, parts_of, structure_of
 from .part import Part, places_at
@@ -32,8 +29,6 @@ from .part import Part, places_at
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
     from ...code.library_source import Source
-
-log = logging.getLogger("hybridyn.compiled")
 
 States = tuple[Array, Array, Array]
 
@@ -163,39 +158,33 @@ class DesignRows:
         if key not in self._known:
             try:
                 parts = parts_of(self.robot, wanted)
-                known = None if parts is None else DesignClosing(parts, self._library(parts, requests))
-            except (CompileError, OSError) as error:
-                log.warning("designs: the general path closes the loops (%s)", error)
-                known = None
             except HybridynError:  # the nominal design cannot be assembled: others may be
                 return None
-            self._known[key] = known
+            library = None if parts is None else self._library(parts, requests)
+            self._known[key] = DesignClosing(parts, library) if parts and library else None
         return self._known[key]
 
-    def _library(self, parts: list[Part], requests: Requests) -> ClosedDesigns:
+    def _library(self, parts: list[Part], requests: Requests) -> ClosedDesigns | None:
         """Load the library; build it if it is new, and compare it with the general path at some designs."""
         scalar, robot, slots = Scalar("float64", best_lanes()), self.robot, self.designs.parameters.slots
 
-        def source() -> Source:
+        def write() -> Source:
             """Generate the C source."""
-            needs_casadi()
             from ...equations.arguments.chosen import ChosenNumbers
             from .design_source import design_source
 
-            with as_compile_error(robot):
-                return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)
+            return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)
 
-        def accept(built: Built) -> None:
+        def check(built: Built) -> None:
             """Compare a new library with the general path."""
-            library = ClosedDesigns(built)
-            with as_compile_error(robot):
-                for design, like, _ in designs_to_verify(robot, self.designs.parameters):
-                    own = _like(parts, like, requests)
-                    if own:
-                        check_rows(self._closer(library, own, design), like, own)
+            for design, like, _ in designs_to_verify(robot, self.designs.parameters):
+                own = _like(parts, like, requests)
+                if own:
+                    check_rows(self._closer(ClosedDesigns(built), own, design), like, own)
 
         name = f"designs {structure_of(requests)!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
-        return ClosedDesigns(cached(name, source, accept=accept))
+        otherwise = "designs: the general path closes the loops"
+        return Artifact(robot, name, write, check).tried(ClosedDesigns, otherwise)
 
     def _closer(self, library: ClosedDesigns, parts: list[Part], design: Array) -> Closer:
         """Return the function that closes a row of one design, for `check_rows`."""

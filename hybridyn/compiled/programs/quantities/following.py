@@ -6,7 +6,6 @@ equal number of all modules are computed in one lane.
 
 from __future__ import annotations
 
-import logging
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,19 +17,18 @@ from ....dynamics.quantities.joint_map import side_motions
 from ....errors import CompileError, HybridynError
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
+from ...agreement import check_agreement, part_of_all
 from ...code.scalars import Scalar
-from ...failures import as_compile_error
-from ...library.cache import Built, cached
-from ...library.calls import Library, Numbers, loaded
+from ...library.cache import Built
+from ...library.calls import Library, Numbers
 from ...library.compilers import best_lanes
-from ...needs import needs_casadi
-from ..sources import robot_key
+from ..sources import Artifact, robot_key
 
 if TYPE_CHECKING:
     from ...code.library_source import Source
 
-log = logging.getLogger("hybridyn.compiled")
-
+#: What a warning says that is done without a library.
+BY_GENERAL = "quantities: the general path computes them"
 #: Number of random states that a new program is compared at, and the largest difference from the general
 #: path, relative to the largest entry of them all: rounding, through the condition of loops at any posture.
 SAMPLES, FOLLOWING_AGREES = 12, {"float64": 1e-9, "float32": 1e-2}
@@ -45,15 +43,9 @@ class Following:
         u: The coordinates, as many in each module as it has freedoms, or none: it then stays.
     """
 
-    def __init__(self, robot: HybridRobot, u: Coordinates, dtype: str) -> None:
-        """Load the program from the cache, or build it and compare it with the general path.
-
-        Raises:
-            CompileError: It cannot be built, or differs from the general path.
-        """
-        self.robot, self.u = robot, u
-        scalar = Scalar(dtype, best_lanes(dtype))
-        key = f"following {u.columns.tolist()} {robot_key(robot, None)} {scalar!r}"
+    def __init__(self, robot: HybridRobot, u: Coordinates, built: Built) -> None:
+        """Load the program."""
+        self.robot, self.u, self._calls = robot, u, Library(built).programs["following"]
         parts = blocks(robot, u)
         self._units = np.zeros((max((len(own) for own in u.own), default=0), robot.nv))
         for _, own, at in parts:
@@ -62,46 +54,6 @@ class Following:
             np.concatenate([(place * robot.nv + index).ravel() for index, place in pairs])
             for pairs in (((i, own) for i, own, _ in parts), ((i, at) for i, _, at in parts))
         )
-        source = partial(_source, robot, u, scalar)
-        self._calls = loaded(lambda: cached(key, source, accept=self._accept)).programs["following"]
-
-    def _accept(self, built: Built) -> None:
-        """Compare dq/du and the drift of a new library with the general path at random states.
-
-        Raises:
-            CompileError: They differ, can be trusted nowhere, or the general path refuses the coordinates: a
-                program has to choose which freedoms depend on the others, and may have to choose some of u.
-        """
-        from ...equations.states import moving_states
-
-        self._calls, name = Library(built).programs["following"], self.robot.description.name
-        limit = FOLLOWING_AGREES[str(self._calls.dtype)]
-        for seed in range(ROUNDS):
-            q, v, _ = moving_states(self.robot, SAMPLES, seed)
-            (E, mapped), (a, trusted) = self.map(q), self.drift(q, v)
-            good = mapped & trusted
-            if good.any():
-                break
-        else:
-            raise CompileError(
-                f"the compiled motion map of the robot '{name}' can be trusted at none of "
-                f"{ROUNDS * SAMPLES} random states: it is not used"
-            )
-        try:
-            right, drift = side_motions(self.robot, q[good], v[good], self.u)
-        except HybridynError as error:
-            raise CompileError(f"the motion map of the robot '{name}' is not compiled: {error}") from error
-        pairs = (E, right, right), (a, drift, np.hstack([drift, v[good]]))  # a drift may be zero
-        off = max(
-            float(np.abs(found[good] - wanted).max(initial=0.0) / (1e-300 + np.abs(scale).max(initial=0.0)))
-            for found, wanted, scale in pairs
-        )
-        if not off <= limit:
-            raise CompileError(
-                f"the compiled motion map of the robot '{name}' differs from the general path by {off:.2g} "
-                f"of its largest entry (limit {limit:g}): it is not used. "
-                "This is a bug: report it with the robot's files; the general path is right"
-            )
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -147,20 +99,51 @@ def following(robot: HybridRobot, u: Coordinates, dtype: str) -> Following | Non
     """
     if any(len(own) not in (0, m.mobility) for m, own in zip(robot.modules, u.own, strict=True)):
         return None
+    scalar = Scalar(dtype, best_lanes(dtype))
+
+    def write() -> Source:
+        """Generate the C source of the program "following"."""
+        from ...code.library_source import library_source
+        from ...equations.request import request
+        from ..close import following_program
+
+        driven = set(u.columns.tolist())
+        return library_source(
+            [following_program(request(robot, None, dtype=dtype), "following", driven)], scalar
+        )
+
+    key = f"following {u.columns.tolist()} {robot_key(robot, None)} {scalar!r}"
+    artifact = Artifact(robot, key, write, lambda built: check_following(Following(robot, u, built)))
+    return artifact.tried(partial(Following, robot, u), BY_GENERAL)
+
+
+def check_following(moves: Following) -> None:
+    """Compare dq/du and the drift of a new library with the general path at random states.
+
+    Raises:
+        CompileError: They differ, can be trusted nowhere, or the general path refuses the coordinates: a
+            program has to choose which freedoms depend on the others, and may have to choose some of u.
+    """
+    from ...equations.states import moving_states
+
+    robot, name = moves.robot, moves.robot.description.name
+    for seed in range(ROUNDS):
+        q, v, _ = moving_states(robot, SAMPLES, seed)
+        (E, mapped), (a, trusted) = moves.map(q), moves.drift(q, v)
+        good = mapped & trusted
+        if good.any():
+            break
+    else:
+        raise CompileError(
+            f"the compiled motion map of the robot '{name}' can be trusted at none of "
+            f"{ROUNDS * SAMPLES} random states: it is not used"
+        )
     try:
-        with as_compile_error(robot):
-            return Following(robot, u, dtype)
-    except CompileError as error:
-        log.warning("quantities: the general path computes them (%s)", error)
-        return None
-
-
-def _source(robot: HybridRobot, u: Coordinates, scalar: Scalar) -> Source:
-    """Generate the C source of the program "following"."""
-    needs_casadi()
-    from ...code.library_source import library_source
-    from ...equations.request import request
-    from ..close import following_program
-
-    wanted = request(robot, None, dtype=scalar.name)
-    return library_source([following_program(wanted, "following", set(u.columns.tolist()))], scalar)
+        right, drift = side_motions(robot, q[good], v[good], moves.u)
+    except HybridynError as error:
+        raise CompileError(f"the motion map of the robot '{name}' is not compiled: {error}") from error
+    offs = [
+        part_of_all(E[good], right, right),
+        part_of_all(a[good], drift, np.hstack([drift, v[good]])),  # a drift may be zero
+    ]
+    check_agreement(robot, "motion map", offs, FOLLOWING_AGREES[str(moves.dtype)])

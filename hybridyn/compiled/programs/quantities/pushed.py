@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from functools import partial
 
 import numpy as np
@@ -10,17 +9,14 @@ import pinocchio as pin
 
 from ....dynamics.energy import effective_model
 from ....effects.choice import Effects
-from ....errors import CompileError
 from ....structure.robot import HybridRobot
+from ...agreement import check_agreement, part_of_all
 from ...code.scalars import GUARD_LIMIT, Scalar
-from ...failures import as_compile_error
 from ...library.cache import Built
-from ...library.calls import Library, loaded
+from ...library.calls import Library
 from ...library.compilers import best_lanes
 from ..sources import library_of
-from .following import FOLLOWING_AGREES, SAMPLES
-
-log = logging.getLogger("hybridyn.compiled")
+from .following import BY_GENERAL, FOLLOWING_AGREES, SAMPLES
 
 MODELS = ("idm_pushed", "ddm_pushed")
 
@@ -36,16 +32,11 @@ def pushed_models(robot: HybridRobot, on: Effects, dtype: str) -> Library | None
     """
     if on.velocity is None:
         return None
-    try:
-        with as_compile_error(robot):
-            find = library_of(robot, on, Scalar(dtype, best_lanes(dtype)), models=MODELS)
-            return loaded(lambda: find(accept=partial(_accept, robot, on, dtype)))
-    except CompileError as error:
-        log.warning("quantities: the general path computes them (%s)", error)
-        return None
+    scalar, check = Scalar(dtype, best_lanes(dtype)), partial(_check, robot, on, dtype)
+    return library_of(robot, on, scalar, models=MODELS, check=check).tried(Library, BY_GENERAL)
 
 
-def _accept(robot: HybridRobot, on: Effects, dtype: str, built: Built) -> None:
+def _check(robot: HybridRobot, on: Effects, dtype: str, built: Built) -> None:
     """Compare a new library with Pinocchio and with itself at random accelerations.
 
     Loops exert no force along the twist of the base, so its wrench is that of the open tree.
@@ -60,16 +51,8 @@ def _accept(robot: HybridRobot, on: Effects, dtype: str, built: Built) -> None:
     (tau,), guard = library.batch("idm_pushed", q, v, a)
     (again,), other = library.batch("ddm_pushed", q, v, tau)
     good = (guard <= GUARD_LIMIT) & (other <= GUARD_LIMIT)
-    model = effective_model(robot, on)
-    wrench = np.array(
-        [pin.rnea(model, model.createData(), *state)[:6] for state in zip(q, v, a, strict=True)]
-    )
-    for found, wanted in ((tau[:, :6], wrench), (again, a)):
-        off = np.abs(found - wanted)[good].max(initial=0.0) / (1e-300 + np.abs(wanted).max(initial=0.0))
-        if not off <= FOLLOWING_AGREES[dtype]:
-            raise CompileError(
-                f"the compiled models of the robot '{robot.description.name}' with a wrench on its base "
-                f"differ from the general path by {off:.2g} of the largest entry (limit "
-                f"{FOLLOWING_AGREES[dtype]:g}): they are not used. This is a bug: report it with the robot's "
-                "files; the general path is right"
-            )
+    model, states = effective_model(robot, on), zip(q[good], v[good], a[good], strict=True)
+    wrench = np.array([pin.rnea(model, model.createData(), *state)[:6] for state in states]).reshape(-1, 6)
+    for name, found, wanted in (("idm", tau[good, :6], wrench), ("ddm", again[good], a[good])):
+        off = part_of_all(found, wanted, wanted)
+        check_agreement(robot, f"'{name}' with a wrench on the base", off, FOLLOWING_AGREES[dtype])

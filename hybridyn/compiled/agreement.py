@@ -1,0 +1,48 @@
+"""Judge differences of new libraries from the general path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CompileError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+
+BUG = "it is not used. This is a bug: report it with the robot's files; the general path is right"
+
+
+def difference(result: NDArray[Any], reference: Array) -> Array:
+    """Compute the difference of each sample, relative to its largest entry, shape (T,)."""
+    scale = np.abs(reference).max(axis=1, initial=0.0)
+    out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
+    return out
+
+
+def part_of_all(result: NDArray[Any], reference: Array, scale: Array) -> float:
+    """Compute the largest difference, relative to the largest entry of all samples of `scale`."""
+    off = np.abs(result - reference).max(initial=0.0)
+    return float(off / (1e-300 + np.abs(scale).max(initial=0.0)))
+
+
+def check_agreement(robot: HybridRobot, what: str, off: Any, limit: Any) -> None:
+    """Check that differences of something compiled from the general path are within their limits.
+
+    Args:
+        what: What is compiled.
+        off: The differences, relative to the largest entry of a result.
+        limit: The limits.
+
+    Raises:
+        CompileError: A difference is not; it may be NaN.
+    """
+    off, limit = np.broadcast_arrays(np.atleast_1d(off), limit)
+    if (off <= limit).all():
+        return
+    worst = int(np.argmax(np.where(np.isnan(off), np.inf, off / limit)))
+    raise CompileError(
+        f"the compiled {what} of the robot '{robot.description.name}' differs from the general path by "
+        f"{off[worst]:.2g} of its largest entry (limit {limit[worst]:.2g}) at a random state: {BUG}"
+    )
