@@ -7,14 +7,29 @@ from functools import reduce
 
 import casadi as ca
 
-from hybridyn.compiled.code.quotients import costing, operations_of
+from hybridyn.compiled.code.graph import Graph, Node
+from hybridyn.compiled.code.quotients import operations_of
 from hybridyn.compiled.program import Add, Call, Program
 from hybridyn.compiled.programs.interpreter import run
 
 #: Kinds of operations: sums and differences; products; quotients; square roots; sines and cosines; others.
 KINDS = ("add", "mul", "div", "sqrt", "trig", "other")
 
+#: Operations that cost nothing.
+FREE = ("input", "constant", "neg")
+
 _KIND = {"add": "add", "sub": "add", "mul": "mul", "div": "div", "sqrt": "sqrt", "sin": "trig", "cos": "trig"}
+
+
+def costing(graph: Graph) -> list[Node]:
+    """Return the operations that are computed at run time."""
+    constant = [node.name == "constant" for node in graph.nodes]
+    return [
+        node
+        for node in graph.nodes
+        if node.name not in FREE
+        and not (node.name == "div" and all(constant[abs(x) - 1] for x in node.arguments))
+    ]
 
 
 def operations(program: Program) -> dict[str, dict[str, int]]:

@@ -34,7 +34,6 @@ from .programs.general import (
     reasons,
 )
 from .programs.postures import refuse
-from .programs.quantities.link_calls import LinkQuantities
 from .programs.sources import library_of, write_programs
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("hybridyn.compiled")
 
 
-class CompiledRobot(ControlSteps, LinkQuantities):
+class CompiledRobot(ControlSteps):
     """Compiled models of one robot with one choice of effects.
 
     Results equal those of `hybridyn.idm` and `hybridyn.ddm` up to rounding. The general path computes samples

@@ -11,9 +11,7 @@ from collections import Counter
 
 import casadi as ca
 
-from .graph import Graph, Node, Reference, graph_of
-
-FREE = ("input", "constant", "neg")
+from .graph import Graph, Reference, graph_of
 
 
 def operations_of(function: ca.Function) -> Graph:
@@ -42,14 +40,3 @@ def shared_quotients(graph: Graph) -> Graph:
                 place.append(out.quotient(x, divisor))
     out.outputs = [[out.plain(moved(x)) for x in output] for output in graph.outputs]
     return out.used()
-
-
-def costing(graph: Graph) -> list[Node]:
-    """Return the operations that are computed at run time."""
-    constant = [node.name == "constant" for node in graph.nodes]
-    return [
-        node
-        for node in graph.nodes
-        if node.name not in FREE
-        and not (node.name == "div" and all(constant[abs(x) - 1] for x in node.arguments))
-    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,8 @@ from ..library.closed_rows import ClosedRows
 from ..library.compilers import best_lanes
 from ..library.control import Control
 from ..library.direct_calls import DOUBLE, REFUSED, readable
-from .postures import Postures, refuse
+from .postures import refuse
+from .quantities.link_calls import LinkQuantities
 from .sources import Artifact, library_key
 
 if TYPE_CHECKING:
@@ -31,11 +32,10 @@ STATES = 12
 SAME_EFFORTS = 1e-10
 
 
-class ControlSteps(Postures):
+class ControlSteps(LinkQuantities):
     """The control steps of a `CompiledRobot`."""
 
     idm: Callable[..., Numbers]
-    dtype: Any
     parameters: Parameters
     _control_at_once: Callable[..., int] = refuse
     _known_control: tuple[ClosedRows, Control | None] | None = None

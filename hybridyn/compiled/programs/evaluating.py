@@ -104,7 +104,7 @@ class DesignEvaluator:
         Raises:
             HybridynError: The same errors as `hybridyn.assemble` of the design.
         """
-        found = self.rows.follow(self.rows.requests(requests), numbers[None], guess=guess)
+        found = self.rows.states(self.rows.requests(requests), numbers[None], guess)
         if found.certain[0]:
             return found.q[0], found.v[0], found.a[0], 0
         robot = self.designs.robot_of(numbers)
@@ -125,7 +125,7 @@ class DesignEvaluator:
         Raises:
             HybridynError: The same errors as `hybridyn.assemble` of a design.
         """
-        found = self.rows.each(self.rows.requests(requests), numbers, guess)
+        found = self.rows.states(self.rows.requests(requests), numbers, guess, each=True)
         q, v, a = found.q[:, 0], found.v[:, 0], found.a[:, 0]
         left = np.flatnonzero(~found.certain).tolist()
         for k in left:
@@ -176,7 +176,7 @@ class DesignEvaluator:
     def _chunk(self, out: DesignTable, at: slice, numbers: Array, rows: DesignRequests) -> Index:
         """Evaluate some designs; return those that are left to the general path."""
         T, own = rows.samples, numbers[at]
-        found = self.rows.follow(rows, own, (out.q[at], out.v[at], out.a[at]))
+        found = self.rows.states(rows, own, out=(out.q[at], out.v[at], out.a[at]))
         states = [x.reshape(T * len(own), -1) for x in (found.q, found.v, found.a)]
         tau, trusted = self._efforts([*states, np.repeat(own, T, axis=0)])
         out.tau[at] = tau.reshape(len(own), T, -1)

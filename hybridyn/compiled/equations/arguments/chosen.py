@@ -13,7 +13,7 @@ from ....structure.robot import HybridRobot
 from ..expressions import Expression, unpack
 from ..rigid import ten_expressions
 from .module_arguments import ModuleArguments
-from .numbers_of import depends, numbers_of, placed
+from .numbers_of import depends, numbers_of
 from .traced import Decision, Expressed, expressed
 
 
@@ -47,7 +47,7 @@ class ChosenNumbers:
     @cached_property
     def places(self) -> dict[str, tuple[int, Expression, Expression]]:
         """Frames of the links in their bodies as functions of them (`Bodies.place`)."""
-        return placed(self.traced.place)
+        return {link: numbers_of(at) for link, at in self.traced.place.items()}
 
     @cached_property
     def of_modules(self) -> tuple[ModuleArguments | None, ...]:

@@ -91,9 +91,8 @@ class DesignRows:
         possible = robot.base == "fixed" and not self._moves_posed_links(requests)
         wanted = module_requests(robot, requests) if possible else None
         closing = None if wanted is None else self._closing(requests, wanted)
-        if wanted is None or closing is None:
-            return DesignRequests(requests.samples, None, (np.zeros((0, 0)),) * 3, requests.strict)
-        return DesignRequests(requests.samples, closing, numbers(closing.parts, wanted), requests.strict)
+        given = (np.zeros((0, 0)),) * 3 if not (wanted and closing) else numbers(closing.parts, wanted)
+        return DesignRequests(requests.samples, closing, given, requests.strict)
 
     def _moves_posed_links(self, requests: Requests) -> bool:
         """Return whether a slot places a link in its body whose whole pose is prescribed.
@@ -111,46 +110,35 @@ class DesignRows:
                     link = above[link].parent
         return False
 
-    def follow(
-        self, table: DesignRequests, slots: Array, out: States | None = None, guess: Array | None = None
+    def states(
+        self,
+        table: DesignRequests,
+        slots: Array,
+        guess: Array | None = None,
+        out: States | None = None,
+        *,
+        each: bool = False,
     ) -> DesignStates:
         """Compute the states of each design along a table.
 
         Args:
             slots: Numbers in the slots, shape (designs, slots).
+            guess: Posture at which Newton's method starts, shape (nq,), the home posture by default; or one
+                for each design, shape (designs, nq).
             out: Room for q, v, a, see `DesignStates`.
-            guess: Posture at which Newton's method starts, shape (nq,), the home posture by default.
+            each: Whether design k has row k of the table alone.
         """
-        room = self._room(len(slots), table.samples) if out is None else out
-        if table.closing is None:
-            return _without_states(room, np.zeros(len(slots), dtype=bool))
-        start = _guess(table.closing.parts, self.robot.home if guess is None else guess)
-        return _without_states(
-            room,
-            table.closing.library.close(slots, start, table.given, room, self.threads, strict=table.strict),
-        )
-
-    def each(self, table: DesignRequests, slots: Array, guess: Array) -> DesignStates:
-        """Compute a state of each design: design k has row k of a table.
-
-        Args:
-            slots: Numbers in the slots, shape (T, slots).
-            guess: Postures at which Newton's method starts, shape (nq,) or (T, nq).
-
-        Returns:
-            States of shapes (T, 1, nq), (T, 1, nv), (T, 1, nv).
-        """
-        room = self._room(len(slots), 1)
-        if table.closing is None:
-            return _without_states(room, np.zeros(len(slots), dtype=bool))
-        g, g_dot, g_ddot = (x[:, None] for x in table.given)
-        start, close = _guess(table.closing.parts, guess), table.closing.library.close
-        found = close(slots, start, (g, g_dot, g_ddot), room, self.threads, strict=table.strict)
-        return _without_states(room, found)
-
-    def _room(self, designs: int, rows: int) -> States:
-        nq, nv = self.robot.nq, self.robot.nv
-        return np.empty((designs, rows, nq)), np.empty((designs, rows, nv)), np.empty((designs, rows, nv))
+        sizes, (nq, nv) = (len(slots), 1 if each else table.samples), (self.robot.nq, self.robot.nv)
+        room = out or (np.empty((*sizes, nq)), np.empty((*sizes, nv)), np.empty((*sizes, nv)))
+        certain = np.zeros(len(slots), dtype=bool)
+        if table.closing is not None:
+            g, g_dot, g_ddot = (x[:, None] if each else x for x in table.given)
+            start = _guess(table.closing.parts, self.robot.home if guess is None else guess)
+            close = table.closing.library.close
+            certain = close(slots, start, (g, g_dot, g_ddot), room, self.threads, strict=table.strict)
+        for x in room if not certain.all() else ():
+            x[~certain] = np.nan
+        return DesignStates(*room, certain)
 
     def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
         """Return the program for a choice of given joints and targets, or None."""
@@ -219,10 +207,3 @@ def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Par
         [(part.given, part.module.mechanism.spec.topology) for part in group] for group in (own or [], parts)
     ]
     return own if own and structures[0] == structures[1] else []
-
-
-def _without_states(room: States, certain: Mask) -> DesignStates:
-    """Return the states of designs, NaN for those that are not certain."""
-    for x in room if not certain.all() else ():
-        x[~certain] = np.nan
-    return DesignStates(*room, certain)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import Any, overload
 
@@ -15,13 +15,11 @@ from ....dynamics.energy import Energy, energy
 from ....dynamics.quantities.independent import Coordinates, independent_coordinates
 from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
 from ....dynamics.state_checks import checked_state
-from ....effects.choice import Effects
 from ....effects.joint_laws import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array, Mask
-from ....structure.robot import HybridRobot
 from ...library.calls import Calls, Library, Numbers
-from ...library.current import Current
+from ..postures import Postures
 from .engine import CompiledEngine
 from .following import Following, following
 from .pushed import pushed_models
@@ -36,22 +34,16 @@ Joints = Sequence[str] | None
 Formula = Callable[..., Numbers]
 
 
-class Quantities:
+class Quantities(Postures):
     """The closed-loop quantities of a `CompiledRobot`.
 
     Arguments, results and errors are those of the functions with the same names, effects those of the
     compiled models. The general path computes samples that cannot be trusted, and what no program computes.
     """
 
-    robot: HybridRobot
-    effects: Effects
-    threads: int
     dtype: np.dtype[Any]
-    hand_over: Callable[..., None]
-    _current: Current
     _followings: dict[tuple[str, ...], Following | None]
     _arguments: Callable[[Calls, ArrayLike | None, tuple[int, ...]], dict[str, Array]]
-    _posture_at: Callable[[Mapping[str, ArrayLike]], Array]
     _run: Callable[[str, dict[str, ArrayLike]], Numbers]
 
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:

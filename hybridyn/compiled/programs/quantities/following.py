@@ -99,22 +99,24 @@ def following(robot: HybridRobot, u: Coordinates, dtype: str) -> Following | Non
     """
     if any(len(own) not in (0, m.mobility) for m, own in zip(robot.modules, u.own, strict=True)):
         return None
+    return artifact_of(robot, u, dtype).tried(partial(Following, robot, u), BY_GENERAL)
+
+
+def artifact_of(robot: HybridRobot, u: Coordinates, dtype: str) -> Artifact:
+    """Return the library of the program "following"."""
     scalar = Scalar(dtype, best_lanes(dtype))
 
     def write() -> Source:
-        """Generate the C source of the program "following"."""
+        """Generate the C source."""
         from ...code.library_source import library_source
         from ...equations.request import request
         from ..close import following_program
 
-        driven = set(u.columns.tolist())
-        return library_source(
-            [following_program(request(robot, None, dtype=dtype), "following", driven)], scalar
-        )
+        asked = request(robot, None, dtype=dtype)
+        return library_source([following_program(asked, "following", set(u.columns.tolist()))], scalar)
 
     key = f"following {u.columns.tolist()} {robot_key(robot, None)} {scalar!r}"
-    artifact = Artifact(robot, key, write, lambda built: check_following(Following(robot, u, built)))
-    return artifact.tried(partial(Following, robot, u), BY_GENERAL)
+    return Artifact(robot, key, write, lambda built: check_following(Following(robot, u, built)))
 
 
 def check_following(moves: Following) -> None:
