@@ -132,7 +132,7 @@ class Assembler:
         name = f"closing {key!r} {robot_key(robot, None)} {scalar!r}"
         otherwise = "assemble: the general path closes the loops"
         rows = Artifact(robot, name, write, check).tried(ClosedRows, otherwise)
-        return rows and Closing(parts, rows)
+        return None if rows is None else Closing(parts, rows)
 
     def _start(self, closing: Closing, key: tuple[object, ...], guess: Array) -> Place | None:
         """Return the closed posture at a guess; that of the home posture is kept."""
