@@ -145,9 +145,8 @@ class Compiled:
 
     def error(self, kind: str, number: int, message: str) -> ModelError:
         """Return (not raise) the error that names an element, its file and its line."""
-        name = self.name(kind, number)
-        if kind in ("body", "joint"):
-            name = (self.bodies if kind == "body" else self.joints)[number]
+        made = {"body": self.bodies, "joint": self.joints}
+        name = made[kind][number] if kind in made else self.name(kind, number)
         file, line = self._place(kind, number)
         label = f"{kind} '{name}'" if name else f"{kind} {number}"
         return ModelError(f"{label}: {message}", file=file, line=line, element=name or kind)

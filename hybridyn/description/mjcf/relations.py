@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS
 from ..names import listed, unique
-from ..records import Array, Closure, Coupling
+from ..records import Array, Closure, Coupling, Joint
 from ..robot_file import MotorStatement, RobotFile
 from .bodies import pose
 from .compiling import Compiled
@@ -166,15 +166,17 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
         robot.left_out = tuple(reasons)
     if added or reasons:
         robot.motors.append(MotorStatement("actuator", WHERE, tuple(added), robot.file))
-    for i, old in enumerate(robot.joints):
-        if old.name in added:
-            limit, inertia, damping = (float(number) for number in added[old.name])
-            robot.joints[i] = replace(
-                old,
-                effort=min(old.effort, limit),
-                rotor_inertia=old.rotor_inertia + inertia,
-                damping=old.damping + damping,
-            )
+    robot.joints = [_driven(joint, *added.get(joint.name, (np.inf, 0.0, 0.0))) for joint in robot.joints]
+
+
+def _driven(joint: Joint, limit: float, inertia: float, damping: float) -> Joint:
+    """Return a joint with what its actuators add to it."""
+    return replace(
+        joint,
+        effort=min(joint.effort, float(limit)),
+        rotor_inertia=float(joint.rotor_inertia + inertia),
+        damping=float(joint.damping + damping),
+    )
 
 
 def _driven_joint(
