@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
-from .common.figures import plot_option, save_chart
+from .common.figures import Drawing, plot_option
 from .common.files import check_targets, complete_robot, result_file, scene_file
 from .common.progress import Progress
 from .common.summary import effects_line
@@ -239,14 +239,12 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
-    from ..figures.envelope import Envelope
-    from ..figures.motion import chart_of_rows
     from ..simulation.table import columns_of, rows_of
 
-    kept = Envelope()
-    kept.add(result.t, rows_of(ready.robot, result))
     title = f"{ready.robot.name}, {os.path.basename(ready.source.file)}"
-    save_chart(chart_of_rows(ready.robot, columns_of(ready.robot), *kept.lines(), title=title), plot)
+    drawing = Drawing(ready.robot, columns_of(ready.robot), title, plot)
+    drawing.rows.add(result.t, rows_of(ready.robot, result))
+    drawing.show(None, quiet=False)
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:

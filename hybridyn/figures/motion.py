@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +86,7 @@ def chart_of_rows(
     panels = _motor_panels(robot, data, quantity)
     if quantity == "effort":
         panels += _power(robot, data)
-    panels += [*_energies(data), *_residual(data)]
+    panels += [*energies(data), *residual(data)]
     if not panels or not len(x):
         raise TrajectoryError("there is nothing to draw: no motor, no energy")
     return Chart(title, x, "time [s]" if timed else "row", tuple(panels))
@@ -124,12 +124,14 @@ def _power(robot: HybridRobot, data: dict[str, Array]) -> list[Panel]:
     return [Panel("power of the motors", "power [W]", tuple(lines), unit="W")]
 
 
-def _energies(data: dict[str, Array]) -> list[Panel]:
+def energies(data: Mapping[str, Array]) -> list[Panel]:
+    """Return a panel of the energies, if a table has them."""
     lines = tuple(Line(name.partition("/")[2], data[name]) for name in ENERGIES if name in data)
     return [Panel("energy", "energy [J]", lines, unit="J")] if lines else []
 
 
-def _residual(data: dict[str, Array]) -> list[Panel]:
+def residual(data: Mapping[str, Array]) -> list[Panel]:
+    """Return a panel of the closure residual, if a table has it."""
     if RESIDUAL not in data:
         return []
     line = Line("residual", np.maximum(data[RESIDUAL], SMALLEST))

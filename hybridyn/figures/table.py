@@ -13,8 +13,7 @@ import numpy as np
 
 from ..errors import TrajectoryError
 from ..spatial import Array
-from ..tables.columns import ENERGIES, RESIDUAL
-from .motion import MOST_GROUPS, SMALLEST
+from .motion import MOST_GROUPS, energies, residual
 from .panels import Chart, Line, Panel
 
 #: Units of each quantity of a joint that slides, and of one that turns.
@@ -50,13 +49,10 @@ def chart_of_table(
         left = f"({len(panels) - MOST_GROUPS:,} more panels are not drawn)"
         panels = panels[:MOST_GROUPS]
         panels[-1] = replace(panels[-1], title=f"{panels[-1].title} {left}".lstrip())
-    if lines := tuple(Line(name.partition("/")[2], data[name]) for name in ENERGIES if name in data):
-        panels.append(Panel("", "energy [J]", lines))
+    panels += energies(data)
     if not panels:
         raise TrajectoryError("no column of a joint and no energy to draw")
-    if RESIDUAL in data:
-        line = Line("", np.maximum(data[RESIDUAL], SMALLEST))
-        panels.append(Panel("", "residual", (line,), logarithmic=True))
+    panels += residual(data)
     x = data["time"] if timed else np.arange(len(rows), dtype=float)
     return Chart(title, x, "time [s]" if timed else "row", tuple(panels))
 

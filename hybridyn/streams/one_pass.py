@@ -34,15 +34,16 @@ class Pass:
             efforts: Whether the table has efforts.
 
         Raises:
-            HybridynError: The table does not state a motion of the robot.
+            HybridynError: The table does not state a motion of the robot, or an output is no joint.
         """
         from ..tables.columns import read_layout
 
         motors: Sequence[str] = robot.motors
         if outputs:
-            from ..assembly.posture import holding
+            from ..assembly.posture import check_joints, holding
             from ..dynamics.quantities.joint_map import motors_beside
 
+            check_joints(robot, outputs)
             replaced, robot = motors_beside(robot, outputs), holding(robot, outputs)
             if any(column.startswith(f"{joint}/") for column in table.columns for joint in outputs):
                 motors = (*(motor for motor in motors if motor not in replaced), *outputs)

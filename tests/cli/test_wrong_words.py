@@ -104,6 +104,7 @@ USAGE = [
 ASKED = [
     ("idm five_bar --by-effect --effects gravity,velocity", "'velocity' needs 'inertia'"),
     ("idm five_bar --by-effect --effects spring", "state no numbers for the effect 'spring'"),
+    ("idm five_bar --map m1_left_elbw", "unknown joint 'm1_left_elbw' (did you mean 'm1_left_elbow'?)"),
     (f"{ANKLE},rol --grid 3", "unknown joint 'rol' (did you mean 'roll'?)"),
     (f"{ANKLE.replace(',roll', '')} --grid 0:0:1", "leaves 1 of its 2 freedoms open"),
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ...figures.panels import Chart
     from ...streams.blocks import Done
     from ...structure.robot import HybridRobot
+    from ...tables.columns import Layout
 
 FORMATS = (".png", ".svg", ".pdf")
 PAGE = ".html"
@@ -24,35 +25,28 @@ GRAPH = ".dot"
 DPI = 120
 
 
-def figure_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check the ending and the folder of a figure's file, before any work is done."""
-    return None if value is None else check_figure(ctx, param, value, FORMATS)
+def figure_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Return a callback that checks a figure's file, before any work is done.
 
-
-def chart_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check the ending and the folder of a chart's file, a figure or a page, before any work is done."""
-    return None if value is None else check_figure(ctx, param, value, (*FORMATS, PAGE))
-
-
-def drawing_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check the ending and the folder of a drawing's file, before any work is done."""
-    return None if value is None else check_figure(ctx, param, value, (*FORMATS, GRAPH))
-
-
-def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings: tuple[str, ...]) -> str:
-    """Check a figure's ending and folder, and that the package for this kind of file is installed.
-
-    Raises:
-        click.BadParameter: One of these is wrong.
+    It checks the ending, the folder, and that the package for this kind of file is installed.
     """
-    ends_in(*endings)(ctx, param, value)
-    package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
-    if value.lower().endswith(GRAPH):
+
+    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        """Check the file, if one is named."""
+        ends_in(*endings)(ctx, param, value)
+        if value is None or value.lower().endswith(GRAPH):
+            return value
+        package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
+        if importlib.util.find_spec(package) is None:
+            raise click.BadParameter(f"this needs {package}: {install_advice('plot')}", ctx, param)
         return value
-    if importlib.util.find_spec(package) is None:
-        message = f"this needs {package}: {install_advice('plot')}"
-        raise click.BadParameter(message, ctx, param)
-    return value
+
+    return check
+
+
+figure_file = figure_in(*FORMATS)
+chart_file = figure_in(*FORMATS, PAGE)
+drawing_file = figure_in(*FORMATS, GRAPH)
 
 
 def plot_option(what: str, *, page: bool = False) -> click.Option:
@@ -105,12 +99,22 @@ def save_structure(robot: HybridRobot, target: str) -> None:
 
 
 class Drawing:
-    """A chart to which the rows of a result are added block by block."""
+    """A chart of a result over time, which watches the blocks of a pass."""
 
-    def __init__(self, target: str) -> None:
+    exceeded = ()
+
+    def __init__(self, robot: HybridRobot, columns: Sequence[str], title: str, target: str) -> None:
+        """Start without rows.
+
+        Args:
+            columns: Names of the columns of the rows.
+            title: Title of the chart.
+            target: The file, whose ending says its format.
+        """
         from ...figures.envelope import Envelope
 
-        self.target, self.rows, self.timed = target, Envelope(), True
+        self.robot, self.columns, self.title, self.target = robot, columns, title, target
+        self.rows, self.timed = Envelope(), True
 
     def add(self, done: Done) -> None:
         """Add a block."""
@@ -120,9 +124,11 @@ class Drawing:
         numbers = np.arange(done.first_row, done.first_row + len(done.rows), dtype=float)
         self.rows.add(numbers if done.time is None else done.time, done.rows)
 
-    def save(self, robot: HybridRobot, columns: Sequence[str], title: str) -> None:
+    def show(self, layout: Layout | None, quiet: bool) -> None:
         """Write the chart."""
         from ...figures.motion import chart_of_rows
 
-        x, rows = self.rows.lines()
-        save_chart(chart_of_rows(robot, columns, x, rows, timed=self.timed, title=title), self.target)
+        lines = self.rows.lines()
+        save_chart(
+            chart_of_rows(self.robot, self.columns, *lines, timed=self.timed, title=self.title), self.target
+        )

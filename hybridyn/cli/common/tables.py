@@ -249,21 +249,20 @@ def run(
         )
         done_by = given.blocks(planned.model, planned.assemble, workers)
         loaded, samples = time.perf_counter(), 0
-        drawn = Drawing(tables.plot) if tables.plot and planned.written else None
+        observers = [*planned.observers]
+        if tables.plot and planned.written:
+            title = f"{robot.name}, {os.path.basename(tables.source)}"
+            observers.insert(0, Drawing(robot, planned.columns, title, tables.plot))
         with _writer(tables, robot, planned, layout.time is not None) as write, Progress() as progress:
             for done in done_by:
-                for observer in planned.observers:
+                for observer in observers:
                     observer.add(done)
                 write(done)
-                if drawn is not None:
-                    drawn.add(done)
                 samples += len(done.rows)
                 progress.show(samples, table.fraction())
         jobs = max(len(workers), 1)
-    if drawn is not None:
-        drawn.save(robot, planned.columns, f"{robot.name}, {os.path.basename(tables.source)}")
     finished = time.perf_counter()
-    for observer in planned.observers:
+    for observer in observers:
         observer.show(layout, tables.quiet)
     if planned.written and not tables.quiet:
         _told(robot, tables, samples, finished - loaded, finished - started, jobs)
