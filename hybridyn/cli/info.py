@@ -53,13 +53,6 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
 @click.option("--no-meshes", is_flag=True, help="Do not search or load mesh files.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings alone, as JSON.")
 @click.option(
-    "--assemblies",
-    "starts",
-    type=click.IntRange(1),
-    metavar="STARTS",
-    help="Search the postures of each module from this many random starts, with its motors at home.",
-)
-@click.option(
     "--plot",
     metavar="FILE",
     callback=drawing_file,
@@ -72,7 +65,6 @@ def command(
     everything: bool,
     no_meshes: bool,
     as_json: bool,
-    starts: int | None,
     plot: str | None,
 ) -> int:
     """Show ROBOT (URDF, MJCF, SDF, USD) as the tree of its modules, and what looks wrong in its files.
@@ -111,7 +103,7 @@ def command(
         click.echo(json.dumps(facts, indent=2))
     else:
         if robot is not None:
-            _show(robot, found, starts)
+            _show(robot, found)
         for line in _lines(found, terminal_width(), everything):
             click.echo(line)
         click.echo(_tally(load.robot, found))
@@ -123,7 +115,7 @@ def command(
     return FOUND if any(finding.severity in failing for finding in found) else 0
 
 
-def _show(robot: HybridRobot, found: list[Finding], starts: int | None) -> None:
+def _show(robot: HybridRobot, found: list[Finding]) -> None:
     """Print the tree of modules."""
     from ..studies.check.loops import home_residuals
     from ..studies.home import branch
@@ -138,29 +130,7 @@ def _show(robot: HybridRobot, found: list[Finding], starts: int | None) -> None:
     click.echo()
     for line in Tree(robot, home_residuals(robot), singular, width).lines():
         click.echo(line)
-    for line in _assemblies(robot, starts) if starts else ():
-        click.echo("\n".join(wrapped(line, width, "")))
     click.echo("\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor\n")
-
-
-def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
-    """Yield lines with the number of postures of each kind of module with its motors at home."""
-    from ..errors import AssemblyError
-    from ..studies.home import postures_at_home
-
-    yield ""
-    yield f"postures with the motors as at home, from {counted(starts, 'random start')} each:"
-    seen: set[int] = set()
-    for number, module in enumerate(robot.modules):
-        if not module.closures or id(module.mechanism) in seen:
-            continue
-        seen.add(id(module.mechanism))
-        try:
-            found = postures_at_home(robot, number, starts)
-            rare = f"the rarest from {counted(int(found.min()), 'start')}"
-            yield f"  {module.name}: {counted(len(found), 'posture')}, {rare}"
-        except AssemblyError as error:
-            yield f"  {error}"
 
 
 def _lines(found: list[Finding], width: int, everything: bool) -> Iterator[str]:

@@ -11,8 +11,8 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..description.robot_file import ZERO
 from ..errors import ModelError
-from ..spatial import Array, Index
-from ..structure.robot import HybridRobot, joint_position, positions
+from ..spatial import Array
+from ..structure.robot import HybridRobot, positions
 
 #: Decimals of a distance that decide which joint is farther; at a tie the joint that stands first is.
 TIED = 9
@@ -84,24 +84,6 @@ def homes(
         joint, distance = next(iter(distances.items()), ("", 0.0))
         out.append(HomePosture(q, float(residual), bool(within), joint, distance, int(count), distances))
     return Homes(tuple(out), found.unseen)
-
-
-def postures_at_home(robot: HybridRobot, number: int, starts: int) -> Index:
-    """Search the postures of one module with its motors at home; return the starts that led to each.
-
-    Raises:
-        AssemblyError: The motors do not determine its posture.
-    """
-    from ..assembly.module_request import module_request
-    from ..assembly.requests import gather_requests
-    from ..assembly.task import module_task
-    from .assemblies import postures
-
-    module = robot.modules[number]
-    joints = {motor: float(joint_position(robot, robot.home, motor)) for motor in module.motors}
-    requests = gather_requests(robot, joints, {})
-    task = module_task(robot, module, module_request(requests, robot, number, {}))
-    return postures(robot, module, task, starts, seed=0)[1]
 
 
 def branch(robot: HybridRobot) -> list[str]:
