@@ -2,6 +2,6 @@
 
 Start with `opening` (a process of its own reads the file), then `usd` (the order of the steps), `layers`
 (which files OpenUSD may read), `stage` (the prims and their values), `schema` (what is read, noted or
-refused), and the modules that read prims: `bodies`, `joints`, `couplings` and `homes`.
+refused), and the modules that read prims: `bodies`, `joints` and `positions`.
 `description.joint_graph` makes a tree of them.
 """

@@ -45,8 +45,6 @@ def links_of(stage: Stage, names: Mapping[str, str]) -> list[Link]:
 
 
 def _link(body: Prim, collider: Prim | None, name: str) -> Link:
-    if body.value("newton:inertia") is not None or body.value("newton:massModel") is not None:
-        raise body.error("newton:inertia and newton:massModel are not read; author physics:diagonalInertia")
     states = body.has(*MASS_SCHEMAS)
     mass, density = (body.number(word, 0.0) if states else 0.0 for word in (MASS, PER_VOLUME))
     if mass < 0:

@@ -71,15 +71,9 @@ def read_joints(stage: Stage, bound: Collection[str], notes: list[str]) -> list[
     """
     prims = []
     for prim in stage.prims.values():
-        if prim.kind not in (*JOINTS, "PhysicsDistanceJoint"):
-            continue
         if not prim.flag("physics:jointEnabled", True):
             notes.append(f"<{prim.path}> has physics:jointEnabled = false: it is not read")
-        elif prim.kind == "PhysicsDistanceJoint":
-            raise prim.error(
-                "a PhysicsDistanceJoint is not read; write two spherical joints with a rod between them"
-            )
-        else:
+        elif prim.kind in JOINTS:
             prims.append(prim)
     names = names_of(prims)
     joints = [_joint(prim, names[prim.path]) for prim in prims]
@@ -124,9 +118,6 @@ def names_of(prims: Iterable[Prim]) -> dict[str, str]:
 
 def _joint(prim: Prim, name: str) -> UsdJoint:
     """Return a joint prim in the common form."""
-    for limit in ("physics:breakForce", "physics:breakTorque"):
-        if np.isfinite(prim.number(limit, np.inf, finite=False)):
-            raise prim.error(f"'{limit}' is finite, but joints do not break here; remove it")
     (first, first_frame), (second, second_frame) = (_end(prim, side) for side in (0, 1))
     if first == second:
         what = f"<{first}> to itself" if first else "two parts of the world, or bodies that do not move"

@@ -5,12 +5,10 @@ Schemas and types of physics that are not known here are refused: nothing is dro
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
-
-import numpy as np
-
-from ..names import listed
 
 if TYPE_CHECKING:
     from .stage import Prim, Stage
@@ -23,7 +21,7 @@ BODY = "PhysicsRigidBodyAPI"
 SINGLE_PRECISION = 1e-5
 
 #: Angles between the unit of a file and radians.
-DEGREES = np.pi / 180
+DEGREES = math.pi / 180
 
 #: Axes of a generic joint, in the order in which a chain of joints moves along them.
 AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
@@ -57,17 +55,17 @@ PHYSICS = ("Physics", "Physx", "Newton", "Mjc")
 SPACES = ("physics:", "physx", "newton:", "mjc:", "mujoco:")
 
 #: Types that are read.
-TYPES = {*JOINTS, "PhysicsScene", "PhysicsCollisionGroup", "PhysicsDistanceJoint"}
+TYPES = {*JOINTS, "PhysicsScene", "PhysicsCollisionGroup"}
 
 #: Types that are left out, and what is noted.
 NOTED = {
-    "MjcActuator": "of actuators only the joints that they drive are read",
-    "NewtonActuator": "actuators are not read",
-    "MjcKeyframe": "keyframes are not read",
+    "MjcActuator": "of actuators only the joints that they drive are read: {}",
+    "NewtonActuator": "actuators are not read: {}",
+    "MjcKeyframe": "keyframes are not read: {}",
 }
 
 #: Parts of the names of schemas and types of what may lie beside a robot, and what is noted.
-BESIDE = dict.fromkeys(("Deformable", "Particle"), "deformable bodies and particles are not read")
+BESIDE = dict.fromkeys(("Deformable", "Particle"), "deformable bodies and particles are not read: {}")
 
 #: Schemas that are read, or that concern contacts, drawing and solvers alone.
 SCHEMAS = {
@@ -82,29 +80,48 @@ SCHEMAS = {
 #: Parts of the names of schemas that concern contacts and solvers.
 OF_CONTACTS = ("Collision", "Scene", "Material", "Report", "Trigger", "Cooked")
 
-#: Attributes that change the motion, with the value that does not, and the correction.
-NEUTRAL: dict[str, tuple[float, str]] = {
-    "physxRigidBody:disableGravity": (0, "set it to false, or set gravity of the whole robot"),
-    "physxRigidBody:linearDamping": (0, "set it to 0, or put friction on the joints"),
-    "physxRigidBody:enableGyroscopicForces": (1, "set it to true"),
-    "physxRigidBody:lockedPosAxis": (0, "set it to 0, and write a joint"),
-    "physxRigidBody:lockedRotAxis": (0, "set it to 0, and write a joint"),
-    "newton:jointsAddMobility": (0, "set it to false, and write bodies between the joints"),
+#: Attributes that change the motion: the values that do not ("{}" in a name is an axis), and the correction.
+NEUTRAL: dict[str, tuple[tuple[float, ...], str]] = {
+    "physics:breakForce": ((math.inf,), "joints do not break here; remove it"),
+    "physics:breakTorque": ((math.inf,), "joints do not break here; remove it"),
+    "physxRigidBody:disableGravity": ((0,), "set it to false, or set gravity of the whole robot"),
+    "physxRigidBody:linearDamping": ((0,), "set it to 0, or put friction on the joints"),
+    "physxRigidBody:enableGyroscopicForces": ((1,), "set it to true"),
+    "physxRigidBody:lockedPosAxis": ((0,), "set it to 0, and write a joint"),
+    "physxRigidBody:lockedRotAxis": ((0,), "set it to 0, and write a joint"),
+    "newton:jointsAddMobility": ((0,), "set it to false, and write bodies between the joints"),
+    "newton:inertia": ((), "author physics:diagonalInertia"),
+    "newton:massModel": ((), "author physics:diagonalInertia"),
     **dict.fromkeys(
         (
             "newton:damping", "newton:springStiffness", "newton:springDamping", "newton:stiffness",
             "mjc:stiffness", "mjc:springdamper", "mjc:gravcomp",
         ),
-        (0, "set it to 0; springs may stand in model.toml"),
+        ((0,), "set it to 0; springs may stand in model.toml"),
     ),
 }  # fmt: skip
 
-#: Attributes that hold bodies back in one engine alone, and what is noted.
-IGNORED = {
+#: Attributes that are left out: the values that change nothing, and what is noted of the prims with others.
+IGNORED: dict[str, tuple[tuple[float, ...], str]] = {
     "physxRigidBody:angularDamping":
-        "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read",
-    "mjc:option:density": "the fluid around the robot is not read",
-    "mjc:option:viscosity": "the fluid around the robot is not read",
+        ((0,), "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read: {}"),
+    **dict.fromkeys(
+        ("mjc:option:density", "mjc:option:viscosity"), ((0,), "the fluid around the robot is not read: {}")
+    ),
+    **dict.fromkeys(
+        ("physics:velocity", "physics:angularVelocity"), ((0,), "velocities at the start are not read: {}")
+    ),
+    **dict.fromkeys(
+        ("physics:coneAngle0Limit", "physics:coneAngle1Limit"),
+        ((-1, math.inf), "limits of spherical joints are not read: {}"),
+    ),
+    **dict.fromkeys(
+        ("drive:{}:physics:stiffness", "drive:{}:physics:damping"),
+        ((0,), "drives of {} have stiffness or damping, which are not read: motor efforts are inputs of the "
+         "models"),
+    ),
+    "physxMimicJoint:{}:naturalFrequency":
+        ((0,), "{} are compliant mimics in PhysX (naturalFrequency); they are read as rigid"),
 }  # fmt: skip
 
 #: Attributes of joints and bodies that are read, or that concern contacts, solvers and drawing alone.
@@ -139,38 +156,38 @@ MENDS = {
     "Gear": "couple the two joints by PhysxMimicJointAPI",
     "RackAndPinion": "couple the two joints by PhysxMimicJointAPI",
     "Tendon": "couple the joints by PhysxMimicJointAPI",
+    "DistanceJoint": "write two spherical joints with a rod between them",
     "": "remove it if the motion needs it not",
 }
 
 
-def screen(stage: Stage, notes: list[str]) -> None:
-    """Refuse what cannot be read.
+_AXIS = re.compile(r"^(drive|physxMimicJoint):[^:]*:")
 
-    Args:
-        stage: The stage.
-        notes: Remarks for the user, to which unread attributes are added.
+
+def screen(stage: Stage) -> dict[str, list[str]]:
+    """Refuse what cannot be read, and return remarks on what is left out with its names, as in `noted`.
 
     Raises:
         ModelError: A prim has a type, a schema or an attribute that changes the motion and is not read.
     """
-    unread: dict[str, None] = {}
     noted: dict[str, list[str]] = {}
     for prim in stage.prims.values():
         if reason := _left_out(prim):
             noted.setdefault(reason, []).append(prim.path)
             continue
         _refuse_unknown(prim)
-        for name, (neutral, correction) in NEUTRAL.items():
-            value = prim.value(name)
-            if value is not None and np.any(np.not_equal(value, neutral)):
-                raise prim.error(f"'{name}' = {value} is not read; {correction}")
-        for name, reason in IGNORED.items():
-            if prim.value(name):
-                noted.setdefault(reason, []).append(prim.path)
-        unread |= dict.fromkeys(_unread(prim))
-    notes += [f"{reason}: {listed(dict.fromkeys(paths))}" for reason, paths in noted.items()]
-    if unread:
-        notes.append(f"attributes that other engines may use are not read: {listed(unread)}")
+        for name in prim.attributes:
+            general = _AXIS.sub(r"\1:{}:", name)
+            neutral, text = (NEUTRAL | IGNORED).get(general, ((), ""))
+            value = prim.value(name) if text else None
+            parts = value if isinstance(value, list) else [value]
+            if value is None or any(all(part == one for part in parts) for one in neutral):
+                continue
+            if general in NEUTRAL:
+                raise prim.error(f"'{name}' = {value} is not read; {text}")
+            noted.setdefault(text, []).append(prim.path)
+    unread = [name for prim in stage.prims.values() for name in _unread(prim)]
+    return noted | {"attributes that other engines may use are not read: {}": unread}
 
 
 def _left_out(prim: Prim) -> str:
@@ -184,7 +201,7 @@ def _refuse_unknown(prim: Prim) -> None:
     """Refuse a type or schema of physics that is not known."""
     schemas = (schema for schema in prim.schemas if schema.partition(":")[0] not in SCHEMAS)
     unknown = [f"schema {schema}" for schema in schemas if not any(part in schema for part in OF_CONTACTS)]
-    if prim.kind not in TYPES:
+    if prim.kind not in TYPES and prim.flag("physics:jointEnabled", True):
         unknown.insert(0, f"a {prim.kind}")
     for what in unknown:
         if what.rpartition(" ")[2].startswith(PHYSICS):
@@ -198,7 +215,7 @@ def _unread(prim: Prim) -> Iterator[str]:
 
     Attributes of schemas that are not applied are not read, since USD leaves them out.
     """
-    if not (prim.has(BODY) or prim.kind in (*JOINTS, "PhysicsDistanceJoint")):
+    if not (prim.has(BODY) or prim.kind in JOINTS):
         return
     known = {*NEUTRAL, *IGNORED}
     names = [name for name in prim.attributes if name.startswith(SPACES) and not name.startswith(READ)]

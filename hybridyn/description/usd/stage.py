@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -76,6 +77,8 @@ class Prim:
     def value(self, name: str) -> Any:
         """Return an authored value as number, text or list, None where none is authored.
 
+        Numbers beyond `UNBOUNDED` are infinite.
+
         Raises:
             ModelError: It is animated.
         """
@@ -91,15 +94,16 @@ class Prim:
             if not hasattr(value, "__getitem__"):
                 raise self.error(f"'{name}' is neither a number, a text nor a list of them")
             value = [*value]
-        single = attribute.GetTypeName().scalarType.cppTypeName in SINGLE
-        return _shortest(value) if single else value
+        if attribute.GetTypeName().scalarType.cppTypeName in SINGLE:
+            value = _shortest(value)
+        unbounded = isinstance(value, float) and abs(value) > UNBOUNDED
+        return math.copysign(math.inf, value) if unbounded else value
 
     def number(self, name: str, default: float, *, finite: bool = True) -> float:
-        """Return a number, infinite where its size is beyond `UNBOUNDED`; a default may be infinite."""
+        """Return a number; a default may be infinite."""
         value = float(self._stated(name, default, (int, float), "a number"))
         if np.isnan(value):
             raise self.error(f"'{name}' is not a number (nan)")
-        value = float(np.copysign(np.inf, value)) if abs(value) > UNBOUNDED else value
         if finite and value != default and not np.isfinite(value):
             raise self.error(f"'{name}' is not a finite number")
         return value

@@ -15,15 +15,14 @@ from pxr import Tf
 from ...errors import ModelError
 from ..closure_forms import ROWS, form_of_rows
 from ..joint_graph import Chain, Closing, JointGraph, Step, Tree, span
-from ..names import listed, noted
+from ..names import noted
 from ..records import JointKind
 from ..robot_file import MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
 from .bodies import gravity_of, links_of
-from .couplings import coupled, couplings
-from .homes import add_home
 from .joints import UsdJoint, direction, instance, names_of, numbers_of, read_joints, roots_of
 from .layers import open_stage, refusal
+from .positions import add_home, coupled, couplings
 from .schema import AXES, BODY, screen
 from .stage import Prim, Stage
 
@@ -51,7 +50,7 @@ def _read(stage: Stage) -> RobotFile:
     default = stage.usd.GetDefaultPrim()
     name = default.GetName() if default else Path(stage.file).name.partition(".")[0] or "robot"
     robot = RobotFile(str(name), stage.file, format="USD")
-    screen(stage, robot.notes)
+    robot.notes += noted(screen(stage))
     if not stage.moving:
         raise ModelError(f"no prim has {BODY}; a robot has at least one body", file=stage.file)
     _Builder(robot, stage).build()
@@ -68,7 +67,6 @@ class _Builder:
         made: The joints that have a position, each with whether its second body is the child.
         motors: Names of the driven joints.
         problem: Why the list of motors cannot be used, or "".
-        servos: Paths of joints whose drive has a law, which is not read.
     """
 
     def __init__(self, robot: RobotFile, stage: Stage) -> None:
@@ -83,7 +81,6 @@ class _Builder:
         self.made: list[tuple[UsdJoint, bool]] = []
         self.motors: list[str] = []
         self.problem = ""
-        self.servos: dict[str, None] = {}
 
     def build(self) -> None:
         """Add links, joints, closures, couplings, motors and home to the robot."""
@@ -97,12 +94,7 @@ class _Builder:
         ]  # fmt: skip
         robot.links += links_of(stage, self.graph.links)
         self.graph.fill(tree, poses, welds, self._chain, _closing)
-        robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints}, robot.notes)
-        if self.servos:
-            robot.notes.append(
-                f"drives of {listed(self.servos)} have stiffness or damping, which are not read: motor "
-                "efforts are inputs of the models"
-            )
+        robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints})
         if self.motors or self.problem:
             names, where = tuple(self.motors), "USD PhysicsDriveAPI"
             robot.motors.append(MotorStatement("actuator", where, names, robot.file, None, self.problem))
@@ -128,17 +120,14 @@ class _Builder:
 
     def _add_motor(self, prim: Prim, axis: str, name: str, single: bool) -> None:
         """Add an axis of a joint, which may be its single one, to the motors if it is driven."""
-        drives, drive, acted = _drives(prim), instance(prim, axis), single and prim.path in self.actuated
+        drives, acted = _drives(prim), prim.path in self.actuated
         if axis == "ball" and (acted or drives):
             self.problem = self.problem or (
                 f"<{prim.path}> is driven, but has several freedoms; name the driven joints: motors=[..], "
                 "--motors, or motors = [..] in model.toml"
             )
-        elif acted or drive in drives:
+        elif (acted and single) or instance(prim, axis) in drives:
             self.motors.append(name)
-            law = (prim.number(f"drive:{drive}:physics:{word}", 0.0) for word in ("stiffness", "damping"))
-            if drive in prim.instances("PhysicsDriveAPI") and any(law):
-                self.servos[prim.path] = None
 
     def _note(self, tree: Tree[UsdJoint]) -> None:
         """Add remarks where the cuts are not those of the file."""
@@ -176,7 +165,6 @@ def _add_notes(robot: RobotFile, stage: Stage) -> None:
     """Add remarks on what is taken by default or left out."""
     prims = stage.prims.values()
     light = [link for link in robot.links if not link.mass and not link.between_joints]
-    moving = ("physics:velocity", "physics:angularVelocity")
     robot.notes += noted({
         "the file states no metersPerUnit: lengths are in centimetres, the default of USD":
             [] if stage.usd.HasAuthoredMetadata("metersPerUnit") else [stage.file],
@@ -187,15 +175,4 @@ def _add_notes(robot: RobotFile, stage: Stage) -> None:
         "contacts between colliders are not read: the robot touches nothing (the effect ground_contact has "
         "points on compliant ground)":
             [prim.path for prim in prims if prim.has("PhysicsCollisionAPI")][1:],
-        "velocities at the start are not read: {}":
-            [prim.path for prim in prims if any(np.any(prim.value(word)) for word in moving)],
-        "limits of spherical joints are not read: {}":
-            [prim.path for prim in prims if any(map(np.isfinite, _cones(prim)))],
     })  # fmt: skip
-
-
-def _cones(prim: Prim) -> list[float]:
-    """Return the limits of a spherical joint; negative ones are none, as infinite ones."""
-    words = ("physics:coneAngle0Limit", "physics:coneAngle1Limit")
-    found = [prim.number(word, np.inf, finite=False) for word in words]
-    return [angle for angle in found if angle >= 0]
