@@ -37,15 +37,14 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     if motors is not None:
         statement = MotorStatement("names", "the caller (motors=)", tuple(motors), robot.file)
         return _checked(robot, statement), statement.where
-    for source in RANKING:
-        found = [statement for statement in robot.motors if statement.source == source]
-        if found:
-            statement = _drop_absent_joints(robot, found[0])
-            if statement.refusal:
-                raise ModelError(statement.refusal, file=statement.file, line=statement.line)
-            _note_passive(robot, statement)
-            return _checked(robot, statement), statement.where
-    return _by_rule(robot)
+    stated = sorted(robot.motors, key=lambda statement: RANKING.index(statement.source))
+    if not stated:
+        return _by_rule(robot)
+    statement = _drop_absent_joints(robot, stated[0])
+    if statement.refusal:
+        raise ModelError(statement.refusal, file=statement.file, line=statement.line)
+    _note_passive(robot, statement)
+    return _checked(robot, statement), statement.where
 
 
 def _drop_absent_joints(robot: RobotFile, statement: MotorStatement) -> MotorStatement:

@@ -139,9 +139,7 @@ def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first:
 def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
     """Return the configuration of the home posture, shape (nq,)."""
     stated = {str(item.key()): np.array(item.data()) for item in model.referenceConfigurations}
-    if home is None:
-        if not stated:
-            return np.array(pin.neutral(model))
+    if home is None and stated:
         home = "home" if "home" in stated else next(iter(stated))
         notes.append(f"home is the reference configuration '{home}' of the Pinocchio model")
     if isinstance(home, str):
@@ -150,7 +148,7 @@ def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
                 f"home: the model has no reference configuration {home!r}; it has {listed(stated) or 'none'}"
             )
         home = stated[home]
-    q = np.asarray(home, dtype=float)
+    q = np.array(pin.neutral(model) if home is None else home, dtype=float)
     if q.shape != (model.nq,) or not is_finite(q):
         raise ModelError(
             f"home must have {counted(model.nq, 'finite coordinate')} of the model, not {q.shape}"
