@@ -16,10 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..description.names import counted
 from ..description.records import Joint
 from ..spatial import Array
-from ..streams.departures import TOUCHING, position_limits
 from ..structure.robot import HybridRobot
 from ..tables.over_time import Means, Peaks
 
@@ -58,11 +56,8 @@ class MotorLoad:
         travel: Smallest and largest position [m or rad]; None for a continuous joint.
         effort_limit: Effort limit from the file, inf if it has none.
         speed_limit: Speed limit from the file, inf if it has none.
-        over_effort: Number of samples above the effort limit.
-        over_speed: Number of samples above the speed limit.
         lower_limit: Lower position limit from the file, -inf if it has none.
         upper_limit: Upper position limit from the file, inf if it has none.
-        over_position: Number of samples outside the position limits.
         gear_ratio: Rotor turns per joint turn (rad/m for a prismatic joint).
     """
 
@@ -80,11 +75,8 @@ class MotorLoad:
     travel: tuple[float, float] | None
     effort_limit: float
     speed_limit: float
-    over_effort: int
-    over_speed: int
     lower_limit: float
     upper_limit: float
-    over_position: int
     gear_ratio: float
 
     @property
@@ -119,21 +111,12 @@ class Sizing:
         self._peaks = {name: Peaks(count) for name in ("effort", "speed", "power", "braking")}
         self._means = Means()  # of effort^2, speed^2, power, positive power, negative power
         self._lower, self._upper = np.full(count, np.inf), np.full(count, -np.inf)
-        self._over = np.zeros((3, count), dtype=int)
-        ranges = [position_limits(joint) or (-np.inf, np.inf) for joint in self.joints]
-        self._least, self._greatest = np.array(ranges).reshape(-1, 2).T
         self.cloud = _Cloud()
 
     @property
     def duration(self) -> float:
         """Time from the first sample to the last [s]; 0 without times."""
         return self._means.duration
-
-    @property
-    def limits(self) -> Array:
-        """Effort and speed limits of the motors, shape (2, motors)."""
-        out = [[joint.effort_limit for joint in self.joints], [joint.speed_limit for joint in self.joints]]
-        return np.array(out).reshape(2, -1)
 
     def add(self, time: Array | None, first_row: int, position: Array, speed: Array, effort: Array) -> None:
         """Add consecutive samples.
@@ -154,12 +137,6 @@ class Sizing:
             ("braking", np.minimum(power, 0.0)),
         ):
             self._peaks[name].add(values, at)
-        over = [
-            np.abs(values) > limit * (1 + TOUCHING)
-            for values, limit in zip((effort, speed), self.limits, strict=True)
-        ]
-        outside = (position < self._least) | (position > self._greatest)
-        self._over += np.sum([*over, outside], axis=1)
         self._lower = np.minimum(self._lower, position.min(axis=0, initial=np.inf))
         self._upper = np.maximum(self._upper, position.max(axis=0, initial=-np.inf))
         self.samples += len(effort)
@@ -192,11 +169,8 @@ class Sizing:
                     travel=(float(self._lower[i]), float(self._upper[i])) if bounded else None,
                     effort_limit=joint.effort_limit,
                     speed_limit=joint.speed_limit,
-                    over_effort=int(self._over[0, i]),
-                    over_speed=int(self._over[1, i]),
                     lower_limit=joint.lower,
                     upper_limit=joint.upper,
-                    over_position=int(self._over[2, i]),
                     gear_ratio=joint.gear_ratio,
                 )
             )
@@ -217,24 +191,6 @@ def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
         if robot.kinds[joint] != "continuous":
             position[..., i] = q[..., robot.q_slices[joint].start]
     return position, speed
-
-
-def violations(loads: Sequence[MotorLoad]) -> list[str]:
-    """Describe each limit that a motion exceeds in one sentence."""
-    out = []
-    for load in loads:
-        units = ("N", "m/s") if load.linear else ("N m", "rad/s")
-        for what, peak, limit, count, unit in (
-            ("effort", load.effort, load.effort_limit, load.over_effort, units[0]),
-            ("speed", load.speed, load.speed_limit, load.over_speed, units[1]),
-        ):
-            if count:
-                out.append(
-                    f"motor '{load.motor}': {what} of {abs(peak.value):.6g} {unit} is "
-                    f"{abs(peak.value) / limit:.3g} times its limit of {limit:g} {unit}, exceeded in "
-                    + counted(count, "sample")
-                )
-    return out
 
 
 class _Cloud:

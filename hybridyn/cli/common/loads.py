@@ -70,10 +70,14 @@ class Loads:
 
     def show(self, layout: Layout, quiet: bool) -> None:
         """Print the table, write the files, and name what exceeds its limit."""
+        from ...streams.departures import UNITS
+
         loads, name = self.sizing.loads(), self.robot.name
         timed = layout.time is not None
         if self.tables.output:
-            write_report(self.tables.output, [facts(load, timed) for load in loads])
+            counts = [{f"over_{what}": self._count(load.motor, what) for what in UNITS} for load in loads]
+            rows = [facts(load, timed) | over for load, over in zip(loads, counts, strict=True)]
+            write_report(self.tables.output, rows)
         if self.tables.plot:
             from ...figures.sizing import chart_of_sizing
 
@@ -91,12 +95,12 @@ class Loads:
 
     @property
     def exceeded(self) -> list[str]:
-        """Lines that name the limits that the motion exceeds: of the motors, and of other joints."""
-        from ...studies.sizing import violations
+        """Lines that name the limits that the motion exceeds."""
+        return [self.left.line(one) for one in self.left]
 
-        motors = set(self.robot.motors)
-        found = (one for one in self.left if one.quantity == "position" or one.joint not in motors)
-        return [*violations(self.sizing.loads()), *(self.left.line(one) for one in found)]
+    def _count(self, motor: str, quantity: str) -> int:
+        """Return the number of samples at which a motor exceeds its limit."""
+        return sum(one.count for one in self.left if (one.joint, one.quantity) == (motor, quantity))
 
 
 def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
