@@ -12,6 +12,8 @@ LISTED_NAMES = 8
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name most similar to `name`, or None if none is similar."""
     words = tuple(known)
+    if not words:
+        return None
     return _remembered(name, words) if len(words) < 100 else _closest(name, words)
 
 

@@ -93,10 +93,17 @@ def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = ""
     place = str(Path(folder, word)) if os.fspath(folder) else word
     if os.path.exists(place) or not BARE_NAME.fullmatch(word):
         return place
-    robots = shipped_robots()
-    if word in robots:
-        return shown(robots[word].file)
-    raise ModelError(no_such_robot(word), element=word)
+    if (file := shipped_file(word)) is None:
+        raise ModelError(no_such_robot(word), element=word)
+    return shown(file)
+
+
+def shipped_file(name: str) -> Path | None:
+    """Return the file of the shipped robot of a name, or None; it reads no list of robots."""
+    folder = data_folder()
+    places = [] if folder is None else [folder / "urdf", folder / "urdf" / "benchmarks"]
+    files = (place / f"{name}{ending}" for place in places for ending in ENDINGS)
+    return next(filter(os.path.isfile, files), None)
 
 
 def no_such_robot(word: str) -> str:

@@ -47,7 +47,7 @@ def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
 
     `world.sdf#arm` is the model `arm` of a file.
     """
-    from ...description.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
+    from ...description.shipped import BARE_NAME, no_such_robot, shipped_file, shown
 
     file, hash_, _ = value.rpartition("#")
     if hash_ and not os.path.exists(value):
@@ -55,9 +55,9 @@ def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
         return value
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
         return existing_file(ctx, param, value)
-    if value not in shipped_robots():
+    if (found := shipped_file(value)) is None:
         raise click.BadParameter(no_such_robot(value), ctx, param)
-    return shown(shipped_robots()[value].file)
+    return shown(found)
 
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
