@@ -13,7 +13,6 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache, partial
-from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +27,10 @@ from .xml_node import PLACE, refuse_dangerous
 
 #: Extras of hybridyn that install a package of robot files, by the name of the package.
 EXTRAS = {"example-robot-data": "robots"}
+#: What errors without a message mean.
+IN_WORDS: dict[type[BaseException], str] = {
+    MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
+}  # fmt: skip
 #: Longest message of xacro that is passed on [characters].
 LONGEST_MESSAGE = 400
 #: Most nodes that macros, blocks and includes may insert; a stack of 1,000 modules inserts some 5 million.
@@ -52,7 +55,7 @@ class Expansion:
         """
         self.folders, self.notes, self.trace, self._traced = folders, list[str](), Trace(given), traced
         self._given = _Arguments({name: self.trace.argument(name) for name in given} if traced else given)
-        self._nodes = 0
+        self._names, self._nodes = list(given), 0
         xacro = self._xacro = _own_xacro()
         dollar, symbols, find = xacro.substitution_args, xacro._global_symbols, partial(folders.ask, "find")
         dict.update(
@@ -85,7 +88,7 @@ class Expansion:
         """
         try:
             document = self._xacro.process_file(self.folders.file, mappings=self._given, verbosity=0)
-            self._given.refuse_unused()
+            self._refuse_unasked()
             text: str = document.toprettyxml(
                 indent="", encoding="utf-8"
             ).decode()  # each element on its own line
@@ -108,6 +111,13 @@ class Expansion:
         for evaluator in self.evaluators:
             evaluator.steps = 0
         return self.trace.again(given)
+
+    def _refuse_unasked(self) -> None:
+        """Raise ModelError for arguments that the file does not declare; xacro itself would ignore them."""
+        for name in self._names:
+            if name not in self._given.asked:
+                declared = ", ".join(f"'{known}'" for known in self._given.asked) or "none"
+                raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
 
     def _note(self, *words: Any, **_: Any) -> str:
         """Keep a message of xacro as a note."""
@@ -191,22 +201,15 @@ class Expansion:
 
 
 class _Arguments(dict[str, str]):
-    """Arguments of the file; `asked` records the names that the file asks for."""
+    """Arguments of the file; `asked` are the names that the file asks for."""
 
     def __init__(self, given: Mapping[str, str]) -> None:
         super().__init__(given)
-        self.given, self.asked = list(given), list[str]()
+        self.asked = dict[object, None]()
 
     def __contains__(self, name: object) -> bool:
-        self.asked.append(str(name))
+        self.asked[name] = None
         return super().__contains__(name)
-
-    def refuse_unused(self) -> None:
-        """Raise ModelError for arguments that the file does not declare; xacro itself would ignore them."""
-        for name in self.given:
-            if name not in self.asked:
-                declared = ", ".join(f"'{known}'" for known in dict.fromkeys(self.asked)) or "none"
-                raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
 
 
 class _Placing(ExpatBuilderNS):
@@ -224,21 +227,11 @@ class _Placing(ExpatBuilderNS):
         super().start_element_handler(name, attributes)
 
 
-def _spec() -> ModuleSpec:
-    """Return how a copy of the package xacro is imported, under a name of our own."""
-    found = importlib.util.find_spec("xacro")
-    assert found is not None
-    assert found.origin is not None
-    own = importlib.util.spec_from_file_location(f"{__name__}_own", found.origin)
-    assert own is not None
-    return own
-
-
 @cache
 def _own_xacro() -> Any:
-    """Return a copy of the package xacro, without the names that no robot file needs."""
-    own = _spec()
-    assert own.loader is not None
+    """Return a copy of the package xacro under a name of our own, without what no robot file needs."""
+    found: Any = importlib.util.find_spec("xacro")
+    own: Any = importlib.util.spec_from_file_location(f"{__name__}_own", found.origin)
     xacro: Any = importlib.util.module_from_spec(own)
     sys.modules[own.name] = xacro
     own.loader.exec_module(xacro)
@@ -320,15 +313,10 @@ def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
 
 def _described(error: BaseException) -> str:
     """Return the message of a Python error in words for the author of a robot file."""
-    if isinstance(error, MemoryError):
-        return "needs too much memory"
-    if isinstance(error, RecursionError):
-        return "macros or includes call themselves without end"
     if isinstance(error, OSError) and error.filename:
         return f"{error.strerror}: {error.filename}"
-    if isinstance(error, ModelError | SyntaxError):
-        return error.message if isinstance(error, ModelError) else error.msg
-    return str(error) or type(error).__name__
+    own = getattr(error, "message", None) or getattr(error, "msg", None)  # of ModelError and SyntaxError
+    return IN_WORDS.get(type(error)) or own or str(error) or type(error).__name__
 
 
 def _place_of(error: BaseException) -> tuple[str, int] | None:

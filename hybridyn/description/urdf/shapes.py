@@ -14,6 +14,8 @@ from .placement import origin_of
 from .xml_node import Node
 
 Colour = tuple[float, float, float, float]
+#: Sizes of round shapes.
+SIZES = {"cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +71,17 @@ def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shap
         colour = _stated(material) or colours.get(material.xml.get("name", ""))
     geometry = shape.required_child("geometry").children()
     for node in geometry:
-        file, size = "", tuple[float, ...]()
-        if node.tag == "box":
-            size = tuple(map(float, node.numbers("size", 3)))
-        elif node.tag in ("cylinder", "capsule"):
-            size = node.number("radius"), node.number("length")
-        elif node.tag == "sphere":
-            size = (node.number("radius"),)
-        elif node.tag == "mesh":
-            file, size = node.text("filename"), tuple(map(float, node.numbers("scale", 3, (1, 1, 1))))
-        if size:
-            return Shape(link, node.tag, placement, size, file, None, colour, shape.tag, shape.line)
+        if node.tag == "mesh":
+            size = node.numbers("scale", 3, (1, 1, 1))
+        elif node.tag == "box":
+            size = node.numbers("size", 3)
+        elif node.tag in SIZES:
+            size = np.array([node.number(name) for name in SIZES[node.tag]])
+        else:
+            continue
+        file = node.text("filename") if node.tag == "mesh" else ""
+        numbers = tuple(float(x) for x in size)
+        return Shape(link, node.tag, placement, numbers, file, None, colour, shape.tag, shape.line)
     if geometry:
         raise geometry[0].error("not read as a shape; write a box, cylinder, capsule, sphere or mesh")
     raise shape.error("a shape without geometry")
@@ -88,11 +90,8 @@ def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shap
 def _stated(material: Node) -> Colour | None:
     """Return the colour that a material states, or None if there is none that can be read."""
     try:
-        node = material.child("color")
-        numbers = None if node is None else np.clip(node.numbers("rgba", 4), 0, 1)
+        node = material.required_child("color")
+        red, green, blue, opacity = np.clip(node.numbers("rgba", 4), 0, 1).tolist()
     except ModelError:
         return None
-    if numbers is None:
-        return None
-    red, green, blue, opacity = (float(number) for number in numbers)
     return red, green, blue, opacity
