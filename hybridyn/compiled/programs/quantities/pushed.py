@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 
 from ....dynamics.energy import effective_model
 from ....effects.choice import Effects
@@ -44,6 +43,8 @@ def _check(robot: HybridRobot, on: Effects, dtype: str, built: Built) -> None:
     Raises:
         CompileError: It differs.
     """
+    import pinocchio as pin  # a start with a model from the cache does without it
+
     from ...equations.states import any_accelerations, moving_states
 
     q, v, _ = moving_states(robot, SAMPLES)
