@@ -19,7 +19,7 @@ from .closure_forms import FORMS
 from .groups import Groups
 from .names import listed
 from .placement import placement_from, poses_at_zero, relative, rotation_to_axis
-from .records import Closure
+from .records import Array, Closure
 from .robot_file import MotorStatement, RobotFile
 
 CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
@@ -97,47 +97,56 @@ def apply_closing_frames(robot: RobotFile) -> None:
 
 def _mate(robot: RobotFile, title: str, ends: dict[str, str]) -> Closure:
     """Return the closure of one mate: a ball, or a hinge with z towards the second point of each side."""
-    lines = {link.name: link.line for link in robot.links}
-    axes = sorted(ends.keys() - {"1", "2"})
-    kind, frames = "spherical", [np.eye(4), np.eye(4)]
-
-    def wrong(link: str, message: str) -> ModelError:
-        """Return the error of a frame, with its line."""
-        return ModelError(message, file=robot.file, line=lines[link], element=link)
-
-    if len(axes) == 1:
-        link, missing = ends[axes[0]], "2_z" if axes[0] == "1_z" else "1_z"
-        raise wrong(
-            link,
-            f"frame '{link}' states the axis of {title} on one side only; "
-            f"frame '{title}_{missing}' is missing",
-        )
-    if axes:
-        poses, bodies, ways = poses_at_zero(robot.joints), _bodies(robot), []
-        for link, other in ((ends["1"], ends["1_z"]), (ends["2"], ends["2_z"])):
-            named = f"frames '{link}' and '{other}'"
-            if bodies.of(link) != bodies.of(other):
-                raise wrong(other, f"{named} stand on two bodies; they state the axis of {title}")
-            inside = {link, other} <= poses.keys()
-            ways.append(relative(poses[link], poses[other])[:3, 3] if inside else np.zeros(3))
-            if not ways[-1].any():
-                raise wrong(other, f"{named} coincide, so they state no axis of {title}")
-        one, two = (float(np.linalg.norm(way)) for way in ways)
-        if abs(one - two) > SAME_DISTANCE * one:
-            raise wrong(
-                ends["1_z"],
-                f"the points on the axis of {title} are {one:g} m and {two:g} m from its "
-                "frames; they cannot both coincide",
-            )
-        kind, turns = (
-            "revolute",
-            [rotation_to_axis(way / size) for way, size in zip(ways, (one, two), strict=True)],
-        )
-        frames = [placement_from(turn, np.zeros(3)) for turn in turns]
+    kind, turns = "spherical", [np.eye(3), np.eye(3)]
+    if len(ends) > 2:
+        kind, turns = "revolute", _turns(robot, title, ends)
+    frames = [placement_from(turn, np.zeros(3)) for turn in turns]
+    line = next(link.line for link in robot.links if link.name == ends["1"])
     return Closure(
         title, kind, ends["1"], frames[0], ends["2"], frames[1], FORMS[kind].translations,
-        FORMS[kind].rotation, lines[ends["1"]], frames[0][:3, :3],
+        FORMS[kind].rotation, line, turns[0],
     )  # fmt: skip
+
+
+def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:
+    """Return the axes of the frames of a hinge on both links, shapes (3, 3).
+
+    Raises:
+        ModelError: A second point is missing, on another body or at the first, or the distances differ.
+    """
+    lines = {link.name: link.line for link in robot.links}
+    poses, bodies = poses_at_zero(robot.joints), _bodies(robot)
+    ways: list[Array] = []
+
+    def wrong(key: str, message: str) -> ModelError:
+        """Return the error of a frame, with its line."""
+        return ModelError(message, file=robot.file, line=lines[ends[key]], element=ends[key])
+
+    for key, other in (("1_z", "2_z"), ("2_z", "1_z")):
+        if other not in ends:
+            raise wrong(
+                key,
+                f"frame '{ends[key]}' states the axis of {title} on one side only; "
+                f"frame '{title}_{other}' is missing",
+            )
+    for key in ("1", "2"):
+        link, other = ends[key], ends[f"{key}_z"]
+        if bodies.of(link) != bodies.of(other):
+            message = f"frames '{link}' and '{other}' stand on two bodies; they state the axis of {title}"
+            raise wrong(f"{key}_z", message)
+        inside = {link, other} <= poses.keys()
+        ways.append(relative(poses[link], poses[other])[:3, 3] if inside else np.zeros(3))
+        if not np.linalg.norm(ways[-1]):
+            message = f"frames '{link}' and '{other}' coincide, so they state no axis of {title}"
+            raise wrong(f"{key}_z", message)
+    one, two = (float(np.linalg.norm(way)) for way in ways)
+    if abs(one - two) > SAME_DISTANCE * one:
+        raise wrong(
+            "1_z",
+            f"the points on the axis of {title} are {one:g} m and {two:g} m from its frames; they cannot "
+            "both coincide",
+        )
+    return [rotation_to_axis(ways[0] / one), rotation_to_axis(ways[1] / two)]
 
 
 def _bodies(robot: RobotFile) -> Groups[str]:

@@ -54,17 +54,16 @@ def _refuse_duplicates(robot: RobotFile, items: Sequence[Link | Joint | Closure]
 def _refuse_unknown_links(robot: RobotFile) -> None:
     """Raise for joints and closures that name links which the robot does not have, or one link twice."""
     names = {link.name for link in robot.links}
-    ends: list[tuple[Joint | Closure, dict[str, str]]] = [
-        *((joint, {"parent link": joint.parent, "child link": joint.child}) for joint in robot.joints),
-        *((closure, {"link": closure.link_a, "link ": closure.link_b}) for closure in robot.closures),
+    ends: list[tuple[Joint | Closure, tuple[tuple[str, str], tuple[str, str]]]] = [
+        *((joint, (("parent link", joint.parent), ("child link", joint.child))) for joint in robot.joints),
+        *((closure, (("link", closure.link_a), ("link", closure.link_b))) for closure in robot.closures),
     ]
     for item, links in ends:
-        for role, link in links.items():
+        for role, link in links:
             if link not in names:
-                hint = did_you_mean(link, names)
-                raise _error(robot, item, f": unknown {role.strip()} '{link}'{hint}")
-        if len({*links.values()}) == 1:
-            raise _error(robot, item, f": joins link '{link}' to itself")
+                raise _error(robot, item, f": unknown {role} '{link}'{did_you_mean(link, names)}")
+        if links[0][1] == links[1][1]:
+            raise _error(robot, item, f": joins link '{links[0][1]}' to itself")
 
 
 def _check_tree(robot: RobotFile) -> None:
