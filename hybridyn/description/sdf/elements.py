@@ -13,7 +13,7 @@ from ..names import closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..records import Array
 from ..urdf.foreign import LEGACY_FORMS
-from ..urdf.placement import SMALLEST_AXIS
+from ..urdf.placement import unit
 from ..urdf.xml_node import Node
 
 #: Remarks, each with the names that it concerns (see `names.noted`).
@@ -51,7 +51,7 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "inertial": ("auto",),
     "joint": ("name", "type"),
     "mimic": ("joint", "axis"),
-    "pose": ("relative_to", "frame", "rotation_format", "degrees"),
+    "pose": ("relative_to", "rotation_format", "degrees"),
     "xyz": ("expressed_in",),
 }
 
@@ -70,15 +70,21 @@ READ: dict[str, tuple[str, ...]] = {
 READ = {tag: (*READ.get(tag, ()), *NUMBERS.get(tag, ())) for tag in [*READ, *NUMBERS]}
 READ |= {tag: () for tags in [*READ.values()] for tag in tags if tag not in READ}
 
-#: What SDFormat has and hybridyn does not read, and what to write in its place.
+#: Elements that SDFormat has and hybridyn does not read, and what to write in their place.
 REFUSED = {
-    "canonical_link": "this link first in the model",
     "placement_frame": "a pose of the model itself",
-    "merge": "an include without it, whose links are named model::link",
     "screw_thread_pitch": "a revolute and a prismatic joint, and <mimic>",
     "thread_pitch": "a revolute and a prismatic joint, and <mimic>",
     "gearbox_ratio": "<mimic>",
     "gearbox_reference_body": "<mimic>",
+}
+
+#: Attributes that are not read unless they are empty, and what to write in their place.
+REFUSED_ATTRIBUTES = {
+    "canonical_link": "this link first in the model",
+    "placement_frame": "a pose of the model itself",
+    "merge": "an include without it, whose links are named model::link",
+    "frame": 'relative_to and version="1.7"; this attribute of SDFormat 1.5 and 1.6 never had a meaning',
 }
 
 #: Children of each element that do not change the dynamics, or that others read or note.
@@ -133,9 +139,9 @@ def check(node: Node, notes: Notes) -> None:
     kind = "axis" if node.tag == "axis2" else node.tag
     attributes = ATTRIBUTES.get(kind, ())
     for name in node.attributes():
-        if name in REFUSED:
-            raise node.error(f"{name} is not read; write {REFUSED[name]}")
-        if name not in attributes:
+        if name in REFUSED_ATTRIBUTES and str(node.xml.get(name)).strip():
+            raise node.error(f"{name} is not read; write {REFUSED_ATTRIBUTES[name]}")
+        if name not in (*attributes, *REFUSED_ATTRIBUTES):
             known = listed(attributes) or "none"
             raise node.error(f"unknown attribute '{name}'{did_you_mean(name, attributes)}; known: {known}")
     read, left_out = READ[kind], LEFT_OUT.get(kind, ())
@@ -234,16 +240,8 @@ def flag(node: Node, tag: str, default: bool = False) -> bool:
 
 
 def direction(node: Node) -> Array:
-    """Return the unit vector that an element states, shape (3,).
-
-    Raises:
-        ModelError: A number does not parse, or the vector is zero.
-    """
-    axis = node.content_numbers(3)
-    norm = float(np.linalg.norm(axis))
-    if norm < SMALLEST_AXIS:
-        raise node.error("the axis is zero; give a direction such as <xyz>0 0 1</xyz>")
-    return axis / norm
+    """Return the unit vector that an element states, shape (3,); ModelError if it is zero."""
+    return unit(node, node.content_numbers(3), "<xyz>0 0 1</xyz>")
 
 
 def pose(node: Node | None) -> Array:
@@ -272,17 +270,5 @@ def pose(node: Node | None) -> Array:
 
 
 def relative_to(node: Node | None) -> str:
-    """Return the name of the frame in which a `<pose>` is expressed, "" for the default.
-
-    Raises:
-        ModelError: It names a frame in the attribute of SDFormat 1.5 and 1.6, which never had a meaning.
-    """
-    name, old = (
-        "" if node is None else str(node.xml.get(word, "")).strip() for word in ("relative_to", "frame")
-    )
-    if node is not None and old and not name:
-        raise node.error(
-            f'frame="{old}": this attribute of SDFormat 1.5 and 1.6 never had a meaning; write '
-            f'relative_to="{old}" and version="1.7", or remove it'
-        )
-    return name
+    """Return the name of the frame in which a `<pose>` is expressed, "" for the default."""
+    return "" if node is None else str(node.xml.get("relative_to", "")).strip()

@@ -21,7 +21,7 @@ from ..urdf.xml_node import Node
 from .elements import Notes, numbers
 from .library import Library
 from .models import Item, Models
-from .stated import AXES, Axis, Stated, read_joints, read_link
+from .stated import AXES, Stated, read_joints, read_link
 
 #: Gravity of a world that states none [m/s^2].
 GRAVITY = (0.0, 0.0, -9.8)
@@ -38,9 +38,12 @@ CLOSED = (
 
 #: Kinds of joints by type; those of several axes are chains.
 KINDS: dict[str, JointKind] = {
-    "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic", "ball": "spherical",
+    "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic",
     "universal": "revolute", "revolute2": "revolute",
 }  # fmt: skip
+
+#: Limits of an endless joint, whatever it states.
+ENDLESS = {"lower": -math.inf, "upper": math.inf}
 
 #: Closures by the type of the joint.
 CLOSURES = {
@@ -108,16 +111,13 @@ class _Builder:
         self.graph.fill(tree, poses, welds, self._chain, self._closing)
         if self.robot.base == "floating":
             notes[FLOATS] = [self.robot.name]
-        limited = [
-            joint for joint in tree.cut if any(axis.limited for axis in joint.axes) and not joint.needed
-        ]
-        if limited:
-            notes[CLOSED] = [joint.name for joint in limited]
+        whole = [joint for joint in tree.cut if not joint.needed]
+        notes[CLOSED] = [joint.name for joint in whole if any(axis.limited for axis in joint.axes)]
         springs: dict[str, tuple[float, float]] = {}
         for joint in joints:
             for name, axis in zip(self.steps.get(joint.item, ()), joint.axes, strict=False):
-                if axis.mimic is not None and axis.leader is not None:
-                    self.robot.couplings.append(self._coupling(name, axis.mimic, axis.leader, joint.line))
+                if axis.mimic is not None:
+                    self.robot.couplings.append(self._coupling(name, *axis.mimic, joint.line))
                 if axis.spring[0]:
                     springs[name] = axis.spring
         if springs:
@@ -135,15 +135,15 @@ class _Builder:
         names = [joint.name]
         if AXES[joint.kind] == 2:
             names = [self.graph.joint_name(f"{joint.name}_{number}") for number in (1, 2)]
-        kind = KINDS.get(joint.kind)
         steps: list[Step] = []
         for name, axis in zip(names, joint.axes, strict=bool(joint.axes)):
             along = tidy(end[:3, :3].T @ axis.direction)
-            steps.append(Step(name, KINDS[joint.kind], along, _numbers(joint, axis)))
+            stated = axis.numbers | joint.rotor | (ENDLESS if joint.kind == "continuous" else {})
+            steps.append(Step(name, KINDS[joint.kind], along, stated))
             if axis.initial and not math.isnan(axis.initial):
                 self.robot.home[name] = (axis.initial,)
-        if kind == "spherical":
-            steps.append(Step(joint.name, kind))
+        if joint.kind == "ball":
+            steps.append(Step(joint.name, "spherical"))
         self.steps[joint.item] = names
         return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
 
@@ -181,11 +181,6 @@ def tidy(axis: Array) -> Array:
     """
     kept = np.where(np.abs(axis) <= POSE_ROUNDING, 0.0, axis)
     return np.sign(kept) if np.count_nonzero(kept) == 1 else kept / np.linalg.norm(kept)
-
-
-def _numbers(joint: Stated, axis: Axis) -> dict[str, float]:
-    endless = {"lower": -np.inf, "upper": np.inf} if joint.kind == "continuous" else {}
-    return axis.numbers | joint.rotor | endless
 
 
 def _origin(joint: Stated, start: Array, end: Array) -> Array:

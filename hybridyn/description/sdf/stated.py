@@ -105,16 +105,14 @@ class Axis:
         numbers: Limits and friction, as in `records.Joint`; the lower limit may be above the upper one.
         spring: Stiffness of its spring [N/m or N m/rad], and its position without force [m or rad].
         initial: Position at the start [m or rad], nan if not stated.
-        mimic: The element `<mimic>`, or None.
-        leader: The joint that it follows, or None.
+        mimic: The element `<mimic>`, and the joint that it follows, or None.
     """
 
     direction: Array
     numbers: dict[str, float]
     spring: tuple[float, float]
     initial: float
-    mimic: Node | None
-    leader: Item | None
+    mimic: tuple[Node, Item] | None
 
     @property
     def limited(self) -> bool:
@@ -125,7 +123,7 @@ class Axis:
     def needed(self) -> bool:
         """Whether its position matters: damping, friction, a spring, a leader or a start depends on it."""
         forces = self.numbers["damping"], self.numbers["friction"], self.spring[0]
-        return any(forces) or self.leader is not None or not math.isnan(self.initial)
+        return any(forces) or self.mimic is not None or not math.isnan(self.initial)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +169,7 @@ def read_joints(models: Models, file: str, notes: Notes) -> list[Stated]:
         ModelError: The type is not read, a link or axis is missing, or a number is invalid.
     """
     joints = [_read_joint(item, models, file, notes) for item in models.every("joint")]
-    leaders = {axis.leader for joint in joints for axis in joint.axes if axis.leader is not None}
+    leaders = {axis.mimic[1] for joint in joints for axis in joint.axes if axis.mimic is not None}
     importance = {joint: joint.importance(leaders) for joint in joints}
     children, out = {WORLD}, {}
     for joint in sorted(joints, key=lambda joint: (joint.closes, -importance[joint])):
@@ -255,7 +253,7 @@ def _read_axis(node: Node, item: Item, models: Models) -> Axis:
         models.pose(place)[:3, :3] @ local,
         _limits(node.child("limit")) | {word: forces[word] for word in ("damping", "friction")},
         (forces["spring_stiffness"], forces["spring_reference"]), numbers(node, "axis")["initial_position"],
-        mimic, None if mimic is None else _leader(mimic, item, models),
+        None if mimic is None else (mimic, _leader(mimic, item, models)),
     )  # fmt: skip
 
 

@@ -42,8 +42,22 @@ def axis_of(node: Node | None) -> Array:
     """
     if node is None:
         return np.array([1.0, 0.0, 0.0])
-    axis = node.numbers("xyz", 3)
+    return unit(node, node.numbers("xyz", 3), 'xyz="0 0 1"')
+
+
+def unit(node: Node, axis: Array, example: str) -> Array:
+    """Return the unit vector along an axis that an element states, shape (3,).
+
+    Args:
+        node: The element.
+        axis: The axis, shape (3,).
+        example: How the element states one, for the message.
+
+    Raises:
+        ModelError: The axis is zero.
+    """
     norm = float(np.linalg.norm(axis))
     if norm < SMALLEST_AXIS:
-        raise node.error('the axis is zero; give a direction such as xyz="0 0 1"')
-    return axis / norm
+        raise node.error(f"the axis is zero; give a direction such as {example}")
+    out: Array = axis / norm
+    return out
