@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..dynamics.inverse import idm
 from ..effects.choice import Effects
 from ..errors import CompileError, HybridynError
 from ..manifold.manifold import Manifold
-from ..spatial import Array
+from ..spatial import Array, Mask
 from ..structure.robot import HybridRobot
 from .agreement import BUG, check_agreement, difference
 from .code.scalars import GUARD_LIMIT
@@ -174,15 +175,21 @@ class _Comparison:
     """
 
     def __init__(self, library: Built, robot: HybridRobot, effects: Effects) -> None:
-        self._library, self._robot, self._effects = library, robot, effects
+        self._library, self._robot = library, robot
         loops = [module.mechanism for module in robot.modules if module.mechanism.reduction.rounded]
         rounding = max((m.rounding for m in loops), default=0.0)
         self._agree = max(MODEL_AGREES[str(library.dtype)], ROUNDINGS * rounding)
+        models = {"ddm": partial(ddm, effects=effects), "idm": partial(idm, effects=effects)}
+        self._general: dict[str, Callable[..., Array]] = {**models, "kinematics": body_rows}
         self.computed, self.reason = {x: 0 for x in ("ddm", "idm") if x in library.programs}, ""
         self._lifted = "lift" not in library.programs
 
     def draw(self, seed: int) -> None:
-        """Compare both models on `SAMPLES` more states.
+        """Compare the models, and Newton's steps, on `SAMPLES` more states.
+
+        Accelerations are those of the direct model; of the states that it computes itself alone, if the
+        general path refuses some. Where the effects leave a motion without inertia, any that keep the loops
+        closed will do: those under the default effects.
 
         Raises:
             CompileError: The models differ.
@@ -192,80 +199,53 @@ class _Comparison:
         robot = self._robot
         q, v, tau = moving_states(robot, SAMPLES, seed)
         still = [np.zeros((SAMPLES, 6))] if robot.base == "moving" else []
-        a, good = np.zeros_like(v), np.zeros(SAMPLES, dtype=bool)
-        if "ddm" in self.computed:
-            (a,), guard = self._library.batch("ddm", q, v, tau, *still)
-            good = guard <= GUARD_LIMIT
+        good = self._compare("ddm", (q, v, tau), still)
         try:
-            wanted = ddm(robot, q, v, tau, effects=self._effects)
+            a = self._general["ddm"](robot, q, v, tau)
         except HybridynError as error:  # correct, as long as it refuses none of the good samples
             self.reason = f", which refuses them ({error})"
-            if not good.any():
-                self._without_direct_model(q, v, tau)
+            try:
+                model = self._general["ddm"] if good.any() else ddm
+                q, v, tau = (x[good] if good.any() else x for x in (q, v, tau))
+                a = model(robot, q, v, tau)
+            except HybridynError:
                 return
-            q, v, tau, a, good = q[good], v[good], tau[good], a[good], good[good]
-            wanted = self._general(ddm, "ddm", q, v, tau)
-        if good.any():
-            self._compare("ddm", ddm, (q[good], v[good], tau[good]), a[good], wanted[good])
-        self._at_accelerations(q, v, wanted)
-
-    def _without_direct_model(self, q: Array, v: Array, tau: Array) -> None:
-        """Compare the other models where the effects leave a motion without inertia.
-
-        Any accelerations that keep the loops closed will do: those under the default effects.
-        """
-        try:
-            a = ddm(self._robot, q, v, tau)
-        except HybridynError:
-            return
-        self._at_accelerations(q, v, a)
-
-    def _at_accelerations(self, q: Array, v: Array, a: Array) -> None:
-        """Compare kinematics, Newton's steps and the inverse model, as far as the library has them."""
-        if "kinematics" in self._library.programs:
-            (rows,), guard = self._library.batch("kinematics", q, v, a)
-            good = guard <= GUARD_LIMIT
-            if good.any():
-                given = (q[good], v[good], a[good])
-                self._compare("kinematics", body_rows, given, rows[good], body_rows(self._robot, *given))
+        self._compare("kinematics", (q, v, a))
         if not self._lifted:
-            self._lifted = _lift(self._library, self._robot, q, v, self._agree)
-        if "idm" in self.computed:
-            self._inverse(q, v, a)
+            self._lifted = _lift(self._library, robot, q, v, self._agree)
+        self._compare("idm", (q, v, a))
 
-    def _inverse(self, q: Array, v: Array, a: Array) -> None:
-        """Compare the inverse model on samples that it computes itself."""
-        (tau,), guard = self._library.batch("idm", q, v, a)
-        good = guard <= GUARD_LIMIT
-        q, v, a, tau = q[good], v[good], a[good], tau[good]
-        if len(q):
-            self._compare("idm", idm, (q, v, a), tau, self._general(idm, "idm", q, v, a))
+    def _compare(self, name: str, given: tuple[Array, ...], still: Sequence[Array] = ()) -> Mask:
+        """Compare a model on the samples that it computes itself, and return which these are.
 
-    def _general(self, model: Callable[..., Array], name: str, *given: Array) -> Array:
-        """Compute samples by the general path that the compiled model computes itself."""
+        No difference may exceed both `MODEL_AGREES` and `ROUNDINGS` of the general path's own.
+
+        Args:
+            still: Further arguments of the compiled model, zero in the general path.
+        """
+        if name not in self._library.programs:
+            return np.zeros(len(given[0]), dtype=bool)
+        (result,), guard = self._library.batch(name, *given, *still)
+        good: Mask = np.asarray(guard <= GUARD_LIMIT)
+        given = tuple(x[good] for x in given)
+        if not len(given[0]):
+            return good
         try:
-            return model(self._robot, *given, effects=self._effects)
+            wanted = self._general[name](self._robot, *given)
         except HybridynError as error:
             raise CompileError(
                 f"the compiled '{name}' of the robot '{self._robot.description.name}' computes a state that "
                 f"the general path refuses ({error}): {BUG}"
             ) from error
-
-    def _compare(
-        self, name: str, model: Callable[..., Array], given: tuple[Array, ...], result: Numbers, wanted: Array
-    ) -> None:
-        """Check that no difference exceeds both `MODEL_AGREES` and `ROUNDINGS` of the general path's own."""
         if name in self.computed:
             self.computed[name] += len(wanted)
-        off = difference(result, wanted)
-        if (off <= self._agree).all():
-            return
-        rounding = np.minimum(ROUNDINGS * self._rounding(name, model, given, wanted), EXCUSED)
-        check_agreement(self._robot, f"'{name}'", off, np.maximum(self._agree, rounding))
+        off, allowed = difference(result[good], wanted), self._agree
+        if not (off <= allowed).all():
+            rounding = np.minimum(ROUNDINGS * self._rounding(name, given, wanted), EXCUSED)
+            check_agreement(self._robot, f"'{name}'", off, np.maximum(allowed, rounding))
+        return good
 
-    def _rounding(
-        self, name: str, model: Callable[..., Array], given: tuple[Array, ...], wanted: Array
-    ) -> Array:
+    def _rounding(self, name: str, given: tuple[Array, ...], wanted: Array) -> Array:
         """Compute the relative change of the general path's results by rounding, shape (T,).
 
         The inputs and the masses of the links are rounded, each its own way. The change exceeds
@@ -273,14 +253,13 @@ class _Comparison:
         along a motion. No arithmetic of this width can do better there.
         """
         rng, worst = np.random.default_rng(0), np.zeros(len(wanted))
-        more = {} if name == "kinematics" else {"effects": self._effects}
         masses = {f"mass:{link.name}": link.mass for link in self._robot.description.links if link.mass}
         for _ in range(DRAWS):
             rounded = [x * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0, x.shape)) for x in given]
             robot = self._robot.with_parameters(
                 {mass: value * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0)) for mass, value in masses.items()}
             )
-            worst = np.maximum(worst, difference(model(robot, *rounded, **more), wanted))
+            worst = np.maximum(worst, difference(self._general[name](robot, *rounded), wanted))
         return worst
 
 
