@@ -19,7 +19,9 @@ Numbers are stored in four places:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -243,3 +245,9 @@ class Program:
     shared: int
     own: int
     notes: tuple[str, ...] = field(default=())
+
+
+def stored(parts: Sequence[tuple[str, int]]) -> list[tuple[str, int, int]]:
+    """Return name, length and start of parts that are stored one after the other."""
+    starts = accumulate((size for _, size in parts), initial=0)
+    return [(name, size, at) for (name, size), at in zip(parts, starts, strict=False)]

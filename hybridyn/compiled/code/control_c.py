@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..program import Program
+from ..program import Program, stored
 from .plain_c import REAL, prototype
 
 #: Most Newton steps of `<name>_close` in one call: four suffice from the last tick's posture.
@@ -51,10 +51,9 @@ class ControlStep:
             "    }",
             "    if (!(guard <= 1)) return guard;",
         ]
-        at = 0
-        for n, size in read:
-            lines.append(f"    for (k = 0; k < {size}; k++) given[{at} + k] = {n}[k];")
-            at += size
+        lines += [
+            f"    for (k = 0; k < {size}; k++) given[{at} + k] = {n}[k];" for n, size, at in stored(read)
+        ]
         lines.append("    idm_of_closed_samples(given, result, shared, own, &guard);")
         lines.append(f"    for (k = 0; k < {result}; k++) guard += result[k] * 0; /* not finite: NaN */")
         lines += [f"    for (k = 0; k < {size}; k++) {n}[k] = result[k];" for n, size in self.inverse.outputs]

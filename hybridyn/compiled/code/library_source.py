@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import Any
 
-from ..program import Call, Program
+from ..program import Call, Program, stored
 from .across_copies import across_copies
 from .across_samples import HEAD, across_samples
 from .alone import choice, code, lanes_of_codes, second_unit
@@ -201,14 +201,14 @@ def _ahead(program: Program) -> str:
 def _batch(program: Program) -> str:
     """Return the C function that runs samples `from` to `to`; the caller provides the memory `work`."""
     given, result, shared, _ = _sizes(program)
-    reads, writes, at = [], [], 0
-    for n, (_, size) in enumerate(program.inputs):
-        reads.append(f"        worst_yet += from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);")
-        at += size
-    at = 0
-    for n, (_, size) in enumerate(program.outputs):
-        writes.append(f"        worst_yet += to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);")
-        at += size
+    reads = [
+        f"        worst_yet += from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);"
+        for n, (_, size, at) in enumerate(stored(program.inputs))
+    ]
+    writes = [
+        f"        worst_yet += to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);"
+        for n, (_, size, at) in enumerate(stored(program.outputs))
+    ]
     return "\n".join(
         [
             f"EXPORT void {program.name}_batch(Long from, Long to, const B *const *in, B *const *out,",
@@ -233,12 +233,11 @@ def _single(program: Program, codes: list[int]) -> str:
     given = _sizes(program)[0]
     count = sum(size for _, size in program.outputs)
     arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]
-    checks, copies, moves, at = [], [], [], 0
-    for n, (_, size) in enumerate(program.inputs):
+    checks, copies, moves = [], [], []
+    for n, (_, size, at) in enumerate(stored(program.inputs)):
         checks.append(f"    const S *in{n} = numbers(a{n}, {size});")
         copies.append(f"    memcpy({program.name}_given + {at}, in{n}, sizeof(S[{size}]));")
         moves.append(f"    memcpy({program.name}_given + {at}, in[{n}], sizeof(S[{size}]));")
-        at += size
     handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
     all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
     name = program.name

@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..program import Call, Program
+from ..program import Call, Program, stored
 from .across_copies import across_copies
 from .across_samples import across_samples
 from .alone import CALLED_ALONE, VECTOR_STATEMENT
@@ -189,21 +189,16 @@ def _sizes(program: Program) -> tuple[int, int, int, int]:
 def _call(program: Program, name: str, dtype: str) -> str:
     """Return the public C function of a program."""
     given, result, shared, _ = _sizes(program)
+    each = "    for (k = 0; k < {}; k++) {};"
     lines = [
         f"{prototype(program, name, dtype)} {{",
         f"    S guard = 0, *given = work->numbers, *result = given + {given};",
         f"    V *shared = ROOM(result + {result}), *own = shared + {shared};",
         "    int k;",
+        *(each.format(n, f"given[{at} + k] = {word}[k]") for word, n, at in stored(program.inputs)),
+        f"{each.format(given, 'guard += given[k] * (S)0')} /* not finite: NaN */",
+        f"    {program.name}_samples(given, result, shared, own, &guard);",
+        f"{each.format(result, 'guard += result[k] * (S)0')} /* not finite: NaN */",
+        *(each.format(n, f"{word}[k] = result[{at} + k]") for word, n, at in stored(program.outputs)),
     ]
-    at = 0
-    for word, size in program.inputs:
-        lines.append(f"    for (k = 0; k < {size}; k++) given[{at} + k] = {word}[k];")
-        at += size
-    lines.append(f"    for (k = 0; k < {given}; k++) guard += given[k] * (S)0; /* not finite: NaN */")
-    lines.append(f"    {program.name}_samples(given, result, shared, own, &guard);")
-    lines.append(f"    for (k = 0; k < {result}; k++) guard += result[k] * (S)0; /* not finite: NaN */")
-    at = 0
-    for word, size in program.outputs:
-        lines.append(f"    for (k = 0; k < {size}; k++) {word}[k] = result[{at} + k];")
-        at += size
     return "\n".join([*lines, "    return guard;", "}"])

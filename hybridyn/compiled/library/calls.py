@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..code.scalars import GUARD_LIMIT, Scalar
+from ..program import stored
 from .cache import Built, cached
 from .choosing import use_choice
 from .compilers import best_lanes
@@ -171,11 +172,7 @@ class Calls:
 
     def split(self, out: Numbers) -> tuple[Numbers, ...]:
         """Split an array of all outputs."""
-        parts, at = [], 0
-        for _, size in self.outputs:
-            parts.append(out[at : at + size])
-            at += size
-        return tuple(parts)
+        return tuple(out[at : at + size] for _, size, at in stored(self.outputs))
 
     def batch(
         self, inputs: Any, threads: int, outs: tuple[Numbers, ...] | None = None

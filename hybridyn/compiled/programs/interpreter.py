@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..program import Call, Constants, Program, Start, Worst
+from ..program import Call, Constants, Program, Start, Worst, stored
 
 #: Sums of results and guards above this are taken as infinite.
 FINITE = 1e300
@@ -26,8 +26,7 @@ def function_of(program: Program) -> ca.Function:
         column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)
     ]
     result, guards = run(program, given)
-    ends = np.cumsum([0] + [size for _, size in program.outputs])
-    outputs = [ca.vertcat(*result[ends[i] : ends[i + 1]]) for i in range(len(program.outputs))]
+    outputs = [ca.vertcat(*result[at : at + size]) for _, size, at in stored(program.outputs)]
     total = ca.sum1(ca.vertcat(*result, *guards))
     guard = ca.if_else(ca.fabs(total) <= FINITE, reduce(ca.fmax, guards), np.inf)
     return ca.Function(

@@ -24,6 +24,7 @@ from ..program import (
     Source,
     Start,
     Target,
+    stored,
 )
 
 
@@ -47,7 +48,7 @@ class Writer:
         computed: tuple[str, ...] = (),
     ) -> None:
         self.name, self.inputs, self.outputs = name, tuple(inputs), tuple(outputs)
-        self.given, self.results = _starts(inputs), _starts(outputs)
+        self.given, self.results = ({name: at for name, _, at in stored(x)} for x in (inputs, outputs))
         self.computed = computed
         self.kernels: list[Kernel] = []
         self.steps: list[Start | Call] = []
@@ -141,8 +142,3 @@ class Writer:
             self._shared,
             self._own,
         )
-
-
-def _starts(parts: list[tuple[str, int]]) -> dict[str, int]:
-    ends = np.cumsum([0] + [size for _, size in parts]).tolist()
-    return {name: ends[i] for i, (name, _) in enumerate(parts)}
