@@ -21,7 +21,7 @@ from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
 from .library.replacing import Replacement, check_bits, receive, run_in_turn
 from .model import CompiledRobot
-from .programs.designs import AtDesign, designs_to_verify
+from .programs.designs import designs_to_verify
 from .programs.sources import MODELS, library_key, library_of
 from .verifying import verify, warn_of_handed_over
 
@@ -143,12 +143,10 @@ class _Asked:
         """Compare a new library with the general path at each design to verify."""
         library = Library(built)
         for design, like, required in designs_to_verify(self.robot, self.parameters):
-            verify(
-                AtDesign(library, design) if self.parameters.size else library,
-                like,
-                at_robot(self.effects, like) if self.parameters.size else self.effects,
-                required=required,
-            )
+            if self.parameters.size:
+                verify(library, like, at_robot(self.effects, like), required=required, design=design)
+            else:
+                verify(library, like, self.effects)
         if not self.parameters.size:
             warn_of_handed_over(library, self.robot, self.effects)
 

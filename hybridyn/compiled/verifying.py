@@ -62,17 +62,26 @@ class Built(Protocol):
         """Compute outputs, shapes (T, n), and guards, shape (T,)."""
 
 
-def verify(library: Built, robot: HybridRobot, effects: Effects, *, required: bool = True) -> None:
+def verify(
+    library: Built,
+    robot: HybridRobot,
+    effects: Effects,
+    *,
+    required: bool = True,
+    design: Array | None = None,
+) -> None:
     """Compare models with the general path on random states that the models compute themselves.
 
     Args:
         effects: Effects in the models.
         required: Whether a model must compute some of the states itself.
+        design: The robot's numbers in the input "parameters" of the models, shape (slots,), if they have it.
 
     Raises:
         CompileError: They differ by more than `MODEL_AGREES`, or no model computes any of the states itself.
     """
-    comparison = _Comparison(library, robot, replace(effects, limits=None))  # limits act outside the models
+    without = replace(effects, limits=None)  # limits act outside the models
+    comparison = _Comparison(library, robot, without, design)
     for seed in range(ROUNDS):
         comparison.draw(seed)
         if min(comparison.computed.values()) >= SAMPLES:
@@ -174,8 +183,9 @@ class _Comparison:
         reason: Why the general path refused states, empty if it refused none.
     """
 
-    def __init__(self, library: Built, robot: HybridRobot, effects: Effects) -> None:
+    def __init__(self, library: Built, robot: HybridRobot, effects: Effects, design: Array | None) -> None:
         self._library, self._robot = library, robot
+        self._more = [] if design is None else [np.tile(design, (SAMPLES, 1))]
         loops = [module.mechanism for module in robot.modules if module.mechanism.reduction.rounded]
         rounding = max((m.rounding for m in loops), default=0.0)
         self._agree = max(MODEL_AGREES[str(library.dtype)], ROUNDINGS * rounding)
@@ -225,7 +235,8 @@ class _Comparison:
         """
         if name not in self._library.programs:
             return np.zeros(len(given[0]), dtype=bool)
-        (result,), guard = self._library.batch(name, *given, *still)
+        more = [x[: len(given[0])] for x in (*still, *self._more)]
+        (result,), guard = self._library.batch(name, *given, *more)
         good: Mask = np.asarray(guard <= GUARD_LIMIT)
         given = tuple(x[good] for x in given)
         if not len(given[0]):

@@ -19,7 +19,7 @@ from ..program import stored
 from .cache import Built, cached
 from .choosing import use_choice
 from .compilers import best_lanes
-from .direct_calls import METH_FASTCALL, REFUSED, Method, knows_arrays
+from .direct_calls import REFUSED, function_of, knows_arrays
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -135,9 +135,7 @@ class Calls:
         self.trusted = GUARD_LIMIT
         self.at_once: Callable[..., int] | None = None
         if plain:
-            address = ctypes.cast(getattr(held, f"{name}_call"), ctypes.c_void_p)
-            self._method = Method(name.encode(), address, METH_FASTCALL)
-            self.at_once = self._method.function()
+            self.at_once = function_of(held, f"{name}_call")
 
     def single(self, *inputs: ArrayLike) -> tuple[Numbers, float]:
         """Run one sample.

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...spatial import Array
 from .cache import Built
-from .direct_calls import DOUBLE, METH_FASTCALL, REFUSED, Method, knows_arrays
+from .direct_calls import DOUBLE, REFUSED, function_of, knows_arrays
 
 
 @dataclass(eq=False)
@@ -47,11 +47,9 @@ class ClosedRows:
         self._rows.argtypes = [ctypes.c_longlong, ctypes.c_int, *[ctypes.c_void_p] * 9]
         self.from_motors: Callable[..., int] = _refuse
         self.close_row: int | None = None
-        motors = getattr(held, "close_call", None)
-        if motors is not None and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
-            address = ctypes.cast(motors, ctypes.c_void_p)
-            self._method = Method(b"close", address, METH_FASTCALL)
-            self.from_motors = self._method.function()
+        motors = hasattr(held, "close_call")
+        if motors and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
+            self.from_motors = function_of(held, "close_call")
             self.close_row = ctypes.cast(held.close_row, ctypes.c_void_p).value
             self._keep = held.keep_place
             self._keep.argtypes, self._keep.restype = [ctypes.c_void_p] * 3, None

@@ -10,7 +10,7 @@ import numpy as np
 from .cache import Built
 from .calls import Library
 from .closed_rows import ClosedRows
-from .direct_calls import METH_FASTCALL, Method
+from .direct_calls import function_of
 
 
 class Control:
@@ -29,6 +29,4 @@ class Control:
         self.at_once: Callable[..., int] | None = None
         if self.library.programs["idm"].at_once is not None and rows.close_row is not None:
             held, self._rows = ctypes.PyDLL(str(built.path)), rows
-            address = ctypes.cast(held.control_call, ctypes.c_void_p)
-            self._method = Method(b"control", address, METH_FASTCALL)
-            self.at_once = self._method.function(np.array([rows.close_row], np.uintp))
+            self.at_once = function_of(held, "control_call", np.array([rows.close_row], np.uintp))

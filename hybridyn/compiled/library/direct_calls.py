@@ -59,16 +59,20 @@ class Method(ctypes.Structure):
         ("doc", ctypes.c_char_p),
     )
 
-    def function(self, given: Any = None) -> Callable[..., int]:
-        """Return the function, which receives `given` as its first argument in C.
 
-        This structure must stay alive as long as the function.
-        """
-        new = ctypes.pythonapi.PyCFunction_NewEx
-        new.restype = ctypes.py_object
-        new.argtypes = [ctypes.POINTER(Method), ctypes.py_object, ctypes.c_void_p]
-        made: Callable[..., int] = new(ctypes.byref(self), given, None)
-        return made
+#: Structures of functions: CPython reads them as long as it may call the functions.
+_KEPT: list[Method] = []
+
+
+def function_of(held: ctypes.PyDLL, name: str, given: Any = None) -> Callable[..., int]:
+    """Return a function of a library, METH_FASTCALL, which receives `given` as its first argument in C."""
+    address = ctypes.cast(getattr(held, name), ctypes.c_void_p)
+    _KEPT.append(Method(name.encode(), address, METH_FASTCALL))
+    new = ctypes.pythonapi.PyCFunction_NewEx
+    new.restype = ctypes.py_object
+    new.argtypes = [ctypes.POINTER(Method), ctypes.py_object, ctypes.c_void_p]
+    made: Callable[..., int] = new(ctypes.byref(_KEPT[-1]), given, None)
+    return made
 
 
 def knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,26 +18,6 @@ from ...structure.robot import HybridRobot
 TRIED = (1.0, 1.03, 0.98)
 #: Number of robots that are kept for samples that the general path computes.
 KEPT_ROBOTS = 8
-
-
-class AtDesign:
-    """The interface of a library at one design, for programs with the input "parameters".
-
-    Attributes:
-        dtype, programs: Those of the library.
-    """
-
-    def __init__(self, library: Any, numbers: Array) -> None:
-        """Store the numbers in the slots, shape (slots,)."""
-        self._library, self._numbers = library, numbers
-        self.dtype, self.programs = library.dtype, library.programs
-
-    def batch(self, name: str, *inputs: Array) -> tuple[tuple[Any, ...], Any]:
-        """Compute outputs, shapes (T, n), and guards, shape (T,)."""
-        out: tuple[tuple[Any, ...], Any] = self._library.batch(
-            name, *inputs, np.tile(self._numbers, (len(inputs[0]), 1))
-        )
-        return out
 
 
 def designs_to_verify(
