@@ -186,6 +186,14 @@ def test_what_is_read(name: str, tmp_path: Path) -> None:
             hinge("double mjc:frictionloss = 1", kind="Spherical", schemas=JOINT),
             "dry friction of a joint with several",
         ),
+        (
+            hinge(
+                "float physxJointAxis:rotY:armature = 1",
+                kind="Spherical",
+                schemas=("PhysxJointAxisAPI:rotY",),
+            ),
+            "'physxJointAxis:rotY:armature' is about one axis of a ball joint, which is not read",
+        ),
     ],
 )
 def test_it_is_refused_by_name(text: str, message: str, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ class Prim:
 
     def __init__(self, kind: str, name: str, path: str) -> None:
         self.kind, self.name, self.path = kind, name, path
-        self.schemas: list[str] = []
+        self.schemas: dict[str, None] = {}
         self._lines: list[str] = []
         self.children: list[Prim] = []
         self._taken: set[str] = set()
@@ -32,15 +32,13 @@ class Prim:
     def child(self, kind: str, name: str) -> Prim:
         """Add a prim below, whose name gets a number where another one has it."""
         name = unique(name, self._taken)
-        self._taken.add(name)
         out = Prim(kind, name, f"{self.path}/{name}")
         self.children.append(out)
         return out
 
     def apply(self, schema: str) -> None:
         """Apply a schema, once."""
-        if schema not in self.schemas:
-            self.schemas.append(schema)
+        self.schemas[schema] = None
 
     def line(self, text: str) -> None:
         """Add an attribute or relationship as text."""

@@ -124,35 +124,44 @@ NOTED = {
 CUSTOM = "elements of other programs are not read: {}"
 
 
-def check(node: Node, notes: Notes) -> None:
-    """Refuse what SDFormat does not have there where it resembles what it has, and note the rest.
+def check(root: Node, notes: Notes) -> None:
+    """Refuse what SDFormat does not have where it stands and what resembles what it has; note the rest.
 
     Attributes, joints, links, inertias and numbers that are read elsewhere may not be misplaced, either.
 
     Args:
-        node: An element; `axis2` counts as `axis`, `velocity` etc. by their own names.
+        root: Root element of a file; of `<physics>` nothing is checked.
         notes: Takes what is left out and noted.
 
     Raises:
         ModelError: Something is unknown, or stands where it is not read.
     """
-    kind = "axis" if node.tag == "axis2" else node.tag
-    attributes = ATTRIBUTES.get(kind, ())
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        kind = "axis" if node.tag == "axis2" else node.tag
+        _check_attributes(node, ATTRIBUTES.get(kind, ()))
+        read, left_out = READ[kind], LEFT_OUT.get(kind, ())
+        for child in node.children():
+            if child.tag in NOTED:
+                name = child.xml.get("name") or child.xml.get("filename") or around(child).xml.get("name")
+                notes.setdefault(NOTED[child.tag], []).append(str(name)[:80])
+            if child.tag in left_out:
+                refuse_lost(child)
+            elif child.tag not in read:
+                _refuse_unknown(child, node, (*read, *left_out), notes)
+            elif child.tag != "physics":
+                waiting.append(child)
+
+
+def _check_attributes(node: Node, known: tuple[str, ...]) -> None:
+    """Refuse attributes that SDFormat does not have, or that are not read."""
     for name in node.attributes():
         if name in REFUSED_ATTRIBUTES and str(node.xml.get(name)).strip():
             raise node.error(f"{name} is not read; write {REFUSED_ATTRIBUTES[name]}")
-        if name not in (*attributes, *REFUSED_ATTRIBUTES):
-            known = listed(attributes) or "none"
-            raise node.error(f"unknown attribute '{name}'{did_you_mean(name, attributes)}; known: {known}")
-    read, left_out = READ[kind], LEFT_OUT.get(kind, ())
-    for child in node.children():
-        if child.tag in NOTED:
-            name = str(child.xml.get("name") or child.xml.get("filename") or around(child).xml.get("name"))
-            notes.setdefault(NOTED[child.tag], []).append(name[:80])
-        if child.tag in left_out:
-            refuse_lost(child)
-        elif child.tag not in read:
-            _refuse_unknown(child, node, (*read, *left_out), notes)
+        if name not in (*known, *REFUSED_ATTRIBUTES):
+            hint = did_you_mean(name, known)
+            raise node.error(f"unknown attribute '{name}'{hint}; known: {listed(known) or 'none'}")
 
 
 def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], notes: Notes) -> None:

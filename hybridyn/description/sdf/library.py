@@ -15,7 +15,7 @@ from ..names import did_you_mean, listed
 from ..shipped import shown
 from ..urdf.robot_folders import RobotFolders
 from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
-from .elements import READ, Notes, check, flag, word
+from .elements import Notes, check, flag, word
 
 #: Oldest and newest version of SDFormat that is read, as (1, minor).
 VERSIONS = (4, 12)
@@ -70,7 +70,8 @@ class Library:
         folders = [os.fspath(folder) for folder in package_dirs]
         self._folders = RobotFolders(self.own[0], folders, [], LARGEST_FILE)
         self._files = self._count = self._size = 0
-        self._check(root)
+        minor_of(root)
+        check(root, self.notes)
 
     def robot(self) -> Placed:
         """Return the only model that can move; note the static ones.
@@ -129,21 +130,12 @@ class Library:
         if root.tag != "sdf":
             raise uri.error(f"the root element of '{name}' is <{root.tag}> instead of <sdf>")
         self.notes |= {note: [name] for note in root.notes}
-        self._check(root)
+        minor_of(root)
+        check(root, self.notes)
         models = root.children("model")
         if len(models) != 1 or root.children("world"):
             raise uri.error(f"'{name}' holds {len(models)} models; an included file holds one <model>")
         return models[0], (*files, path)
-
-    def _check(self, root: Node) -> None:
-        minor_of(root)
-        waiting = [root]
-        while waiting:
-            node = waiting.pop()
-            check(node, self.notes)
-            kind = "axis" if node.tag == "axis2" else node.tag
-            known = (child for child in node.children(*READ[kind]) if child.tag != "physics")
-            waiting += [child for child in known if child.tag in READ or child.tag == "axis2"]
 
     def _locate(self, name: str, file: str) -> str:
         """Return the path of the file that another one includes.

@@ -19,6 +19,9 @@ from ..records import Array
 from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS
 from .stage import Prim, Stage
 
+#: Numbers by which a joint needs its position.
+WEIGHTS = ("rotor_inertia", "friction", "damping")
+
 
 @dataclass(frozen=True, eq=False)
 class UsdJoint(StatedJoint):
@@ -51,7 +54,7 @@ class UsdJoint(StatedJoint):
     def heavy(self) -> bool:
         """Whether it has armature or friction."""
         numbers = [numbers_of(self.prim, axis) for axis in self.chain]
-        return any(of.get(word) for of in numbers for word in ("rotor_inertia", "friction", "damping"))
+        return any(of.get(word) for of in numbers for word in WEIGHTS)
 
 
 def read_joints(stage: Stage, bound: Collection[str], notes: list[str]) -> list[UsdJoint]:
@@ -233,6 +236,12 @@ def numbers_of(prim: Prim, axis: str) -> dict[str, float]:
         if value < 0:
             raise prim.error(f"'{name}' is negative")
         out[word] = value * units[what]
+    of_one = [
+        name for word, attribute, _ in NUMBERS if ball and word in WEIGHTS and "{}" in attribute
+        for name in map(attribute.format, AXES[3:]) if prim.number(name, 0.0)
+    ]  # fmt: skip
+    if of_one:
+        raise prim.error(f"'{of_one[0]}' is about one axis of a ball joint, which is not read; set it to 0")
     if ball and out.get("friction"):
         raise prim.error("dry friction of a joint with several freedoms is not read; set it to 0")
     return {word: out[word] for word in ("rotor_inertia", "damping") if word in out} if ball else out
