@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..streams.memory import keep_freed_memory
-from ..streams.workers import Failure, Workers
+from ..streams.workers import Workers
 from .common.figures import plot_option, save
 from .common.files import result_file
 from .common.maps import Grid, parse_grid, tell_map
@@ -130,12 +129,14 @@ def command(
             raise click.UsageError("with --map, only --grid and -o apply")
         tell_map(load(), outputs, grid, output)
         return
+    from ..studies.workspace.flood import in_this_process
     from ..studies.workspace.workspace import workspace
 
     keep_freed_memory()
     started = time.perf_counter()
     robot = load()
-    with _spread(jobs or 1) as spread, Progress("poses") as bar:
+    with contextlib.ExitStack() as opened, Progress("poses") as bar:
+        spread = opened.enter_context(Workers(jobs)).over if jobs and jobs > 1 else in_this_process
         found = workspace(
             robot,
             module,
@@ -158,47 +159,6 @@ def command(
         save(figure_of_workspace(poses, found.measures, title=title, unit=" or ".join(units)), plot)
     for line in _summary(found, time.perf_counter() - started):
         click.echo(line, err=True)
-
-
-@contextlib.contextmanager
-def _spread(jobs: int) -> Iterator[Any]:
-    """Yield a function that maps a function over tasks, in this process or in others."""
-    from ..studies.workspace.flood import in_this_process
-
-    if jobs == 1:
-        yield in_this_process
-        return
-    with Workers(jobs) as workers:
-        prepared: list[object] = []
-
-        def spread(work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-            """Start the processes with a function, and map it over tasks."""
-            if not prepared:
-                workers.prepare(work)
-                prepared.append(work)
-            return _in_turn(workers, tasks)
-
-        yield spread
-
-
-def _in_turn(workers: Workers, tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-    """Send tasks to every idle process, and yield the results in the order of the tasks."""
-    waiting = 0
-    for task in tasks:
-        if waiting == len(workers):
-            yield _result(workers)
-            waiting -= 1
-        workers.give(task)
-        waiting += 1
-    for _ in range(waiting):
-        yield _result(workers)
-
-
-def _result(workers: Workers) -> Any:
-    result = workers.take()
-    if isinstance(result, Failure):
-        raise result.error
-    return result
 
 
 def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:

@@ -11,6 +11,7 @@ import os
 import pickle
 import signal
 import sys
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -47,6 +48,7 @@ class Workers:
         """
         self._processes: list[subprocess.Popen[bytes]] = []
         self._given = self._taken = 0
+        self._work: object = None
         if not count:
             return
         import subprocess  # most tables need one process only
@@ -105,6 +107,32 @@ class Workers:
         except (EOFError, pickle.UnpicklingError):
             raise self._ended(process) from None
         self._taken += 1
+        return result
+
+    def over(self, work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+        """Apply a function to tuples of arguments in all processes, and yield the results in order.
+
+        Args:
+            work: The function, the same one at every call.
+
+        Raises:
+            Exception: The first one that the function raises.
+        """
+        if self._work is None:
+            self._work = work
+            self.prepare(work)
+        for task in tasks:
+            if self._given - self._taken == len(self):
+                yield self._result()
+            self.give(task)
+        while self._taken < self._given:
+            yield self._result()
+
+    def _result(self) -> Any:
+        """Wait for the oldest result, and raise the error of a task that failed."""
+        result = self.take()
+        if isinstance(result, Failure):
+            raise result.error
         return result
 
     def close(self) -> None:
