@@ -48,7 +48,7 @@ def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[st
 @click.option(
     "--samples", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of closed states."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the states.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the states.")
 @click.option(
     "--tolerance",
     type=click.FloatRange(0, 1, min_open=True),

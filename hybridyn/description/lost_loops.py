@@ -1,8 +1,8 @@
 """Find signs that a robot had loops which its file does not state, so that it would be loaded as a tree.
 
 The signs are frames named in pairs, joints of a tree that look passive, and files of loops beside the robot.
-None of them proves a loop. The robot is therefore loaded, and every sign is reported: `load` warns, `info`
-and `check` list them.
+None of them proves a loop. The robot is therefore loaded, and every sign is reported: `load` warns, and
+`info` lists them.
 """
 
 from __future__ import annotations

@@ -8,11 +8,12 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.cli import COMMANDS, main
+from hybridyn.cli import COMMANDS, commands, main
 from hybridyn.cli.common.progress import Progress
 from hybridyn.cli.common.text import aligned_rows
 from hybridyn.errors import AT_SAMPLE, AssemblyError
@@ -41,6 +42,7 @@ ARM = """<robot name="arm">
 HEADER = [f"{name}/{rate}" for name in ("lift", "turn") for rate in ("position", "velocity", "acceleration")]
 ROWS = np.random.default_rng(7).uniform(-1.0, 1.0, (30, 6))
 TIME = 0.1 * np.arange(30)
+SCREEN = 50  # lines
 
 
 @pytest.fixture
@@ -323,6 +325,33 @@ def test_help_names_every_command(run) -> None:
     assert all(f"\n  {name}" in out for name in COMMANDS)
     assert run() == (0, out, "")
     assert run("--version")[1] == f"hybridyn {hybridyn.__version__}\n"
+
+
+def options_of(name: str) -> list[click.Option]:
+    """Return the options of a command."""
+    command = commands.get_command(click.Context(commands), name)
+    assert command is not None
+    return [one for one in command.params if isinstance(one, click.Option)]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_help_fits_a_screen_and_ends_with_the_options_of_the_robot(
+    name: str, run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    own, _, shared = run(name, "--help").out.partition("Options of the robot:")
+    assert (own + shared).count("\n") <= SCREEN
+    assert "--package-dir" not in own
+    assert ("--package-dir" in shared) == (name not in ("simulate", "sweep"))
+
+
+def test_an_option_is_the_same_in_all_commands() -> None:
+    """It is a flag everywhere or nowhere, and takes words of the same kind."""
+    kinds: dict[str, set[object]] = {}
+    for name in COMMANDS:
+        for option in options_of(name):
+            kinds.setdefault(option.opts[-1], set()).add((option.is_flag, type(option.type).__name__))
+    assert {word: kind for word, kind in kinds.items() if len(kind) > 1} == {}
 
 
 def test_a_reader_that_goes_away_is_no_error(arm, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`hybridyn check`: one wrong robot per finding, and sound robots without findings."""
+"""`hybridyn.check`: one wrong robot per finding, and sound robots without findings."""
 
 import math
 import sys

@@ -244,9 +244,7 @@ def run(
         given = Pass(load(), table, outputs=outputs, efforts=efforts)
         robot, layout = given.robot, given.layout
         planned = plan(given)
-        workers = opened.enter_context(
-            Workers(_processes(tables.jobs, table, compiled=planned.assemble is not None))
-        )
+        workers = opened.enter_context(Workers(_processes(tables.jobs, table, planned.assemble is not None)))
         done_by = given.blocks(planned.model, planned.assemble, workers)
         loaded, samples = time.perf_counter(), 0
         observers = [*planned.observers]
@@ -281,7 +279,7 @@ def _told(robot: HybridRobot, tables: Tables, samples: int, seconds: float, wall
     click.echo("\n".join(lines), err=True)
 
 
-def _processes(jobs: int | None, table: Table, *, compiled: bool) -> int:
+def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
     """Return the number of processes to start, 0 to compute in this one."""
     long = LONG_FOR_COMPILED if compiled else LONG_TABLE
     if jobs is None and (table.rows or 0) * len(table.columns) > long:
