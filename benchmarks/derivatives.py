@@ -28,7 +28,7 @@ from benchmarks.timing import Candidate, measured
 from hybridyn import HybridRobot
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.derivatives.adjoints import DENSE
+from hybridyn.compiled.programs.derivatives.sweeps import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.spatial import Array
 from tests.oracle import Oracle

@@ -11,11 +11,11 @@ import hybridyn
 from hybridyn.assembly.posture import positions_of
 from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobian
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.program import Shared
-from hybridyn.compiled.programs.derivatives.linear import linearized
-from hybridyn.compiled.programs.derivatives.motor_motion import _brackets
+from hybridyn.compiled.program import Constants, Shared
+from hybridyn.compiled.programs.derivatives.motor_motion import brackets
 from hybridyn.compiled.programs.derivatives.nodes import Node
-from hybridyn.compiled.programs.derivatives.tangents import Graph
+from hybridyn.compiled.programs.derivatives.sweeps import Graph, Sweep
+from hybridyn.compiled.programs.writer import Writer
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to, refused
 from tests.effect_cases import CASES
@@ -108,7 +108,7 @@ def test_columns_against_differences_along_each_motor(name: str, interpreted: No
 def test_brackets_are_commutators_of_matrices() -> None:
     kinds, columns = ("planar", "floating", "revolute", "spherical"), ([0, 1, 5], range(6), [3], [3, 4, 5])
     x, y = np.random.default_rng(0).normal(size=(2, 13))
-    found, first = _brackets(kinds, x.astype(object), y.astype(object)), 0
+    found, first = brackets(kinds, x.astype(object), y.astype(object)), 0
     for kind, at in zip(kinds, columns, strict=True):
         twists = np.zeros((2, 6))
         twists[:, list(at)] = x[first : first + len(at)], y[first : first + len(at)]
@@ -169,37 +169,16 @@ def test_motors_that_loops_lock_are_no_coordinates(model: str) -> None:
         )
 
 
-def test_linear_steps_are_directional_derivatives() -> None:
-    """Of all operations, by CasADi's own sweep; an output that does not change is left out."""
-    x, y, z = ca.SX.sym("x", 3), ca.SX.sym("y", 2), ca.SX.sym("z")
-    out = [x[0] * y[1] / z - ca.sqrt(x[1]) * 2 + ca.sin(y[0]) * x[2], ca.atan2(x[2], y[0]) * z, z**2, -x[2]]
-    function = ca.Function("f", [x, y, z], [ca.vertcat(*out[:2]), ca.vertcat(*out[2:])])
-    targets = (Shared(6, 2), Shared(8, 2))
-    node = Node("node", function, 1, (Shared(0, 3), Shared(3, 2), Shared(5, 1)), targets)
-    linear = linearized(node, [0, 1], [(0, 0), (0, 1), (1, 0), (1, 1)])
-    wanted, rows = linear.used([(0, 0), (0, 1), (0, 2), (1, 0)])
-    assert rows == [(0, 0), (0, 1), (1, 1)]
-    dx = ca.SX.sym("dx", 4)
-    found = linear.tangents(
-        linear.coefficients(x, y, z), dict(zip(wanted, ca.vertsplit(dx), strict=True)), rows
-    )
-    whole = ca.vertcat(*(out[k] for k in (0, 1, 3)))
-    truth = ca.jtimes(whole, ca.vertcat(x, y[0]), dx)
-    both = ca.Function("both", [x, y, z, dx], [ca.vertcat(*found), truth])
-    steps, wanted_values = both([0.3, 1.2, -0.7], [0.4, -1.1], 0.9, [0.2, -0.5, 0.8, 1.3])
-    close_to(np.array(steps), np.array(wanted_values), ROUNDING)
-
-
-def test_only_numbers_that_results_need_get_tangents() -> None:
-    """The second output and the entry that it alone reads are left out, and so are their operations."""
-    x = ca.SX.sym("x", 3)
+def test_only_numbers_that_results_need_get_derivatives() -> None:
+    """The second output and the entry that it alone reads are left out, forwards and back."""
+    x, w = ca.SX.sym("x", 3), Writer("derivatives", [], [])
     function = ca.Function("f", [x], [ca.vertcat(x[0] * x[1], ca.sin(x[2]) * x[1])])
     node = Node("node", function, 1, (Shared(0, 3),), (Shared(3, 2),))
     graph = Graph.between([node], [Shared(0, 3)], [Shared(3, 1)])
     assert graph.needed == {("shared", k) for k in (0, 1, 3)}
-    assert graph.towards([Shared(4, 1)]) == [node]
-    assert graph.towards([Shared(5, 1)]) == []
-    linear = linearized(node, [0], [(0, 0)])
-    assert list(linear.outputs) == [(0, 0)]
-    assert linear.operations([(0, 0), (0, 1), (0, 2)]) == 3  # two products, one sum
-    assert linear.operations([(0, 2)]) == 0
+    for back, seeded, wanted in ((False, Shared(0, 3), {3}), (True, Shared(3, 2), {0, 1})):
+        sweep, n = Sweep(w, 3), seeded.size
+        sweep.seed(seeded, Constants(np.eye(n)))
+        before = set(sweep.of)
+        (sweep.backwards if back else sweep.forwards)(graph)
+        assert {k for _, k in set(sweep.of) - before} == wanted

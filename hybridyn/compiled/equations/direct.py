@@ -94,7 +94,6 @@ def write_direct(
     options: DirectOptions,
     *,
     motions: bool = False,
-    inertias: bool = False,
 ) -> DirectModule:
     """Write a module's direct model and cut it into its stages.
 
@@ -102,7 +101,6 @@ def write_direct(
         name: Prefix of the functions' names.
         options: Options of the direct model.
         motions: Whether the third stage has the output "u_dot", the accelerations along its motions.
-        inertias: Whether the second stage has the outputs of `_inertias`.
     """
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
@@ -122,8 +120,6 @@ def write_direct(
     s = np.concatenate([base.A, solved.y(base.A)])
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
     outputs[2] |= _accelerations_outwards(core, options, s, joints)
-    if inertias:
-        outputs[1] |= _inertias(core, solved.Psi, M)
     if motions:
         outputs[2]["u_dot"] = pack(solved.u_dot(base.A))
     # Wrists.
@@ -231,20 +227,6 @@ def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
     inertia = M[:6, :6] + (across + across.T) + congruence(x.Psi_b, M[6:, 6:]) - _product(x.E, x.G)
     bias = b[:6] + dot(M_yb.T, x.y_0) + dot(x.Psi_b.T, x.f) + dot(x.E.T, x.u_0)
     return {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
-
-
-def _inertias(core: Core, Psi: Expression, M: Expression) -> dict[str, ca.SX]:
-    """Return forces over accelerations of the motions, and of the base with all joints held.
-
-    They are "A_t" along the motions over those, upper triangle; "E" along the motions over the base's, row by
-    row; and "I" on the base over the base's, upper triangle.
-    """
-    held = zeros(len(M), 6)
-    for at in (range(6), *(core.chain.columns_of(i + 1) for i in core.chain.platforms)):
-        held[list(at)] = numbers(np.eye(6))
-    E = dot(Psi.T, dot(M, held)[6:])
-    A_t = congruence(Psi, M[6:, 6:])
-    return {"A_t": pack(upper(A_t)), "E": pack(E.ravel()), "I": pack(upper(congruence(held, M)))}
 
 
 def _accelerations_outwards(

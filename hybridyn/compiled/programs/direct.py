@@ -40,7 +40,6 @@ class DirectCalls(ModuleCalls):
         deltas: Acceleration of each platform relative to the base, by the platform's link of the core.
         u_dot: Accelerations along its motions, where they are asked for.
         leg_calls: Calls of its legs: their contributions, then their accelerations.
-        inertias: Places of the forces over accelerations, where they are asked for.
     """
 
     options: DirectOptions
@@ -52,7 +51,6 @@ class DirectCalls(ModuleCalls):
     deltas: dict[int, Shared] = field(default_factory=dict)
     u_dot: Shared | None = None
     leg_calls: list[Call] = field(default_factory=list)
-    inertias: dict[str, Shared] = field(default_factory=dict)
 
 
 def direct_program(request: Request, *, pushed: bool = False) -> Program:
@@ -77,7 +75,7 @@ def direct_inputs(request: Request, *, pushed: bool = False) -> list[tuple[str, 
 
 
 def write_direct_sweeps(
-    request: Request, w: Writer, *, motions: bool = False, inertias: bool = False, pushed: bool = False
+    request: Request, w: Writer, *, motions: bool = False, pushed: bool = False
 ) -> list[DirectCalls]:
     """Add the sweeps of the direct model to a program, and return the calls of each module.
 
@@ -85,7 +83,6 @@ def write_direct_sweeps(
         request: The robot and its effects.
         w: The program under construction.
         motions: Whether the accelerations along the modules' motions are kept (`DirectCalls.u_dot`).
-        inertias: Whether the modules' forces over accelerations are kept (`DirectCalls.inertias`).
         pushed: As for `direct_program`.
     """
     robot = request.robot
@@ -93,7 +90,7 @@ def write_direct_sweeps(
     same_structure(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
     root = moving_base(request, w, given, report=True) if given else None
-    sweeps = _Sweeps(request, w, root, motions, inertias, pushed)
+    sweeps = _Sweeps(request, w, root, motions, pushed)
     modules: list[DirectCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
@@ -113,11 +110,9 @@ class _Sweeps:
         writer: Writer,
         root: tuple[Source, Source] | None,
         motions: bool,
-        inertias: bool,
         pushed: bool,
     ) -> None:
-        self.request, self.w, self.root = request, writer, root
-        self.motions, self.inertias, self.pushed = motions, inertias, pushed
+        self.request, self.w, self.root, self.motions, self.pushed = request, writer, root, motions, pushed
         self.efforts = Efforts(request, writer, pushed=pushed)
         self._code: dict[Any, DirectModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
@@ -153,11 +148,6 @@ class _Sweeps:
             targets |= {"I_base": inertia, "b_base": bias}
         elif self.root is not None:
             targets |= {"I_base": self.w.shared(21), "b_base": self.w.shared(6)}
-        if self.inertias:
-            n = calls.module.mobility
-            sizes = {"A_t": n * (n + 1) // 2, "E": 6 * n, "I": 21}
-            calls.inertias = {name: self.w.shared(size) for name, size in sizes.items()}
-            targets |= calls.inertias
         calls.stages.call(1, sources, targets)
 
     def accelerate(self, calls: DirectCalls) -> None:
@@ -189,7 +179,7 @@ class _Sweeps:
         key = (id(plan), options)
         if key not in self._code:
             name = f"module_{len(self._code)}"
-            self._code[key] = write_direct(name, plan, options, motions=self.motions, inertias=self.inertias)
+            self._code[key] = write_direct(name, plan, options, motions=self.motions)
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ....linkage.joints import NQ, NV
 from ....spatial import Index
 from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, dot, pack, symbols
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...program import Source, Target
-from .adjoints import PART, Adjoints, Parts, Pattern, Reading
+from ..writer import Writer
+from .nodes import numbers_of
+from .sweeps import PART, Block, Sweep
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,67 +56,30 @@ def parameters_of(request: Request) -> list[Index]:
     return [np.arange(first, first + 10) for first in range(0, count, 10)]
 
 
-def collect(
-    adjoints: Adjoints, name: str, index: Index, targets: Sequence[Target], at: Coordinates | None = None
-) -> Pattern:
+def collect(sweep: Sweep, name: str, index: Index, target: Target, at: Coordinates | None = None) -> None:
     """Add the call that adds up the adjoints of numbers of a user input.
 
     Args:
+        sweep: The adjoints.
         name: The user input (or computed output).
         index: Indices of the numbers in it.
-        targets: Targets of the sums, which all receive the same.
+        target: Target of the sums.
         at: Coordinates whose positions the numbers are: the sums are taken along their freedoms.
-
-    Returns:
-        Which sums are not always zero, shape (rows, sums).
     """
-    w = adjoints.writer
-    read = adjoints.parts(w.from_given(name, index))
-    sources: list[Source] = []
-    if at is not None and any(kind not in ONE for kind in at.kinds):
-        sources = [w.from_given(name, np.tile(index, (adjoints.rows, 1)))]
-    kinds = at.kinds if at is not None and sources else ()
-    return add_up(adjoints, read, targets, kinds, sources)
-
-
-def add_up(
-    adjoints: Adjoints,
-    read: list[Parts],
-    targets: Sequence[Target],
-    kinds: tuple[str, ...] = (),
-    q: Sequence[Source] = (),
-) -> Pattern:
-    """Add the call that adds up the parts of adjoints; with kinds, along the freedoms of joints at q.
-
-    Returns:
-        Which sums are not always zero, shape (rows, sums).
-    """
-    w, reading = adjoints.writer, Reading.of(read)
+    w, reading = sweep.writer, sweep.reading(numbers_of(sweep.writer.from_given(name, index), 0))
+    kinds = at.kinds if at is not None and any(kind not in ONE for kind in at.kinds) else ()
+    q: list[Source] = [w.from_given(name, np.tile(index, (sweep.lanes, 1)))] if kinds else []
 
     def function() -> ca.Function:
         """Return the sums."""
-        blocks, values = reading.symbols()
-        columns = list(blocks)
+        columns, values = reading.symbols()
         if kinds:
-            column, x = symbols("q", len(read))
+            column, x = symbols("q", len(values))
             columns, values = [column, *columns], along_freedoms(kinds, x, values)
-        return ca.Function("collect", columns, [pack(values)] * len(targets))
+        return ca.Function("collect", columns, [pack(values)])
 
-    kernel = w.kernel(("collect", reading.key, kinds, len(targets)), function, PART)
-    w.call(kernel, adjoints.rows, [*q, *reading.blocks], list(targets))
-    return pattern_of(adjoints, read, kinds)
-
-
-def pattern_of(adjoints: Adjoints, read: list[Parts], kinds: tuple[str, ...] = ()) -> Pattern:
-    """Return which sums are not always zero, shape (rows, sums); with kinds, along the freedoms of joints."""
-    pattern = np.array([adjoints.pattern(parts) for parts in read], dtype=bool)
-    pattern = pattern.reshape(len(read), adjoints.rows)
-    if kinds:
-        ends = np.cumsum([0, *(NQ[kind] for kind in kinds)]).tolist()
-        joints = zip(kinds, pairwise(ends), strict=True)
-        rows = [pattern[a:b].any(axis=0) for kind, (a, b) in joints for _ in range(NV[kind])]
-        pattern = np.array(rows, dtype=bool).reshape(len(rows), adjoints.rows)
-    return pattern.T
+    kernel = w.kernel(("collect", reading.key, kinds), function, PART)
+    w.call(kernel, sweep.lanes, [*q, *reading.blocks], [target])
 
 
 #: Kinds of joints with one coordinate, whose rate is the coordinate's.
@@ -143,6 +106,22 @@ def from_freedoms(kinds: Sequence[str], x: Expression, given: Expression) -> lis
         E = _tangent(kind, x[len(out) :])
         out += list(dot(E, given[first : first + E.shape[1]]))
         first += E.shape[1]
+    return out
+
+
+def changes_of_coordinates(w: Writer, at: Coordinates, along: Block, count: int) -> Block:
+    """Return changes of coordinates from those along freedoms, one column in each lane."""
+    if all(kind in ONE for kind in at.kinds):
+        return along
+
+    def function() -> ca.Function:
+        """Return the change of coordinates of one column."""
+        (column, x), (moved, given) = symbols("q", len(at.q)), symbols("v", len(at.v))
+        return ca.Function("coordinates", [column, moved], [pack(from_freedoms(at.kinds, x, given))])
+
+    out = w.own(count, len(at.q))
+    kernel = w.kernel(("coordinates", at.kinds), function, PART)
+    w.call(kernel, count, [w.from_given("q", np.tile(at.q, (count, 1))), along], [out])
     return out
 
 

@@ -6,7 +6,6 @@ A matrix that all lanes read is stored for all of them, by rows or by columns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -15,27 +14,7 @@ import numpy as np
 from ...equations.expressions import Expression, dot, eye, pack, symbols
 from ...program import Constants, Each, Own, Shared, Source, Target, Turned
 from ..writer import Writer
-from .adjoints import DENSE, PART, Pattern
-
-
-@dataclass(frozen=True)
-class Block:
-    """A matrix.
-
-    Attributes:
-        rows: Its rows in lanes.
-        all: Its rows one after the other, for all lanes.
-        pattern: Which entries are not always zero; None where that is not known.
-    """
-
-    rows: Own
-    all: Each
-    pattern: Pattern | None = None
-
-
-def new_block(w: Writer, rows: int, columns: int) -> Block:
-    """Allocate a matrix."""
-    return Block(w.own(rows, columns), w.each(rows, columns))
+from .sweeps import DENSE
 
 
 def matrix(name: str, rows: int, columns: int) -> tuple[ca.SX, Expression]:
@@ -116,72 +95,14 @@ def sum_of(sizes: Sequence[tuple[int, int]], rows: int, more: int) -> tuple[Expr
     return total, columns
 
 
-@dataclass(frozen=True)
-class Elimination:
-    """Elimination of a group's motions.
+def factors(n: int, rows: int) -> ca.Function:
+    """Return the function of the factors of the first n columns of an (n, rows) matrix.
 
-    Attributes:
-        factors: L of D = L diag L^T by rows below its diagonal, and then the reciprocals of diag.
-        E: The wrench on the base over the motions, row by row.
-        motions: Number of motions.
-        rows: Number of motions, and six if there is a wrench on the base.
+    They are symmetric positive definite, L diag L^T: L by rows below its diagonal, then the reciprocals of
+    diag.
     """
-
-    factors: Shared
-    E: Shared
-    motions: int
-    rows: int
-
-    @classmethod
-    def of(cls, w: Writer, over_u: Each, rows: int) -> Elimination:
-        """Factorise the upper rows of a matrix, which are symmetric positive definite.
-
-        Args:
-            w: The program under construction.
-            over_u: The remaining forces, and below them the wrench on the base, over the motions.
-            rows: Number of rows of both.
-        """
-        n = over_u.size
-        factors = w.shared(n * (n + 1) // 2)
-        if n:
-            kernel = w.kernel(("pivot", n), lambda: _pivot(n), PART)
-            w.call(kernel, 1, [Shared(over_u.start, n * n)], [factors])
-        return cls(factors, Shared(over_u.start + n * n, (rows - n) * n), n, rows)
-
-    def columns(self, w: Writer, count: int, right: Source, motion: Target, wrench: Target | None) -> None:
-        """Add the call that solves for the motions that columns cause, u = -D^-1 r.
-
-        Args:
-            w: The program under construction.
-            count: Number of columns.
-            right: The columns [r; F].
-            motion: Target of u.
-            wrench: Target of F + E u; None if there is no wrench.
-        """
-        kernel = w.kernel(("eliminate", self.motions, self.rows), self._function, PART)
-        w.call(kernel, count, [right, self.factors, self.E], [motion, *([wrench] if wrench else [])])
-
-    def _function(self) -> ca.Function:
-        """Return the function of `columns`."""
-        n = self.motions
-        (right, b), (factors, numbers) = symbols("b", self.rows), symbols("factors", self.factors.size)
-        E_column, E = matrix("E", self.rows - n, n)
-        L = eye(n)
-        L[np.tril_indices(n, -1)] = numbers[: n * (n - 1) // 2]
-        x = b[:n].copy()
-        for i in range(1, n):
-            x[i] = x[i] - dot(L[i, :i], x[:i])[()]
-        x = -(x * numbers[n * (n - 1) // 2 :])
-        for i in reversed(range(n - 1)):
-            x[i] = x[i] - dot(L[i + 1 :, i], x[i + 1 :])[()]
-        outputs = [pack(x), pack(b[n:] + dot(E, x))] if self.rows > n else [pack(x)]
-        return ca.Function("eliminate", [right, factors, E_column], outputs)
-
-
-def _pivot(n: int) -> ca.Function:
-    """Return the factors of a symmetric matrix."""
-    column, W = matrix("W", n, n)
-    L, reciprocals = eye(n), []
+    column, given = matrix("W", n, rows)
+    W, L, reciprocals = given[:, :n].copy(), eye(n), []
     for i in range(n):
         reciprocals.append(1.0 / W[i, i])
         for j in range(i + 1, n):
@@ -189,3 +110,16 @@ def _pivot(n: int) -> ca.Function:
             for c in range(i + 1, j + 1):
                 W[j, c] = W[j, c] - L[j, i] * W[c, i]
     return ca.Function("pivot", [column], [pack(L[np.tril_indices(n, -1)], reciprocals)])
+
+
+def solved(numbers: Expression, b: Expression) -> Expression:
+    """Return x of W x = -b from the factors of W."""
+    n, x = len(b), b.copy()
+    L = eye(n)
+    L[np.tril_indices(n, -1)] = numbers[: n * (n - 1) // 2]
+    for i in range(1, n):
+        x[i] = x[i] - dot(L[i, :i], x[:i])[()]
+    x = -(x * numbers[n * (n - 1) // 2 :])
+    for i in reversed(range(n - 1)):
+        x[i] = x[i] - dot(L[i + 1 :, i], x[i + 1 :])[()]
+    return x

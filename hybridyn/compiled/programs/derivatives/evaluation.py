@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 from itertools import pairwise
 
 import casadi as ca
@@ -16,7 +17,7 @@ from ....structure.robot import HybridRobot
 from ....structure.samples import as_batch, same_samples
 from ...code.library_source import library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
-from ...equations.request import request
+from ...equations.request import Request, request
 from ...equations.static_elimination import TRUSTED_PIVOT
 from ...failures import as_compile_error
 from ...library.cache import cached
@@ -28,18 +29,16 @@ from ..interpreter import function_of
 from ..sources import robot_key
 from .coordinates import check_coordinates
 from .direct import direct_derivatives
-from .inverse import inverse_derivatives
-from .motor_direct import motor_direct_derivatives
-from .motor_inverse import motor_inverse_derivatives
+from .inverse import inverse_derivatives, motor_inverse_derivatives
 
 Jacobians = dict[str, Array]
 
 #: Builders of the programs, by model and by whether the motors are the coordinates.
-BUILDERS = {
+BUILDERS: dict[tuple[str, bool], Callable[[Request], Program]] = {
     ("idm", False): inverse_derivatives,
     ("ddm", False): direct_derivatives,
     ("idm", True): motor_inverse_derivatives,
-    ("ddm", True): motor_direct_derivatives,
+    ("ddm", True): partial(direct_derivatives, motors=True),
 }
 
 #: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....spatial import Index
 from ...equations.request import Request
-from ...program import Shared, Source
+from ...program import Shared, Source, Target
 from ..inverse import Balance, InverseCalls
 from ..module_calls import read
 from .columns import Coordinates, coordinates_of_freedoms
@@ -61,6 +61,14 @@ class Group:
         """Return acceleration and twist of an output, and the wrench that its children require."""
         calls = next(calls for calls in self.modules if calls.k == place[0])
         return calls.A[place[1]], calls.V[place[1]], read(calls.received[place[1]])
+
+    @property
+    def results(self) -> list[Source | Target]:
+        """What is left of its forces, the wrench on its base, and its outputs' accelerations and twists."""
+        ends: list[Source | Target | None] = [member.left for member in self.modules]
+        ends.append(self.modules[0].F_base if self.parent else None)
+        ends += [end for place in self.children for end in self.output(place)[:2]]
+        return [end for end in ends if end is not None]
 
     def subtree(self) -> list[Group]:
         """Return the group and all groups that it carries."""

@@ -9,10 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...equations.expressions import pack
-from .nodes import Node
-
-#: Place of a derivative: the target and its entry, the source and its entry.
-Entry = tuple[int, int, int, int]
+from .nodes import Entry, Node
 
 
 @dataclass(frozen=True)

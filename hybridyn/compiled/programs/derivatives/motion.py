@@ -1,50 +1,22 @@
-"""Derivatives of modules' joint accelerations at given accelerations along their motions."""
+"""Joint accelerations of connected modules from those along their motions, as nodes to be differentiated."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
-
-import numpy as np
 
 from ....spatial import Index
 from ...equations.direct import write_motion
 from ...equations.stages import Stage
-from ...program import Call, Each, Given, Own, Result, Shared, Source, Target
+from ...program import Call, Given, Result, Shared, Source, Target
 from ..direct import DirectCalls
 from ..stage_calls import Stages
 from ..writer import Writer
-from .adjoints import Adjoints, Pattern
-from .columns import Coordinates, add_up, collect
-from .dense import Block, new_block
-from .nodes import Joiner, Node, numbers_of
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Derivatives of the accelerations of connected modules, a = Psi u_dot + a_0.
-
-    Attributes:
-        nodes: Nodes that lead from u_dot to the accelerations.
-        u_dot: Accelerations along the motions of each module.
-        Psi: Derivatives over u_dot.
-        over_q, over_v: Over their positions (along their freedoms) and rates, at fixed u_dot, and which
-            accelerations they change.
-    """
-
-    nodes: list[Node]
-    u_dot: list[Shared]
-    Psi: Block
-    over_q: tuple[Own, Pattern]
-    over_v: tuple[Own, Pattern]
+from .nodes import Joiner, Node
 
 
 class Motions:
-    """Add the derivatives of modules' motions to a program; equal modules share their code.
-
-    Attributes:
-        known: Places of local derivatives, for sweeps that go on through the motions.
-    """
+    """Provide the nodes of modules' motions, a = Psi u_dot + a_0; equal modules share their code."""
 
     def __init__(self, writer: Writer, instead: dict[Shared, Shared] | None = None) -> None:
         """Prepare the motions.
@@ -57,23 +29,6 @@ class Motions:
         self._writer, self._instead = writer, instead
         self._code: dict[Any, list[Stage]] = {}
         self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
-        self.known: dict[Any, tuple[Shared, Each]] = {}
-
-    def of(self, modules: list[DirectCalls], at: Coordinates) -> Motion:
-        """Add the calls of connected modules."""
-        w, rows = self._writer, len(at.v)
-        nodes = self.nodes(modules)
-        adjoints = Adjoints(w, rows, self.known)
-        adjoints.seed(w.result("a", at.v))
-        motions = [calls.u_dot for calls in modules if calls.u_dot is not None]
-        self.through(adjoints, nodes, motions, at)
-        Psi = new_block(w, rows, sum(u.size for u in motions))
-        read = [parts for u in motions for parts in adjoints.parts(u)]
-        Psi = replace(Psi, pattern=add_up(adjoints, read, [Psi.all]))
-        q, v = w.own(rows, rows), w.own(rows, rows)
-        over_q = q, rows_of(collect(adjoints, "q", at.q, [q], at))
-        over_v = v, rows_of(collect(adjoints, "v", at.v, [v]))
-        return Motion(nodes, motions, Psi, over_q, over_v)
 
     def nodes(self, modules: list[DirectCalls]) -> list[Node]:
         """Return the nodes that lead from u_dot of connected modules to the accelerations."""
@@ -108,12 +63,6 @@ class Motions:
 
         return replace(call, sources=tuple(map(moved, call.sources)), targets=tuple(map(moved, call.targets)))
 
-    def through(self, adjoints: Adjoints, nodes: list[Node], motions: list[Shared], at: Coordinates) -> None:
-        """Sweep back from accelerations to positions, rates and u_dot."""
-        w = self._writer
-        leaves = [w.from_given("q", at.q), w.from_given("v", at.v), *motions]
-        adjoints.sweep(nodes, {x for leaf in leaves for x in numbers_of(leaf, 0)})
-
     def _calls(self, calls: DirectCalls, *, core: bool = False) -> list[Call]:
         """Return the calls from u_dot to the accelerations, or those of the core; they are not made."""
         w, written, v_index = self._writer, calls.written, calls.module.v_index
@@ -136,8 +85,3 @@ class Motions:
         wrists = w.calls_from(middle)
         del w.steps[start:]
         return own if core else [*own, *calls.leg_calls, *wrists]
-
-
-def rows_of(pattern: Pattern) -> Pattern:
-    """Return which rows have an entry that is not always zero."""
-    return np.array([row.any() for row in pattern], dtype=bool)

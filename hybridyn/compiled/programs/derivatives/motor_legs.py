@@ -25,8 +25,8 @@ from ..direct import DirectCalls
 from ..inverse import Balance, InverseCalls
 from ..module_calls import read
 from ..writer import Writer
-from .adjoints import PART
 from .nodes import identity
+from .sweeps import PART
 
 
 def sum_legs(w: Writer, modules: list[DirectCalls], balance: Balance, start: int) -> list[Call]:

@@ -13,6 +13,8 @@ from ...program import Add, Call, Constants, Each, Given, Kernel, Own, Result, S
 #: A number of a program: the place it is stored in, and its index there.
 Number = tuple[str, int]
 
+#: Place of a derivative: the target and its entry, the source and its entry.
+Entry = tuple[int, int, int, int]
 
 #: Passed numbers over results, above which stages are joined: their derivatives are then fewer.
 INLINED = 2.0
@@ -39,6 +41,11 @@ class Node:
     def numbers(self, end: Source | Target) -> list[Number]:
         """Return the numbers that its copies read from a source or write to a target."""
         return [number for copy in range(self.copies) for number in numbers_of(end, copy)]
+
+    def ends(self, entries: Iterable[Entry], copy: int) -> list[tuple[Number, Number]]:
+        """Return the numbers of source and target of derivatives of one copy."""
+        sources, targets = ([numbers_of(end, copy) for end in ends] for ends in (self.sources, self.targets))
+        return [(sources[s][col], targets[n][row]) for n, row, s, col in entries]
 
     def common(self, ins: list[int], outs: list[int]) -> tuple[list[bool], list[bool]]:
         """Return which sources all copies read alike, and which targets the copies add up."""

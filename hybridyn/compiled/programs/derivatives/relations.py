@@ -1,56 +1,141 @@
 """Linear relations of one group between changes of its inputs, motions, outputs and wrenches.
 
-With x an input, u_x the change of the group's motions, and A, V and W those of acceleration and twist of its
-base and of the wrenches on its outputs,
+With x a column of changes, u_x the change of the group's motions, and A, V and W those of acceleration and
+twist of its base and of the wrenches on its outputs,
 
-    [0; F_x] = R_u u_x + R_A A_x + R_V V_x + R_W W_x + R_x      remaining forces and the wrench on the base
-    [A_o; V_o]_x = S_u u_x + S_A A_x + S_V V_x + S_x            each output
-    W_x = H [A_o; V_o]_x + beta_x                               what the output carries
-
-What an output carries is put into R: R_y + R_W H S_y for each y but W (`rows`).
+    [r; F]_x = R_u u_x + R_x      forces left along the motions, zero in all, and the wrench on the base
+    [A; V]_x = S_u u_x + S_x      each output
+    a_x = Psi u_x + a_x'          accelerations
+    W_x = H [A; V]_x              what the outputs carry, which is put into R_x
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ....spatial import Index
-from ...equations.expressions import dot, pack, symbols
-from ...program import Call, Each, Own, Shared, Target, Turned
+from ....spatial import Index, Mask
+from ...equations.expressions import Expression, dot, pack
+from ...program import Constants, Each, Own, Shared, Source, Target
+from ..direct import DirectCalls
 from ..writer import Writer
-from .adjoints import PART, Adjoints, Parts, Pattern
-from .dense import Elimination, by_columns, matrix
+from .dense import by_columns, factors, matrix, solved
 from .groups import Group, Place
-from .motion import Motion, Motions
-from .nodes import Joiner, Node, Number, numbers_of
-from .rows import Rows
-
-#: Inputs by name, each with the indices of its columns in the user's input.
-Columns = dict[str, Index]
+from .motor_motion import MotorMotion
+from .nodes import numbers_of
+from .sweeps import PART, Block, Graph, Reading, Sweep
 
 
-@dataclass(kw_only=True)
-class Eliminated:
-    """What unit columns on a group cause, its motions eliminated.
+@dataclass
+class Cause:
+    """What columns of changes cause, one in each lane.
 
     Attributes:
-        group: The group.
-        elimination: Elimination of the motions.
-        unit: Columns of unit wrenches on its outputs, then of accelerations and twists of its base.
-        motions: The motions that they cause, one column after the other.
-        wrenches: The wrenches on the base that they cause, one column after the other.
-        through: Accelerations and twists of each output that they cause, one column after the other.
+        group: The group whose inputs they change; None for a base whose motion is given.
+        motions: Motions of the group, without those that the wrench on its base causes.
+        wrench: Change of the wrench on its base; None if there is none.
+        outputs: Changes of acceleration and twist of its outputs; the twist is None where it stays.
+        more: Further changes of the group's accelerations.
     """
 
-    group: Group
-    elimination: Elimination
-    unit: int
-    motions: Each
-    wrenches: Each | None = None
-    through: dict[Place, tuple[Each, Each]] = field(default_factory=dict)
+    group: Group | None
+    motions: Own | None = None
+    wrench: Own | None = None
+    outputs: dict[Place, tuple[Own | None, Own | None]] = field(default_factory=dict)
+    more: Own | None = None
+
+
+class Relations:
+    """Relations of one group, its motions eliminated.
+
+    Over joints, its motions are those along its modules' motions; over motors they are the accelerations of
+    the motors. With held motors, efforts of the motors take their place.
+
+    Attributes:
+        unit: Number of unit columns: wrenches on its outputs, then accelerations and twists of its base.
+        motions: The motions that they cause, one column after the other, as all that they cause.
+        wrenches: The wrenches on the base that they cause.
+        through: Accelerations and twists of each output that they cause.
+        Psi: Accelerations over the motions.
+    """
+
+    def __init__(
+        self,
+        writer: Writer,
+        group: Group,
+        graphs: tuple[Graph, Graph],
+        runs: list[list[DirectCalls]],
+        a: Source,
+        carried: dict[Place, list[Shared]],
+        parts: list[MotorMotion],
+        *,
+        held: bool,
+    ) -> None:
+        """Add the relations.
+
+        Args:
+            writer: The program under construction.
+            group: The group.
+            graphs: What leads to its accelerations, and from these to the forces left.
+            runs: Calls of its modules that move in the direct model; each run has columns of its own.
+            a: Its accelerations, in the order of its freedoms.
+            carried: For each output the wrenches over its motion, of all that it carries.
+            parts: How each run follows its motors; none over joints.
+            held: Whether the motors' accelerations are given.
+        """
+        self.writer, self.group, self.held, self.parts = writer, group, held, parts
+        self._runs, self._graphs, self._carried = runs, graphs, carried
+        outputs = [group.output(place) for place in group.children]
+        self._sizes = [size for A, V, _ in outputs for size in (A.size, V.size)]
+        self._rows = group.mobility + (6 if group.parent else 0)
+        self.rows = np.concatenate([part.motors for part in parts]) if parts else group.at.v
+        at = [x for part in parts for x in part.accelerations] or numbers_of(a, 0)
+        self._ends = [x for end in group.results for x in numbers_of(end, 0)] + at
+        self._known: dict[Any, Any] = {}
+        self.onto = {place: writer.each(6, self._rows) for place in group.children}
+        wrenches = [self.unit_changes(W) for *_, W in outputs]
+        for reading, end in zip(wrenches, self.onto.values(), strict=True):
+            self._add(reading, 6, {"forces": end})
+        self._eliminate()
+        columns = [(reading, 6) for reading in wrenches]
+        columns += [(self.unit_changes(end), len(numbers_of(end, 0))) for end in group.moved()]
+        self._add_units(columns)
+
+    def _add_units(self, columns: Sequence[tuple[Reading, int]]) -> None:
+        """Add what unit columns cause."""
+        w, children = self.writer, self.group.children
+        self.unit = sum(count for _, count in columns)
+        self.motions = w.each(self.unit, self.group.mobility)
+        self.wrenches = w.each(self.unit, 6) if self.group.parent else None
+        each = [w.each(self.unit, size) for size in self._sizes]
+        self.through = dict(zip(children, zip(each[::2], each[1::2], strict=True), strict=True))
+        first = 0
+        for reading, count in columns:
+            blocks = (self.motions, self.wrenches, *each)
+            places = [x and Each(x.start + first * x.size, x.size) for x in blocks]
+            self._add(reading, count, self._named(places))
+            first += count
+
+    @property
+    def pattern(self) -> Mask | None:
+        """Which entries of Psi are not always zero; None over motors, where motions are the results."""
+        if self.parts:
+            return None
+        out, first, at = np.zeros((self.group.mobility, len(self.rows)), dtype=bool), 0, self.rows.tolist()
+        for calls in chain(*self._runs):
+            n, freedoms = calls.module.mobility, calls.module.v_index
+            own = np.arange(first, first + n)
+            if n == len(freedoms):  # each joint is a motion
+                out[own, [at.index(k) for k in freedoms[calls.written.joints].tolist()]] = True
+            else:
+                out[np.ix_(own, [at.index(k) for k in freedoms.tolist()])] = True
+            first += n
+        return out
 
     def wrench_at(self, place: Place) -> int:
         """Return the number of the first unit column of wrenches on an output."""
@@ -68,127 +153,181 @@ class Eliminated:
         assert self.wrenches is not None
         return by_columns(self.wrenches, *self.moved)
 
+    def reading(self, seeds: Sequence[tuple[Source, Block]], count: int) -> Reading:
+        """Add the changes that columns cause at given motions, and return what reads them."""
+        tangents = Sweep(self.writer, count, self._known)
+        for source, block in seeds:
+            tangents.seed(source, block)
+        for graph in self._graphs:
+            tangents.forwards(graph)
+        return tangents.reading(self._ends)
 
-@dataclass(kw_only=True)
-class Relations(Eliminated):
-    """Relations of one group, its motions eliminated.
+    def unit_changes(self, source: Source) -> Reading:
+        """Add the changes that unit columns of a source cause."""
+        size = len(numbers_of(source, 0))
+        return self.reading([(source, Constants(np.eye(size)))], size)
 
-    Attributes:
-        motion: Derivatives of its accelerations.
-        inputs: Columns of its inputs.
-        forces: R over each input.
-        outputs: S over each input that moves an output.
-        patterns: Which entries of S over each input are not always zero.
-        S_u: S over the motions, row by row.
-    """
+    def over_motors(self) -> Iterator[tuple[str, Index, Reading]]:
+        """Add the changes over motors; return the names of inputs, their columns, and what reads them."""
+        first = 0
+        for part in self.parts:
+            n = len(part.motors)
+            part.over_v.forwards(self._graphs[1])
+            yield "q", part.motors, self.reading(part.over_q(), n)
+            yield "v", part.motors, part.over_v.reading(self._ends)
+            efforts = Sweep(self.writer, n)
+            if self.held:
+                efforts.seed(part.accelerations, Constants(-np.eye(n)))
+            else:
+                efforts.seed(self._ends[first : first + n], part.minus_B)
+            yield "a" if self.held else "tau", part.motors, efforts.reading(self._ends)
+            first += n
 
-    motion: Motion
-    inputs: Columns
-    S_u: Each
-    forces: dict[str, Own]
-    outputs: dict[str, Own]
-    patterns: dict[str, Pattern]
-
-
-class Builder:
-    """Add the relations of groups to a program, inwards."""
-
-    def __init__(self, writer: Writer, steps: list[Call], live: set[Number], motions: Motions) -> None:
-        """Prepare the relations.
-
-        Args:
-            writer: The program under construction.
-            steps: Calls that compute what is left of the forces.
-            live: Numbers over which they may be differentiated: user inputs and accelerations.
-            motions: Derivatives of accelerations.
-        """
-        self._w, self._steps, self._live, self._motions = writer, steps, live, motions
-        self._joiner = Joiner(writer.kernels, writer.handed)
-
-    def of(self, group: Group, motion: Motion, inputs: Columns, above: dict[Group, Relations]) -> Relations:
-        """Add the relations of one group.
+    def caused(self, reading: Reading, count: int, onwards: Sequence[Shared] = ()) -> Cause:
+        """Add what columns cause.
 
         Args:
-            group: The group.
-            motion: Derivatives of its accelerations.
-            inputs: Columns of the inputs; names are those of user inputs, and a number may follow.
-            above: Relations of the groups that it carries.
+            reading: What reads the changes that they cause at given motions.
+            count: Number of columns.
+            onwards: For each output its acceleration over a wrench on the base, which moves the base.
         """
-        w, at = self._w, group.at
-        calls = {id(call) for member in group.modules for call in member.calls}
-        nodes = self._joiner.nodes(call for call in self._steps if id(call) in calls)
-        outputs, moved = [group.output(place) for place in group.children], group.moved()
-        live = self._live | {x for end in (*moved, *(W for *_, W in outputs)) for x in numbers_of(end, 0)}
-        left: list[Target] = [member.left for member in group.modules if member.left is not None]
-        wrench = [group.modules[0].F_base] if group.parent else []
-        backwards = self._swept(nodes, [*left, *(end for end in wrench if end is not None)], live)
-        onwards = self._swept(nodes, [end for A, V, _ in outputs for end in (A, V)], live)
-        for adjoints in (backwards, onwards):
-            self._motions.through(adjoints, motion.nodes, motion.u_dot, at)
-
-        def parts(adjoints: Adjoints) -> dict[str, list[Parts]]:
-            """Return the parts of the adjoints of the inputs that are used, by name."""
-            out = {"W": [x for *_, W in outputs for x in adjoints.parts(W)]}
-            out["moved"] = [x for end in moved for x in adjoints.parts(end)]
-            out["u"] = [x for u in motion.u_dot for x in adjoints.parts(u)]
-            for name, index in inputs.items():
-                found = adjoints.parts(w.from_given(name.split()[0], at.q if name == "q" else index))
-                if name in ("q", "v", "tau") or any(found):
-                    out[name] = found
-            return out
-
-        carried = [[above[child].H for child in children] for children in group.children.values()]
-        rows, sent = Rows(w, group), {}
-        if outputs:
-            read = parts(onwards)
-            sent = rows.add(onwards, {name: read[name] for name in ("W", "moved", "u", "q", "v")}, [], {})
-        read = parts(backwards)
-        received = rows.add(backwards, read, carried, sent)
-        unit = len(read["W"]) + len(read["moved"])
-        out = Relations(
-            group=group,
-            motion=motion,
-            inputs={name: inputs[name] for name in received if name in inputs},
-            elimination=Elimination.of(w, received["u"].all, backwards.rows),
-            S_u=sent["u"].all if sent else Each(0, 0),
-            motions=w.each(unit, group.mobility),
-            unit=unit,
-            forces={name: block.rows for name, block in received.items()},
-            outputs={name: block.rows for name, block in sent.items()},
-            patterns={name: block.pattern for name, block in sent.items() if block.pattern is not None},
-            wrenches=w.each(unit, 6) if group.parent else None,
+        w, first = self.writer, self._rows + sum(self._sizes)
+        changed = np.array([bool(parts) for parts in reading.pattern])
+        outputs = np.split(changed[self._rows :], np.cumsum(self._sizes))[:-1]
+        moves = [k % 2 == 0 or part.any() for k, part in enumerate(outputs)]
+        ends = [w.own(count, self.group.mobility), w.own(count, 6) if self.group.parent else None]
+        ends += [w.own(count, size) if x else None for size, x in zip(self._sizes, moves, strict=True)]
+        more = not self.parts and changed[first:].any()
+        ends.append(w.own(count, len(self.rows)) if more else None)
+        self._add(reading, count, self._named(ends), onwards)
+        pairs = zip(ends[2:-1:2], ends[3:-1:2], strict=True)
+        return Cause(
+            self.group, ends[0], ends[1], dict(zip(self.group.children, pairs, strict=True)), ends[-1]
         )
-        if unit and backwards.rows:
-            right = Turned(out.forces["unit"].start, unit, backwards.rows)
-            out.elimination.columns(w, unit, right, out.motions, out.wrenches)
-        if outputs:
-            self._through(out)
-        return out
 
-    def _swept(self, nodes: list[Node], ends: list[Target], live: set[Number]) -> Adjoints:
-        """Return the adjoints of some results, one row for each of their numbers."""
-        counts = [len(numbers_of(end, 0)) for end in ends]
-        adjoints = Adjoints(self._w, sum(counts), self._motions.known)
-        for end, first in zip(ends, np.cumsum([0, *counts]).tolist(), strict=False):
-            adjoints.seed(end, first)
-        adjoints.sweep(nodes, set(live))
-        return adjoints
+    def _named(self, ends: Sequence[Each | Own | None]) -> dict[str, Target]:
+        """Return those ends that there are by name."""
+        outputs = [f"{x} {k}" for k in range(len(self.group.children)) for x in "AV"]
+        names = ["motions", "wrench", *outputs, "more"]
+        return {name: end for name, end in zip(names, ends, strict=False) if end}
 
-    def _through(self, x: Relations) -> None:
-        """Add the accelerations and twists of outputs that unit columns cause."""
-        w, n, places = self._w, x.group.mobility, list(x.group.children)
-        sizes = [end.size for place in places for end in x.group.output(place)[:2]]
-        ends = [w.each(x.unit, size) for size in sizes]
-        x.through = dict(zip(places, zip(ends[::2], ends[1::2], strict=True), strict=True))
-        total = sum(sizes)
+    def _eliminate(self) -> None:
+        """Add the relations over the motions, module by module, and their factors."""
+        w, n, size = self.writer, self.group.mobility, len(self._ends) - self._rows - sum(self._sizes)
+        blocks = w.each(n, self._rows), w.each(n, sum(self._sizes[::2])), w.each(n, size)
+        self._over_u, self._S, self.Psi = blocks
+        self._factors = w.shared(n * (n + 1) // 2)
+        first = 0
+        for i, modules in enumerate(self._runs):
+            u_dot = [calls.u_dot for calls in modules if calls.u_dot is not None]
+            *ends, count = np.cumsum([0, *(u.size for u in u_dot)]).tolist()
+            over_u = Sweep(w, count, self._known)
+            for u, at in zip(u_dot, ends, strict=True):
+                over_u.seed(u, Constants(np.eye(count)[:, at : at + u.size]))
+            over_u.forwards(self._graphs[0])
+            if self.parts:
+                self.parts[i].close(over_u, self._graphs[0])
+            over_u.forwards(self._graphs[1])
+            places = [Each(x.start + first * x.size, x.size) for x in blocks]
+            targets = dict(zip(("forces", "S", "more"), places, strict=True))
+            self._add(over_u.reading(self._ends), count, dict(targets))
+            first += count
+        if n and not self.held:
+            kernel = w.kernel(("pivot", n, self._rows), lambda: factors(n, self._rows), PART)
+            w.call(kernel, 1, [Shared(self._over_u.start, n * self._rows)], [self._factors])
+
+    def _add(
+        self, reading: Reading, count: int, targets: dict[str, Target], onwards: Sequence[Shared] = ()
+    ) -> None:
+        """Add the call that computes what columns cause; "forces" and "S" are those at given motions."""
+        w, given = self.writer, self._given(reading, "forces" in targets)
+        given |= {f"onwards {k}": (end, 6, 6) for k, end in enumerate(onwards)}
 
         def function() -> ca.Function:
-            """Return S_u u + S."""
-            (kept, S), (u_column, u) = matrix("S", total, n), symbols("u", n)
-            column, s = symbols("s", total)
-            moved = np.split(s + dot(S, u), np.cumsum(sizes)[:-1])
-            return ca.Function("through", [kept, u_column, column], [pack(part) for part in moved])
+            """Return one column."""
+            columns, values = reading.symbols()
+            read = {name: matrix("given", *shape) for name, (_, *shape) in given.items()}
+            stored = self._column(filled(values), {name: entries for name, (_, entries) in read.items()})
+            columns += [column for column, _ in read.values()]
+            return ca.Function("relations", columns, [pack(stored[name]) for name in targets])
 
-        kernel = w.kernel(("through", tuple(sizes), n), function, PART)
-        own = Turned(x.outputs["unit"].start, x.unit, total)
-        w.call(kernel, x.unit, [Shared(x.S_u.start, total * n), x.motions, own], list(ends))
+        shapes = tuple((name, *shape) for name, (_, *shape) in given.items())
+        mode = (
+            self.held,
+            tuple(len(part.motors) for part in self.parts),
+            self.group.mobility,
+            self._rows,
+            tuple(self._sizes),
+        )
+        kernel = w.kernel(("relations", reading.key, shapes, mode, tuple(targets)), function, PART)
+        w.call(kernel, count, [*reading.blocks, *(end for end, *_ in given.values())], list(targets.values()))
+
+    def _given(self, reading: Reading, raw: bool) -> dict[str, tuple[Source, int, int]]:
+        """Return the matrices that a call reads, with their numbers of rows and columns."""
+        n, rows, last = self.group.mobility, self._rows, self._rows + sum(self._sizes)
+        given: dict[str, tuple[Source, int, int]] = {}
+        for k, (place, onto) in enumerate(self.onto.items() if any(reading.pattern[rows:last]) else ()):
+            given |= {f"H {k} {i}": (H, H.size // 6, 6) for i, H in enumerate(self._carried[place])}
+            given[f"onto {k}"] = Shared(onto.start, 6 * rows), 6, rows
+        if raw or not n:
+            return given
+        ends = {"over_u": self._over_u, "S": self._S} if not self.held or any(reading.pattern[last:]) else {}
+        for k, part in enumerate(self.parts):
+            if part.inverse and part.Psi:
+                name, end = ("inverse", part.inverse) if self.held else ("Psi", part.Psi)
+                given[f"{name} {k}"] = end, len(part.motors), len(part.motors)
+        if not self.held:
+            given["factors"] = self._factors, 1, self._factors.size
+        return given | {name: (Shared(x.start, n * x.size), n, x.size) for name, x in ends.items()}
+
+    def _column(self, x: Expression, given: dict[str, Expression]) -> dict[str, Expression]:
+        """Return what one column causes, from its changes at given motions and the matrices that are read."""
+        n, rows, sizes = self.group.mobility, self._rows, self._sizes
+        forces, a = x[:rows], x[rows + sum(sizes) :]
+        moved = np.split(x[rows:], np.cumsum(sizes))[:-1]
+        for k in range(len(self.onto)):
+            wrenches = [H for name, H in given.items() if name.startswith(f"H {k} ")]
+            if wrenches:
+                wrench = dot(sum(wrenches[1:], wrenches[0]).T, np.concatenate(moved[2 * k : 2 * k + 2]))
+                forces = forces + dot(given[f"onto {k}"].T, wrench)
+        out = {"forces": forces, "S": np.concatenate([x[:0], *moved[::2]]), "more": a}
+        u: Any = np.zeros(n).astype(object)
+        if "factors" in given:
+            u = solved(given["factors"][0], forces[:n])
+        elif "over_u" in given:
+            u = -self._mapped(given, "inverse", a, turned=True)
+        if "over_u" in given:
+            forces = forces + dot(given["over_u"].T, u)
+            ends = np.split(dot(given["S"].T, u), np.cumsum(sizes[::2]))
+            moved[::2] = [A + more for A, more in zip(moved[::2], ends, strict=False)]
+        motions = u
+        if self.held:
+            motions = self._mapped(given, "inverse", forces)
+        elif self.parts and "factors" in given:
+            motions = self._mapped(given, "Psi", u, turned=True) + a
+        out |= {"motions": motions, "wrench": forces[n:]}
+        for k, A in enumerate(moved[::2]):
+            onwards = dot(given[f"onwards {k}"].T, forces[n:]) if "onwards 0" in given else 0.0
+            out |= {f"A {k}": A + onwards, f"V {k}": moved[2 * k + 1]}
+        return out
+
+    def _mapped(
+        self, given: dict[str, Expression], name: str, x: Expression, *, turned: bool = False
+    ) -> Expression:
+        """Return matrices of the runs times x; where each joint has a motor, they are the identity."""
+        first, out = 0, x.copy()[: self.group.mobility]
+        for k, part in enumerate(self.parts):
+            own = slice(first, first + len(part.motors))
+            first = own.stop
+            if f"{name} {k}" in given:
+                block = given[f"{name} {k}"]
+                out[own] = dot(block.T if turned else block, x[own])
+        return out
+
+
+def filled(values: list[Any]) -> Expression:
+    """Return scalars as an array of expressions."""
+    out = np.empty(len(values), dtype=object)
+    for i, value in enumerate(values):
+        out[i] = value
+    return out

@@ -14,7 +14,7 @@ from ...program import Each
 from ..writer import Writer
 from .dense import Term, add_terms, by_columns
 from .groups import BASE, Group, Place
-from .relations import Eliminated
+from .relations import Relations
 
 
 @dataclass
@@ -32,7 +32,7 @@ class Responses:
     """
 
     writer: Writer
-    relations: Mapping[Group, Eliminated]
+    relations: Mapping[Group, Relations]
     to_motion: dict[Place, dict[Group, Each]] = field(default_factory=dict)
     to_wrench: dict[Place, dict[Group, Each]] = field(default_factory=dict)
     motion: dict[Place, Each] = field(default_factory=dict)
@@ -80,17 +80,18 @@ class Responses:
         x, at, n = self.relations[group], self.relations[group].wrench_at(place), group.mobility
         out = {group: Each(x.motions.start + at * n, n)}
         passed = None
-        if x.wrenches is not None and group in self.own:
+        if x.wrenches is not None:
             passed = Each(x.wrenches.start + at * 6, 6)
             for other, known in self.to_wrench[group.base].items():
                 if other not in group.subtree():
                     out[other] = self._product(
                         6, [Term(by_columns(known, 0, 6), passed, 6)], [], other.mobility
                     )
+        if passed is not None and group in self.own:
             out[group] = self._product(
                 6, [Term(by_columns(self.own[group], 0, 6), passed, 6)], [out[group]], n
             )
-        for output in group.children:
+        for output in group.children if not x.held else ():
             A = x.through[output][0]
             moved = Each(A.start + at * 6, 6)
             if passed is not None:

@@ -1,0 +1,202 @@
+"""Results of the derivatives: what each input of each group causes in all groups.
+
+An input changes the forces and outputs of its own group alone, and through them the wrench on the group's
+base and the motion of its outputs. All other groups respond to these (`responses`), so that only the dense
+rows that are asked for grow with the square of the number of modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+
+import casadi as ca
+import numpy as np
+
+from ....spatial import Index
+from ...equations.expressions import dot, pack, symbols
+from ...program import Call, Constants, Shared, Source, Target
+from ..direct import DirectCalls
+from ..inverse import Balance
+from ..writer import Writer
+from .columns import Coordinates, changes_of_coordinates, coordinates_of_freedoms
+from .dense import Term, by_columns, copy_columns, matrix, sources_of, sum_of, width_of
+from .groups import BASE, Group
+from .motion import Motions
+from .motor_motion import MotorMotion
+from .nodes import Joiner, numbers_of
+from .relations import Cause, Relations
+from .responses import Responses
+from .sweeps import DENSE, Graph, Reading, Sweep
+
+
+def relations_of(
+    w: Writer,
+    groups: Sequence[Group],
+    modules: Sequence[DirectCalls],
+    steps: Sequence[Call],
+    motions: Motions,
+    *,
+    motors: bool,
+    held: bool = False,
+) -> dict[Group, Relations]:
+    """Add the relations of all groups, and return them outwards.
+
+    Args:
+        w: The program under construction.
+        groups: The groups, outwards.
+        modules: Calls of the direct model.
+        steps: Calls that compute what is left of the forces.
+        motions: Nodes of the modules' motions.
+        motors: Whether the motors are the coordinates.
+        held: Whether accelerations are given, as `Relations`.
+    """
+    joiner = Joiner(w.kernels, w.handed)
+    out: dict[Group, Relations] = {}
+    robot = modules[0].request.robot
+    given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
+    for group in reversed(groups):
+        own = [modules[x.k] for x in group.modules]
+        a, outputs = motions.accelerations(group.at.v), [group.output(place) for place in group.children]
+        u_dot = [calls.u_dot for calls in own if calls.u_dot is not None]
+        leaves = [w.from_given("q", group.at.q), w.from_given("v", group.at.v), *u_dot]
+        motion = Graph.between(motions.nodes(own), leaves, [a])
+        calls = {id(call) for member in group.modules for call in member.calls}
+        nodes = joiner.nodes(call for call in steps if id(call) in calls)
+        inputs = [*given, a, *group.moved(), *(W for *_, W in outputs)]
+        balance = Graph.between(nodes, inputs, group.results)
+        moving, parts = _runs(own), []
+        for run in moving if motors else ():
+            at = coordinates_of_freedoms(robot, {int(k) for calls in run for k in calls.module.v_index})
+            parts.append(MotorMotion(w, run, at, motions.accelerations(at.v)))
+        carried = {place: [out[child].H for child in children] for place, children in group.children.items()}
+        out[group] = Relations(w, group, (motion, balance), moving, a, carried, parts, held=held)
+    return dict(reversed(out.items()))
+
+
+def _runs(modules: Sequence[DirectCalls]) -> list[list[DirectCalls]]:
+    """Return each module with loops that moves, and between them those each of whose joints is a motion."""
+
+    def of(calls: DirectCalls) -> int:
+        """Return the number of a module with loops; -1 of others."""
+        return -1 if calls.module.mobility == len(calls.module.v_index) else calls.k
+
+    moving = [calls for calls in modules if calls.module.mobility]
+    return [list(run) for _, run in groupby(moving, key=of)]
+
+
+class Results:
+    """Add the derivatives to the results: for each input the columns of each group."""
+
+    def __init__(self, w: Writer, widths: dict[str, int], relations: Mapping[Group, Relations]) -> None:
+        """Prepare the results.
+
+        Args:
+            w: The program under construction.
+            widths: Number of columns of each input.
+            relations: Relations of each group, outwards.
+        """
+        self._w, self._widths, self._relations = w, widths, relations
+        self._responses = Responses(w, relations)
+        self._base: Coordinates | None = None
+
+    def caused(self, x: Relations, reading: Reading, count: int) -> Cause:
+        """Add what columns of a group cause (`Relations.caused`)."""
+        onwards: list[Shared] = []
+        if x.group in self._responses.own:
+            onwards = [by_columns(self._responses.onwards[place], 0, 6) for place in x.group.children]
+        return x.caused(reading, count, onwards)
+
+    def add_base(self, balance: Balance, at: Coordinates) -> None:
+        """Add the columns of a base whose motion is given."""
+        w = self._w
+        self._base = at
+        assert balance.root is not None
+        nodes = Joiner(w.kernels, w.handed).nodes(balance.root_calls)
+        V, A = balance.root
+        for name, given, index in (("q", "q", at.q), ("v", "v", at.v), ("base_acceleration", "a", at.v)):
+            source, units = w.from_given(given, index), Constants(np.eye(6))
+            tangents = Sweep(w, 6)
+            tangents.seed(source, changes_of_coordinates(w, at, units, 6) if name == "q" else units)
+            tangents.forwards(Graph.between(nodes, [source], [A, V]))
+            ends = [w.own(6, len(numbers_of(end, 0))) for end in (A, V)]
+            for end, place in zip((A, V), ends, strict=True):
+                tangents.gather(numbers_of(end, 0), place)
+            columns = np.arange(6) if name == "base_acceleration" else at.v
+            self.add(name, columns, [Cause(None, outputs={BASE: (ends[0], ends[1])})])
+
+    def add(self, name: str, index: Index, causes: Sequence[Cause]) -> None:
+        """Add columns of the derivatives of all groups.
+
+        Args:
+            name: The input.
+            index: Indices of the columns in the user input.
+            causes: What the input causes, for each group that reads it.
+        """
+
+        def place(rows: Index) -> Target:
+            """Return the place of some rows of the columns."""
+            return self._w.result(f"d_{name}", rows * self._widths[name] + index[:, None])
+
+        if self._base is not None:
+            one = name == "base_acceleration"
+            values = np.eye(6) if one else np.zeros((len(index), 6))
+            copy_columns(self._w, len(values), Constants(values), place(self._base.v))
+        for x in self._relations.values():
+            self._add_to(x, len(index), causes, place(x.rows))
+
+    def _add_to(self, x: Relations, count: int, causes: Sequence[Cause], place: Target) -> None:
+        """Add the columns of one group."""
+        w, n, size = self._w, x.group.mobility, len(x.rows)
+        terms: list[Term] = []
+        motions: list[Source] = []
+        more: list[Source] = []
+        for cause in causes:
+            terms += self._terms(cause, x.group)
+            if cause.group is x.group:
+                motions += [cause.motions] if cause.motions and n else []
+                more += [cause.more] if cause.more else []
+        if not n:
+            terms, motions = [], []
+        if not (terms or motions or more):
+            copy_columns(w, count, Constants(np.zeros((count, size))), place)
+            return
+        sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
+        pattern = x.pattern if terms or motions else None
+        sources: list[Source] = [*sources_of(terms), *motions]
+        if pattern is not None:
+            sources.append(Shared(x.Psi.start, pattern.size))
+
+        def function() -> ca.Function:
+            """Return one column."""
+            total, columns = sum_of(sizes, size if pattern is None else n, len(motions))
+            if pattern is not None:
+                kept, entries = matrix("Psi", n, size)
+                total = dot(np.where(pattern, entries, 0.0).T, total)
+                columns.append(kept)
+            for _ in more:
+                column, y = symbols("more", size)
+                total = total + y
+                columns.append(column)
+            return ca.Function("results", columns, [pack(total)])
+
+        mask = pattern.tobytes() if pattern is not None else None
+        key = ("results", sizes, n, size, mask, len(motions), len(more))
+        w.call(w.kernel(key, function, DENSE), count, [*sources, *more], [place])
+
+    def _terms(self, cause: Cause, group: Group) -> list[Term]:
+        """Return the motions of a group that a cause in another, or at its own base, brings about."""
+        responses = self._responses
+        for output, (A, V) in cause.outputs.items():
+            if A and group in responses.to_motion[output]:
+                known = responses.to_motion[output][group]
+                size = width_of(V)
+                twist = [Term(by_columns(known, 6, size), V, size)] if V else []
+                return [Term(by_columns(known, 0, 6), A, 6), *twist]
+        if cause.group is None or cause.wrench is None:
+            return []
+        if cause.group is group:
+            found = responses.own.get(group)
+        else:
+            found = responses.to_wrench.get(cause.group.base, {}).get(group)
+        return [Term(by_columns(found, 0, 6), cause.wrench, 6)] if found else []

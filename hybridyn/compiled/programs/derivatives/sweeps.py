@@ -1,0 +1,233 @@
+"""Sweeps over the nodes of a program, forwards or back, with one column or row of derivatives in each lane.
+
+A tangent is the change of a number that one column of changes causes; an adjoint is the derivative of a
+chosen number, one for each row, over a number. Each node reads those of the numbers on its one side from
+blocks and writes those on its other side to a new block. A number that several nodes write has parts, which
+whoever needs it adds up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...equations.expressions import pack
+from ...program import Constants, Each, Own, Shared, Source, Target
+from ..writer import Writer
+from .local import Local, local_jacobian
+from .nodes import Node, Number, identity, numbers_of
+
+#: Heading of derivatives in operation counts.
+PART = "derivatives"
+#: Heading of what grows as the result does, with the square of the number of modules.
+DENSE = "dense derivatives"
+
+#: A block of numbers, one row or column in each lane.
+Block = Own | Constants | Each
+#: Parts of a tangent or an adjoint: the block and the entry in it.
+Parts = list[tuple[Block, int]]
+
+
+@dataclass
+class Reading:
+    """Reading of tangents or adjoints from blocks.
+
+    Attributes:
+        blocks: The blocks, each once.
+        pattern: For each of them the block and the entry of its parts.
+    """
+
+    blocks: list[Block]
+    pattern: tuple[tuple[tuple[int, int], ...], ...]
+
+    @classmethod
+    def of(cls, wanted: Sequence[Parts]) -> Reading:
+        """Return the reading of some tangents or adjoints; one without parts is zero."""
+        blocks = {id(block): block for parts in wanted for block, _ in parts}
+        at = {key: i for i, key in enumerate(blocks)}
+        return cls(list(blocks.values()), tuple(tuple((at[id(x)], k) for x, k in parts) for parts in wanted))
+
+    def symbols(self) -> tuple[list[ca.SX], list[Any]]:
+        """Return symbols of the blocks, and what is read as expressions."""
+        columns = [ca.SX.sym(f"block{i}", block_size(block)) for i, block in enumerate(self.blocks)]
+        return columns, [sum((columns[i][k] for i, k in parts), 0.0) for parts in self.pattern]
+
+    @property
+    def key(self) -> Any:
+        """What equal readings have in common."""
+        return tuple(map(block_size, self.blocks)), self.pattern
+
+
+def block_size(block: Block) -> int:
+    """Return the number of entries that a lane reads from a block."""
+    return int(block.values.shape[1]) if isinstance(block, Constants) else block.size
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Nodes between inputs and results.
+
+    Attributes:
+        nodes: The nodes in order of evaluation.
+        live: Numbers that depend on the inputs.
+        needed: Numbers that the results depend on.
+    """
+
+    nodes: list[Node]
+    live: set[Number]
+    needed: set[Number]
+
+    @classmethod
+    def between(
+        cls, nodes: list[Node], inputs: Sequence[Source], results: Sequence[Source | Target]
+    ) -> Graph:
+        """Return the graph of nodes between inputs and results."""
+        live = {x for end in inputs for x in numbers_of(end, 0)}
+        needed = {x for end in results for x in numbers_of(end, 0)}
+        for node in nodes:
+            if any(x in live for source in node.sources for x in node.numbers(source)):
+                live.update(x for target in node.targets for x in node.numbers(target))
+        for node in reversed(nodes):
+            _require(node, needed)
+        return cls(nodes, live, needed)
+
+
+def _require(node: Node, needed: set[Number]) -> None:
+    """Add the numbers of a node's sources on which needed numbers of its targets depend."""
+    for n, target in enumerate(node.targets):
+        ends = [numbers_of(target, copy) for copy in range(node.copies)]
+        wanted = {k for numbers in ends for k, x in enumerate(numbers) if x in needed}
+        for s, source in enumerate(node.sources) if wanted else ():
+            rows, columns = node.function.jac_sparsity(n, s, True).get_triplet()
+            used = {c for r, c in zip(rows, columns, strict=True) if r in wanted}
+            for copy in range(node.copies) if used else ():
+                numbers = numbers_of(source, copy)
+                needed.update(numbers[k] for k in used if k < len(numbers))
+
+
+@dataclass
+class Sweep:
+    """Tangents or adjoints of the numbers of a program.
+
+    Attributes:
+        writer: The program under construction.
+        lanes: Number of columns or rows.
+        known: Local derivatives and their places, which several sweeps may share.
+        part: Heading of its products in operation counts.
+        of: The parts of each number's tangent or adjoint; of others it is zero.
+    """
+
+    writer: Writer
+    lanes: int
+    known: dict[Any, tuple[Local, Shared, Each]] = field(default_factory=dict)
+    part: str = PART
+    of: dict[Number, Parts] = field(default_factory=dict)
+
+    def seed(self, end: Source | Target | list[Number], block: Block) -> None:
+        """Set the tangents or adjoints of numbers: one lane of `block` for each column or row."""
+        for k, number in enumerate(end if isinstance(end, list) else numbers_of(end, 0)):
+            self.of.setdefault(number, []).append((block, k))
+
+    def forwards(self, graph: Graph) -> None:
+        """Add the calls that compute the tangents of all needed numbers that the seeds change."""
+        for node in graph.nodes:
+            if any(x in self.of for source in node.sources for x in node.numbers(source)):
+                self._node(node, graph, back=False)
+
+    def backwards(self, graph: Graph) -> None:
+        """Add the calls that compute the adjoints of all live numbers over which the seeds change."""
+        for node in reversed(graph.nodes):
+            if any(x in self.of for target in node.targets for x in node.numbers(target)):
+                self._node(node, graph, back=True)
+
+    def reading(self, numbers: Sequence[Number]) -> Reading:
+        """Return the reading of the tangents or adjoints of some numbers."""
+        return Reading.of([self.of.get(number, []) for number in numbers])
+
+    def gather(self, numbers: Sequence[Number], target: Target) -> None:
+        """Add the call that writes the tangents of some numbers to a target."""
+        reading = self.reading(numbers)
+
+        def function() -> ca.Function:
+            """Return the sums of the parts."""
+            blocks, values = reading.symbols()
+            return ca.Function("gather", blocks, [pack(values)])
+
+        kernel = self.writer.kernel(("gather", reading.key), function, PART)
+        self.writer.call(kernel, self.lanes, [*reading.blocks], [target])
+
+    def _node(self, node: Node, graph: Graph, *, back: bool) -> None:
+        """Add the calls of one node: its local derivatives and what they lead to, copy by copy."""
+        used = graph.live & graph.needed
+        ins = [n for n, x in enumerate(node.sources) if not used.isdisjoint(node.numbers(x))]
+        outs = [n for n, x in enumerate(node.targets) if not graph.needed.isdisjoint(node.numbers(x))]
+        if not ins or not outs:
+            return
+        local, summed, each = self._evaluated(node, ins, outs, graph.needed)
+        self._products(node.ends(local.summed, 0), local.key, summed, used, back)
+        for i in range(node.copies if local.own else 0):
+            values = Shared(each.start + i * each.size, each.size)
+            self._products(node.ends(local.own, i), (local.key, "own"), values, used, back)
+
+    def _evaluated(
+        self, node: Node, ins: list[int], outs: list[int], needed: set[Number]
+    ) -> tuple[Local, Shared, Each]:
+        """Return a node's local derivatives, and their places: sums over its copies, and of each copy."""
+        w, key = self.writer, (node.key, tuple(map(identity, node.sources)), tuple(ins), tuple(outs))
+        if key not in self.known:
+            ends = None
+            if node.copies == 1:
+                numbers = [(n, k, x) for n in outs for k, x in enumerate(numbers_of(node.targets[n], 0))]
+                ends = [(n, k) for n, k, x in numbers if x in needed]
+            local = local_jacobian(node, ins, outs, *node.common(ins, outs), ends)
+            summed, each = w.shared(len(local.summed)), w.each(node.copies, len(local.own))
+            added: Target = summed if node.copies == 1 else w.start(summed, np.zeros(summed.size))
+            kernel = w.kernel(("local", local.key), local.function, PART)
+            w.call(kernel, node.copies, list(node.sources), [added, each])
+            self.known[key] = local, summed, each
+        return self.known[key]
+
+    def _products(
+        self,
+        ends: list[tuple[Number, Number]],
+        key: Any,
+        values: Shared,
+        used: set[Number],
+        back: bool,
+    ) -> None:
+        """Add the products of derivatives with what is known on one side of them, for the other side.
+
+        Args:
+            ends: The numbers of source and target of each derivative.
+            key: Equal keys mean equal derivatives.
+            values: The derivatives.
+            used: Numbers of sources that matter.
+            back: Whether the targets' side is known.
+        """
+        used_ends = [(k, *pair) for k, pair in enumerate(ends) if pair[0] in used]
+        pairs = [(k, target, source) if back else (k, source, target) for k, source, target in used_ends]
+        pairs = [(k, known, wanted) for k, known, wanted in pairs if known in self.of]
+        if not pairs:
+            return
+        inputs = {x: i for i, x in enumerate(dict.fromkeys(known for _, known, _ in pairs))}
+        outputs = {x: i for i, x in enumerate(dict.fromkeys(wanted for *_, wanted in pairs))}
+        terms = tuple((k, inputs[known], outputs[wanted]) for k, known, wanted in pairs)
+        reading = self.reading(list(inputs))
+
+        def function() -> ca.Function:
+            """Return the sums of products."""
+            J = ca.SX.sym("J", len(ends))
+            blocks, known = reading.symbols()
+            sums: list[Any] = [0.0] * len(outputs)
+            for k, i, j in terms:
+                sums[j] = sums[j] + J[k] * known[i]
+            return ca.Function("products", [J, *blocks], [pack(sums)])
+
+        w, place = self.writer, self.writer.own(self.lanes, len(outputs))
+        kernel = w.kernel(("products", key, back, reading.key, terms), function, self.part)
+        w.call(kernel, self.lanes, [values, *reading.blocks], [place])
+        self.seed(list(outputs), place)
