@@ -165,25 +165,6 @@ class Add(_Block):
 
 
 @dataclass(frozen=True)
-class Turned(_Block):
-    """Read own numbers by columns: copy i reads entry `first` + i of `rows` copies' `size` numbers each."""
-
-    rows: int
-    first: int = 0
-    memory = "own"
-
-    @property
-    def handed(self) -> bool:
-        """Whether a kernel may read them directly: never."""
-        return False
-
-    def at(self, copies: int) -> Index:
-        """Return where the numbers of each copy are, as for one copy after the other."""
-        first = self.start + self.first + np.arange(copies)
-        return np.asarray(first[:, None] + np.arange(self.rows) * self.size)
-
-
-@dataclass(frozen=True)
 class Worst(Place):
     """Keep the largest output of all copies and calls as the sample's guard; NaN counts as largest."""
 
@@ -192,7 +173,7 @@ class Worst(Place):
         return np.zeros((copies, 1), dtype=int)
 
 
-Source = Given | Constants | Result | Shared | Each | Own | Turned
+Source = Given | Constants | Result | Shared | Each | Own
 Target = Result | Shared | Each | Own | Add | Worst
 
 

@@ -21,7 +21,6 @@ from ..program import (
     Shared,
     Source,
     Target,
-    Turned,
     Worst,
 )
 from .drivers import Block, driver
@@ -55,12 +54,6 @@ def _lanes_of(source: Source, index: Index, lanes: int) -> tuple[str, Index]:
     Args:
         index: Where they are, as for one copy after the other, shape (copies, entries).
     """
-    if isinstance(source, Turned):  # own numbers, of which the lanes hold copies
-        rows = np.arange(source.rows)
-        first = source.start + (rows // lanes) * source.size
-        return "(const S *)own", (first[:, None] + index[:, 0] - source.start) * lanes + (rows % lanes)[
-            :, None
-        ]
     if source.memory == "shared":  # the same in all lanes
         return "(const S *)shared", index.T * lanes
     return source.memory, index.T

@@ -10,7 +10,7 @@ from functools import partial
 from itertools import accumulate
 from types import MappingProxyType
 
-from ..program import Call, Constants, Program, Source, Target, Turned, Worst
+from ..program import Call, Constants, Program, Source, Target, Worst
 from .drivers import Block, driver
 from .tables import Tables
 
@@ -60,9 +60,6 @@ def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) ->
     match source:
         case Constants(values):
             block.before.append(f"set_all({x}, {tables.numbers(values)} + {at}, {size});")
-        case Turned():
-            own = f"own + {_row(copies, 1)}"
-            block.before.append(f"gather({x}, {own}, {tables.places(index[0])}, {size});")
         case _:
             block.before.append(f"gather({x}, {source.memory}, {tables.places(index)} + {at}, {size});")
     return x

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..program import Call, Own, Program, Shared, Start, Turned
+from ..program import Call, Own, Program, Shared, Start
 
 Span = tuple[str, int, int]
 
@@ -60,8 +60,7 @@ def check(program: Program) -> None:
             if memory in known and not known[memory][source.at(step.copies)].all():
                 what = "a result that was" if memory == "result" else f"shared numbers {a}..{b} that were"
                 raise ValueError(f"{where} reads {what} not written")
-            rows = source.rows if isinstance(source, Turned) else step.copies
-            if isinstance(source, Own | Turned) and own.get(source.start) != (source.size, rows):
+            if isinstance(source, Own) and own.get(source.start) != (source.size, step.copies):
                 raise ValueError(f"{where} reads own numbers otherwise than they were written")
         for target, span in zip(step.targets, writes, strict=True):
             if step.copies > 1 and isinstance(target, Shared):
@@ -83,6 +82,5 @@ def _check_sizes(program: Program, call: Call, where: str) -> None:
     if pairs is None or f.n_out() != len(call.targets):
         raise ValueError(f"{where} takes {f.n_in()} inputs and gives {f.n_out()} outputs")
     for size, end in [*pairs, *((f.nnz_out(i), x) for i, x in enumerate(call.targets))]:
-        beyond = isinstance(end, Turned) and end.first + call.copies > end.size
-        if beyond or end.at(call.copies).shape != (call.copies, size):
+        if end.at(call.copies).shape != (call.copies, size):
             raise ValueError(f"{where}: {end} is not of shape {(call.copies, size)}")

@@ -16,7 +16,6 @@ from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...program import Source, Target
 from ..writer import Writer
-from .nodes import numbers_of
 from .sweeps import PART, Block, Sweep
 
 
@@ -66,7 +65,7 @@ def collect(sweep: Sweep, name: str, index: Index, target: Target, at: Coordinat
         target: Target of the sums.
         at: Coordinates whose positions the numbers are: the sums are taken along their freedoms.
     """
-    w, reading = sweep.writer, sweep.reading(numbers_of(sweep.writer.from_given(name, index), 0))
+    w, reading = sweep.writer, sweep.reading(sweep.writer.from_given(name, index).numbers(0))
     kinds = at.kinds if at is not None and any(kind not in ONE for kind in at.kinds) else ()
     q: list[Source] = [w.from_given(name, np.tile(index, (sweep.lanes, 1)))] if kinds else []
 

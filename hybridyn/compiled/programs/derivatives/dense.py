@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...equations.expressions import Expression, dot, eye, pack, symbols
-from ...program import Constants, Each, Own, Shared, Source, Target, Turned
+from ...program import Constants, Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .sweeps import DENSE
 
@@ -72,7 +72,7 @@ def copy_columns(w: Writer, count: int, source: Source, target: Target) -> None:
 
 def width_of(end: Source | None) -> int:
     """Return how many numbers a column of own numbers has."""
-    return end.rows if isinstance(end, Turned) else end.size if isinstance(end, Own) else 0
+    return end.size if isinstance(end, Own) else 0
 
 
 def sources_of(terms: Sequence[Term]) -> list[Source]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...code.rules import check
-from ...program import Add, Call, Each, Own, Program, Shared, Start, Turned
+from ...program import Call, Program, Start
 
 
 @dataclass
@@ -33,50 +33,38 @@ def compacted(program: Program) -> Program:
         ValueError: As `check`; what is read before it is written would be hidden afterwards.
     """
     check(program)
-    shared, own = _regions(program, shared=True), _regions(program, shared=False)
-    sizes = _allocate(shared), _allocate(own)
-    moved_shared, moved_own = _moves(shared), _moves(own)
+    regions = {memory: _regions(program, memory) for memory in ("shared", "own")}
+    sizes = {memory: _allocate(of) for memory, of in regions.items()}
+    places = {memory: _moves(of) for memory, of in regions.items()}
 
     def moved(end: Any) -> Any:
-        """Return a source or target in its new place."""
-        if isinstance(end, Own | Turned):
-            return replace(end, start=moved_own.get(end.start, 0))
-        return (
-            replace(end, start=moved_shared.get(end.start, 0))
-            if isinstance(end, Shared | Each | Add)
-            else end
-        )
+        """Return a source, target or start in its new place."""
+        memory = "shared" if isinstance(end, Start) else end.memory
+        return replace(end, start=places[memory].get(end.start, 0)) if memory in places else end
 
     steps: list[Start | Call] = []
     for step in program.steps:
         if isinstance(step, Start):
-            steps.append(replace(step, start=moved_shared.get(step.start, 0)))
+            steps.append(moved(step))
             continue
         sources, targets = tuple(map(moved, step.sources)), tuple(map(moved, step.targets))
         steps.append(replace(step, sources=sources, targets=targets))
-    return replace(program, steps=tuple(steps), shared=sizes[0], own=sizes[1])
+    return replace(program, steps=tuple(steps), shared=sizes["shared"], own=sizes["own"])
 
 
-def _spans(step: Start | Call, shared: bool) -> list[tuple[int, int]]:
-    """Return start and end of the shared (or own) numbers that a step reads and writes."""
+def _spans(step: Start | Call, memory: str) -> list[tuple[int, int]]:
+    """Return start and end of the numbers of a memory that a step reads and writes."""
     if isinstance(step, Start):
-        return [(step.start, step.start + len(step.values))] if shared and len(step.values) else []
-    ends = (*step.sources, *step.targets)
-    places = [end for end in ends if isinstance(end, Own | Turned | Shared | Each | Add)]
-    copies = {Own: step.copies, Each: step.copies}
-    return [
-        (
-            end.start,
-            end.start + (end.rows if isinstance(end, Turned) else copies.get(type(end), 1)) * end.size,
+        return (
+            [(step.start, step.start + len(step.values))] if memory == "shared" and len(step.values) else []
         )
-        for end in places
-        if end.size and isinstance(end, Own | Turned) != shared
-    ]
+    spans = [end.span(step.copies) for end in (*step.sources, *step.targets)]
+    return [(a, b) for of, a, b in spans if of == memory]
 
 
-def _regions(program: Program, shared: bool) -> list[_Region]:
-    """Return the regions of shared or own numbers, in the order of their places."""
-    used = sorted((a, b, n) for n, step in enumerate(program.steps) for a, b in _spans(step, shared))
+def _regions(program: Program, memory: str) -> list[_Region]:
+    """Return the regions of a memory, in the order of their places."""
+    used = sorted((a, b, n) for n, step in enumerate(program.steps) for a, b in _spans(step, memory))
     out: list[_Region] = []
     for a, b, n in used:
         if out and a < out[-1].stop:

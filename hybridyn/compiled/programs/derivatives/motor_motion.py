@@ -26,7 +26,6 @@ from ..direct import DirectCalls
 from ..writer import Writer
 from .columns import Coordinates, changes_of_coordinates
 from .dense import matrix
-from .nodes import numbers_of
 from .sweeps import PART, Block, Graph, Sweep
 
 
@@ -51,7 +50,7 @@ class MotorMotion:
             at: Their coordinates.
             a: Their accelerations, in the order of the freedoms of `at`.
         """
-        self._w, self._at, self._numbers, self._module = w, at, numbers_of(a, 0), modules[0]
+        self._w, self._at, self._numbers, self._module = w, at, a.numbers(0), modules[0]
         freedoms, driven = at.v.tolist(), modules[0].request.robot.motor_v.tolist()
         if modules[0].module.mobility < len(modules[0].module.v_index):
             self.motors = modules[0].module.motor_index

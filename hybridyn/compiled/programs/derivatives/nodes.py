@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from ...program import Add, Call, Constants, Each, Given, Kernel, Own, Result, Shared, Source, Target, Worst
+from ...program import Add, Call, Constants, Given, Kernel, Own, Result, Shared, Source, Target, Worst
 
 #: A number of a program: the place it is stored in, and its index there.
 Number = tuple[str, int]
@@ -40,11 +40,11 @@ class Node:
 
     def numbers(self, end: Source | Target) -> list[Number]:
         """Return the numbers that its copies read from a source or write to a target."""
-        return [number for copy in range(self.copies) for number in numbers_of(end, copy)]
+        return [number for copy in range(self.copies) for number in end.numbers(copy)]
 
     def ends(self, entries: Iterable[Entry], copy: int) -> list[tuple[Number, Number]]:
         """Return the numbers of source and target of derivatives of one copy."""
-        sources, targets = ([numbers_of(end, copy) for end in ends] for ends in (self.sources, self.targets))
+        sources, targets = ([end.numbers(copy) for end in ends] for ends in (self.sources, self.targets))
         return [(sources[s][col], targets[n][row]) for n, row, s, col in entries]
 
     def common(self, ins: list[int], outs: list[int]) -> tuple[list[bool], list[bool]]:
@@ -52,21 +52,6 @@ class Node:
         alone = self.copies == 1
         common_in = [alone or isinstance(self.sources[n], Shared) for n in ins]
         return common_in, [alone or isinstance(self.targets[n], Add) for n in outs]
-
-
-def numbers_of(end: Source | Target, copy: int) -> list[Number]:
-    """Return the numbers that one copy reads from a source or writes to a target; none for constants."""
-    match end:
-        case Given(index) | Result(index):
-            place = "given" if isinstance(end, Given) else "result"
-            return [(place, int(k)) for k in index[copy]]
-        case Shared(start, size) | Add(start, size):
-            return [("shared", start + k) for k in range(size)]
-        case Each(start, size):
-            return [("shared", start + copy * size + k) for k in range(size)]
-        case Own(start, size):
-            return [("own", start + copy * size + k) for k in range(size)]
-    return []
 
 
 @dataclass

@@ -27,7 +27,6 @@ from ..writer import Writer
 from .dense import by_columns, factors, matrix, solved
 from .groups import Group, Place
 from .motor_motion import MotorMotion
-from .nodes import numbers_of
 from .sweeps import PART, Block, Graph, Reading, Sweep
 
 
@@ -94,8 +93,8 @@ class Relations:
         self._sizes = [size for A, V, _ in outputs for size in (A.size, V.size)]
         self._rows = group.mobility + (6 if group.parent else 0)
         self.rows = np.concatenate([part.motors for part in parts]) if parts else group.at.v
-        at = [x for part in parts for x in part.accelerations] or numbers_of(a, 0)
-        self._ends = [x for end in group.results for x in numbers_of(end, 0)] + at
+        at = [x for part in parts for x in part.accelerations] or a.numbers(0)
+        self._ends = [x for end in group.results for x in end.numbers(0)] + at
         self._known: dict[Any, Any] = {}
         self.onto = {place: writer.each(6, self._rows) for place in group.children}
         wrenches = [self.unit_changes(W) for *_, W in outputs]
@@ -103,7 +102,7 @@ class Relations:
             self._add(reading, 6, {"forces": end})
         self._eliminate()
         columns = [(reading, 6) for reading in wrenches]
-        columns += [(self.unit_changes(end), len(numbers_of(end, 0))) for end in group.moved()]
+        columns += [(self.unit_changes(end), len(end.numbers(0))) for end in group.moved()]
         self._add_units(columns)
 
     def _add_units(self, columns: Sequence[tuple[Reading, int]]) -> None:
@@ -164,7 +163,7 @@ class Relations:
 
     def unit_changes(self, source: Source) -> Reading:
         """Add the changes that unit columns of a source cause."""
-        size = len(numbers_of(source, 0))
+        size = len(source.numbers(0))
         return self.reading([(source, Constants(np.eye(size)))], size)
 
     def over_motors(self) -> Iterator[tuple[str, Index, Reading]]:

@@ -24,7 +24,7 @@ from .dense import Term, by_columns, copy_columns, matrix, sources_of, sum_of, w
 from .groups import BASE, Group
 from .motion import Motions
 from .motor_motion import MotorMotion
-from .nodes import Joiner, numbers_of
+from .nodes import Joiner
 from .relations import Cause, Relations
 from .responses import Responses
 from .sweeps import DENSE, Graph, Reading, Sweep
@@ -119,9 +119,9 @@ class Results:
             tangents = Sweep(w, 6)
             tangents.seed(source, changes_of_coordinates(w, at, units, 6) if name == "q" else units)
             tangents.forwards(Graph.between(nodes, [source], [A, V]))
-            ends = [w.own(6, len(numbers_of(end, 0))) for end in (A, V)]
+            ends = [w.own(6, len(end.numbers(0))) for end in (A, V)]
             for end, place in zip((A, V), ends, strict=True):
-                tangents.gather(numbers_of(end, 0), place)
+                tangents.gather(end.numbers(0), place)
             columns = np.arange(6) if name == "base_acceleration" else at.v
             self.add(name, columns, [Cause(None, outputs={BASE: (ends[0], ends[1])})])
 

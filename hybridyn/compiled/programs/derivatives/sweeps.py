@@ -19,7 +19,7 @@ from ...equations.expressions import pack
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .local import Local, local_jacobian
-from .nodes import Node, Number, identity, numbers_of
+from .nodes import Node, Number, identity
 
 #: Heading of derivatives in operation counts.
 PART = "derivatives"
@@ -86,8 +86,8 @@ class Graph:
         cls, nodes: list[Node], inputs: Sequence[Source], results: Sequence[Source | Target]
     ) -> Graph:
         """Return the graph of nodes between inputs and results."""
-        live = {x for end in inputs for x in numbers_of(end, 0)}
-        needed = {x for end in results for x in numbers_of(end, 0)}
+        live = {x for end in inputs for x in end.numbers(0)}
+        needed = {x for end in results for x in end.numbers(0)}
         for node in nodes:
             if any(x in live for source in node.sources for x in node.numbers(source)):
                 live.update(x for target in node.targets for x in node.numbers(target))
@@ -99,13 +99,13 @@ class Graph:
 def _require(node: Node, needed: set[Number]) -> None:
     """Add the numbers of a node's sources on which needed numbers of its targets depend."""
     for n, target in enumerate(node.targets):
-        ends = [numbers_of(target, copy) for copy in range(node.copies)]
+        ends = [target.numbers(copy) for copy in range(node.copies)]
         wanted = {k for numbers in ends for k, x in enumerate(numbers) if x in needed}
         for s, source in enumerate(node.sources) if wanted else ():
             rows, columns = node.function.jac_sparsity(n, s, True).get_triplet()
             used = {c for r, c in zip(rows, columns, strict=True) if r in wanted}
             for copy in range(node.copies) if used else ():
-                numbers = numbers_of(source, copy)
+                numbers = source.numbers(copy)
                 needed.update(numbers[k] for k in used if k < len(numbers))
 
 
@@ -129,7 +129,7 @@ class Sweep:
 
     def seed(self, end: Source | Target | list[Number], block: Block) -> None:
         """Set the tangents or adjoints of numbers: one lane of `block` for each column or row."""
-        for k, number in enumerate(end if isinstance(end, list) else numbers_of(end, 0)):
+        for k, number in enumerate(end if isinstance(end, list) else end.numbers(0)):
             self.of.setdefault(number, []).append((block, k))
 
     def forwards(self, graph: Graph) -> None:
@@ -181,7 +181,7 @@ class Sweep:
         if key not in self.known:
             ends = None
             if node.copies == 1:
-                numbers = [(n, k, x) for n in outs for k, x in enumerate(numbers_of(node.targets[n], 0))]
+                numbers = [(n, k, x) for n in outs for k, x in enumerate(node.targets[n].numbers(0))]
                 ends = [(n, k) for n, k, x in numbers if x in needed]
             local = local_jacobian(node, ins, outs, *node.common(ins, outs), ends)
             summed, each = w.shared(len(local.summed)), w.each(node.copies, len(local.own))
