@@ -68,6 +68,10 @@ class Place:
         """Return where the numbers of each copy are, shape (copies, numbers)."""
         raise NotImplementedError
 
+    def numbers(self, copy: int) -> list[tuple[str, int]]:
+        """Return the memory and the place of each number of one copy; none for constants and the guard."""
+        return [(self.memory, k) for k in self.at(copy + 1)[copy].tolist()] if self.memory else []
+
     def span(self, copies: int) -> tuple[str, int, int]:
         """Return the memory, start and end of the range that the numbers of some copies cover."""
         at = self.at(copies)

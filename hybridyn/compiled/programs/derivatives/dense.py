@@ -6,13 +6,14 @@ A matrix that all lanes read is stored for all of them, by rows or by columns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ....spatial import Mask
 from ...equations.expressions import Expression, dot, eye, pack, symbols
-from ...program import Constants, Each, Own, Shared, Source, Target
+from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .sweeps import DENSE
 
@@ -23,18 +24,8 @@ def matrix(name: str, rows: int, columns: int) -> tuple[ca.SX, Expression]:
     return column, entries.reshape(rows, columns)
 
 
-class Term(NamedTuple):
-    """A matrix times a column.
-
-    Attributes:
-        matrix: The matrix, for all lanes, stored column by column.
-        column: The column, one in each lane.
-        size: Number of entries of the column.
-    """
-
-    matrix: Shared
-    column: Source
-    size: int
+#: A matrix for all lanes, stored column by column, and the column that it is multiplied with in each lane.
+Term = tuple[Shared, Own | Each]
 
 
 def by_columns(all: Each, first: int, count: int) -> Shared:
@@ -43,56 +34,57 @@ def by_columns(all: Each, first: int, count: int) -> Shared:
 
 
 def add_terms(
-    w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Source], *targets: Target
+    w: Writer,
+    copies: int,
+    size: int,
+    terms: Sequence[Term],
+    more: Sequence[Source],
+    target: Target,
+    mapped: tuple[Each, Mask] | None = None,
+    after: Sequence[Source] = (),
 ) -> None:
-    """Add the call that writes sum_i A_i x_i + sum_j y_j to each of the targets, one column in each lane."""
-    sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
+    """Add the call that writes sum_i A_i x_i + sum_j y_j, one column in each lane.
+
+    Args:
+        w: The program under construction.
+        copies: Number of columns.
+        size: Number of rows of the result.
+        terms: The matrices A_i and the columns x_i.
+        more: The columns y_j.
+        target: Target of the result.
+        mapped: A matrix that the sum is multiplied with, column by column; its transposed pattern.
+        after: Columns that are added to this product.
+    """
+    widths, given = [column.size for _, column in terms], [end for term in terms for end in term]
+    rows, mask = (size, None) if mapped is None else (len(mapped[1]), mapped[1])
+    sources = [*given, *more, *([] if mapped is None else [by_columns(mapped[0], 0, rows)]), *after]
 
     def function() -> ca.Function:
         """Return the sum."""
-        total, columns = sum_of(sizes, sizes[0][0], len(more))
-        return ca.Function("columns", columns, [pack(total)] * len(targets))
+        total: Any = np.zeros(rows).astype(object)
+        columns: list[ca.SX] = []
+        for width in widths:
+            (kept, A), (column, x) = matrix("A", width, rows), symbols("x", width)
+            total = total + dot(A.T, x)
+            columns += [kept, column]
+        for _ in more:
+            column, y = symbols("y", rows)
+            total = total + y
+            columns.append(column)
+        if mask is not None:
+            kept, A = matrix("mapped", *mask.shape)
+            total = dot(np.where(mask, A, 0.0).T, total)
+            columns.append(kept)
+        for _ in after:
+            column, y = symbols("y", size)
+            total = total + y
+            columns.append(column)
+        return ca.Function("columns", columns, [pack(total)])
 
-    kernel = w.kernel(("columns", sizes, len(more), len(targets)), function, DENSE)
-    w.call(kernel, copies, [*sources_of(terms), *more], list(targets))
-
-
-def copy_columns(w: Writer, count: int, source: Source, target: Target) -> None:
-    """Add the call that copies columns, or writes constants."""
-    size = int(source.values.shape[1]) if isinstance(source, Constants) else width_of(source)
-
-    def function() -> ca.Function:
-        """Return a column as it is."""
-        column, x = symbols("x", size)
-        return ca.Function("copy", [column], [pack(x)])
-
-    if size and count:
-        w.call(w.kernel(("copy", size), function, DENSE), count, [source], [target])
-
-
-def width_of(end: Source | None) -> int:
-    """Return how many numbers a column of own numbers has."""
-    return end.size if isinstance(end, Own) else 0
-
-
-def sources_of(terms: Sequence[Term]) -> list[Source]:
-    """Return the sources of terms in the order of `sum_of`."""
-    return [source for term in terms for source in (term.matrix, term.column)]
-
-
-def sum_of(sizes: Sequence[tuple[int, int]], rows: int, more: int) -> tuple[Expression, list[ca.SX]]:
-    """Return sum_i A_i x_i + sum_j y_j, and the columns of symbols in it."""
-    total: Any = np.zeros(rows).astype(object)
-    columns: list[ca.SX] = []
-    for shape in sizes:
-        (kept, A), (column, x) = matrix("A", *shape[::-1]), symbols("x", shape[1])
-        total = total + dot(A.T, x)
-        columns += [kept, column]
-    for _ in range(more):
-        column, y = symbols("y", rows)
-        total = total + y
-        columns.append(column)
-    return total, columns
+    if size:
+        pattern = None if mask is None else mask.tobytes()
+        key = ("columns", tuple(widths), rows, size, len(more), pattern, len(after))
+        w.call(w.kernel(key, function, DENSE), copies, sources, [target])
 
 
 def factors(n: int, rows: int) -> ca.Function:

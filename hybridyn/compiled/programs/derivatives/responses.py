@@ -7,7 +7,7 @@ the wrench that it passes on.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...program import Each
@@ -69,10 +69,7 @@ class Responses:
         for output in child.children:
             A, V = (Each(end.start + first * end.size, end.size) for end in x.through[output])
             for group, known in self.to_motion[output].items():
-                terms = [
-                    Term(by_columns(known, 0, A.size), A, A.size),
-                    Term(by_columns(known, A.size, V.size), V, V.size),
-                ]
+                terms = [(by_columns(known, 0, A.size), A), (by_columns(known, A.size, V.size), V)]
                 self.to_motion[place][group] = self._product(count, terms, [], group.mobility)
 
     def _to_wrench(self, group: Group, place: Place) -> None:
@@ -84,27 +81,19 @@ class Responses:
             passed = Each(x.wrenches.start + at * 6, 6)
             for other, known in self.to_wrench[group.base].items():
                 if other not in group.subtree():
-                    out[other] = self._product(
-                        6, [Term(by_columns(known, 0, 6), passed, 6)], [], other.mobility
-                    )
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], other.mobility)
         if passed is not None and group in self.own:
-            out[group] = self._product(
-                6, [Term(by_columns(self.own[group], 0, 6), passed, 6)], [out[group]], n
-            )
+            out[group] = self._product(6, [(by_columns(self.own[group], 0, 6), passed)], [out[group]], n)
         for output in group.children if not x.held else ():
             A = x.through[output][0]
             moved = Each(A.start + at * 6, 6)
             if passed is not None:
-                moved = self._product(
-                    6, [Term(by_columns(self.onwards[output], 0, 6), passed, 6)], [moved], 6
-                )
+                moved = self._product(6, [(by_columns(self.onwards[output], 0, 6), passed)], [moved], 6)
             if output == place:
                 self.motion[place] = moved
             if output != place or len(group.children[place]) > 1:
                 for other, known in self.to_motion[output].items():
-                    out[other] = self._product(
-                        6, [Term(by_columns(known, 0, 6), moved, 6)], [], other.mobility
-                    )
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], other.mobility)
         self.to_wrench[place] = out
 
     def _settle(self, group: Group) -> None:
@@ -114,14 +103,13 @@ class Responses:
             return
         first = x.moved[0]
         K = by_columns(x.motions, first, 6)
-        self.own[group] = self._product(6, [Term(K, below, 6)], [], group.mobility)
+        self.own[group] = self._product(6, [(K, below)], [], group.mobility)
         for place in group.children:
             over_A = by_columns(x.through[place][0], first, 6)
-            self.onwards[place] = self._product(6, [Term(over_A, below, 6)], [], 6)
+            self.onwards[place] = self._product(6, [(over_A, below)], [], 6)
 
-    def _product(self, count: int, terms: list[Term], more: list[Each], size: int) -> Each:
+    def _product(self, count: int, terms: Sequence[Term], more: list[Each], size: int) -> Each:
         """Add a sum of products, for all lanes."""
         out = self.writer.each(count, size)
-        if size:
-            add_terms(self.writer, count, terms, more, out)
+        add_terms(self.writer, count, size, terms, more, out)
         return out

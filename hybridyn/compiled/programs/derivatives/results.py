@@ -10,24 +10,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 
-import casadi as ca
 import numpy as np
 
 from ....spatial import Index
-from ...equations.expressions import dot, pack, symbols
-from ...program import Call, Constants, Shared, Source, Target
+from ...program import Call, Constants, Shared, Target
 from ..direct import DirectCalls
 from ..inverse import Balance
 from ..writer import Writer
 from .columns import Coordinates, changes_of_coordinates, coordinates_of_freedoms
-from .dense import Term, by_columns, copy_columns, matrix, sources_of, sum_of, width_of
+from .dense import Term, add_terms, by_columns
 from .groups import BASE, Group
 from .motion import Motions
 from .motor_motion import MotorMotion
 from .nodes import Joiner
 from .relations import Cause, Relations
 from .responses import Responses
-from .sweeps import DENSE, Graph, Reading, Sweep
+from .sweeps import Graph, Reading, Sweep
 
 
 def relations_of(
@@ -141,48 +139,20 @@ class Results:
         if self._base is not None:
             one = name == "base_acceleration"
             values = np.eye(6) if one else np.zeros((len(index), 6))
-            copy_columns(self._w, len(values), Constants(values), place(self._base.v))
+            add_terms(self._w, len(values), 6, [], [Constants(values)], place(self._base.v))
         for x in self._relations.values():
             self._add_to(x, len(index), causes, place(x.rows))
 
     def _add_to(self, x: Relations, count: int, causes: Sequence[Cause], place: Target) -> None:
         """Add the columns of one group."""
-        w, n, size = self._w, x.group.mobility, len(x.rows)
-        terms: list[Term] = []
-        motions: list[Source] = []
-        more: list[Source] = []
-        for cause in causes:
-            terms += self._terms(cause, x.group)
-            if cause.group is x.group:
-                motions += [cause.motions] if cause.motions and n else []
-                more += [cause.more] if cause.more else []
-        if not n:
+        terms = [term for cause in causes for term in self._terms(cause, x.group)]
+        own = [cause for cause in causes if cause.group is x.group]
+        motions = [cause.motions for cause in own if cause.motions]
+        more = [cause.more for cause in own if cause.more]
+        if not x.group.mobility:
             terms, motions = [], []
-        if not (terms or motions or more):
-            copy_columns(w, count, Constants(np.zeros((count, size))), place)
-            return
-        sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
-        pattern = x.pattern if terms or motions else None
-        sources: list[Source] = [*sources_of(terms), *motions]
-        if pattern is not None:
-            sources.append(Shared(x.Psi.start, pattern.size))
-
-        def function() -> ca.Function:
-            """Return one column."""
-            total, columns = sum_of(sizes, size if pattern is None else n, len(motions))
-            if pattern is not None:
-                kept, entries = matrix("Psi", n, size)
-                total = dot(np.where(pattern, entries, 0.0).T, total)
-                columns.append(kept)
-            for _ in more:
-                column, y = symbols("more", size)
-                total = total + y
-                columns.append(column)
-            return ca.Function("results", columns, [pack(total)])
-
-        mask = pattern.tobytes() if pattern is not None else None
-        key = ("results", sizes, n, size, mask, len(motions), len(more))
-        w.call(w.kernel(key, function, DENSE), count, [*sources, *more], [place])
+        mapped = (x.Psi, x.pattern) if x.pattern is not None and (terms or motions) else None
+        add_terms(self._w, count, len(x.rows), terms, motions, place, mapped, more)
 
     def _terms(self, cause: Cause, group: Group) -> list[Term]:
         """Return the motions of a group that a cause in another, or at its own base, brings about."""
@@ -190,13 +160,12 @@ class Results:
         for output, (A, V) in cause.outputs.items():
             if A and group in responses.to_motion[output]:
                 known = responses.to_motion[output][group]
-                size = width_of(V)
-                twist = [Term(by_columns(known, 6, size), V, size)] if V else []
-                return [Term(by_columns(known, 0, 6), A, 6), *twist]
+                twist = [(by_columns(known, 6, V.size), V)] if V else []
+                return [(by_columns(known, 0, 6), A), *twist]
         if cause.group is None or cause.wrench is None:
             return []
         if cause.group is group:
             found = responses.own.get(group)
         else:
             found = responses.to_wrench.get(cause.group.base, {}).get(group)
-        return [Term(by_columns(found, 0, 6), cause.wrench, 6)] if found else []
+        return [(by_columns(found, 0, 6), cause.wrench)] if found else []
