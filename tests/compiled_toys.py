@@ -6,6 +6,8 @@ import casadi as ca
 import numpy as np
 
 from hybridyn.compiled.code.library_source import Source
+from hybridyn.compiled.library.calls import Library
+from hybridyn.compiled.library.direct_calls import REFUSED
 from hybridyn.compiled.program import (
     Add,
     Call,
@@ -118,6 +120,15 @@ def inputs(program: Program, samples: int, seed: int = 0) -> list[np.ndarray[Any
     """Return random inputs of a program, shapes (samples, n)."""
     rng = np.random.default_rng(seed)
     return [rng.normal(size=(samples, size)) for _, size in program.inputs]
+
+
+def single(library: Library, name: str, *given: Any) -> tuple[tuple[np.ndarray[Any, Any], ...], float]:
+    """Run one sample of a program alone; return its outputs, shapes (n,), and its guard."""
+    calls = library.programs[name]
+    out, guard = np.empty(calls.size, calls.dtype), np.empty(1, calls.dtype)
+    assert calls.at_once is not None
+    assert calls.at_once(*(np.array(x, calls.dtype, ndmin=1) for x in given), out, guard) != REFUSED
+    return calls.split(out), float(guard[0])
 
 
 def numbered(number: int) -> Source:

@@ -24,7 +24,7 @@ from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
-from tests.compiled_toys import inputs, toy
+from tests.compiled_toys import inputs, single, toy
 from tests.mechanisms import random_mechanism
 from tests.samples import slow
 from tests.shipped import ROBOTS
@@ -143,7 +143,7 @@ def test_a_guard_that_is_nan_fails_in_every_engine(first: int, x: tuple[float, f
     library = load([program])
     guards = [
         float(function_of(program)(np.array(x))[1]),
-        library.single(program.name, np.array(x))[1],
+        single(library, program.name, np.array(x))[1],
         float(library.batch(program.name, np.array([x]))[1][0]),
         float(library.batch(program.name, np.array([x, x]))[1][1]),
     ]
@@ -158,7 +158,7 @@ def test_threads_do_not_read_each_others_guards() -> None:
     def call(x: float) -> None:
         given, guard = np.full(2, x), np.sqrt(x)
         for _ in range(4000):
-            if library.single(program.name, given)[1] != guard:
+            if single(library, program.name, given)[1] != guard:
                 wrong.append(x)
 
     interval = sys.getswitchinterval()

@@ -12,12 +12,13 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code import drivers
 from hybridyn.compiled.code.rules import check
-from hybridyn.compiled.library.calls import BLOCK, REFUSED, Library, load
+from hybridyn.compiled.library.calls import BLOCK, Library, load
+from hybridyn.compiled.library.direct_calls import REFUSED
 from hybridyn.compiled.program import Add, Given, Own, Result, Shared
 from hybridyn.compiled.programs.interpreter import function_of
 from tests import ROOT
 from tests.comparing import refused, same_bits
-from tests.compiled_toys import inputs, toy
+from tests.compiled_toys import inputs, single, toy
 
 ROUNDING = 1e-12  # some hundred operations on numbers around one, some of them quotients
 
@@ -52,7 +53,7 @@ def test_a_sample_has_the_same_bits_alone_and_in_any_batch(library: Library, pro
         some = library.batch(program.name, q[-size:], v[-size:])
         same_bits(some, ((a[-size:], b[-size:]), guard[-size:]))
     for t in range(37):
-        same_bits(library.single(program.name, q[t], v[t]), ((a[t], b[t]), guard[t]))
+        same_bits(single(library, program.name, q[t], v[t]), ((a[t], b[t]), guard[t]))
 
 
 def test_bits_do_not_depend_on_threads_or_lanes(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +80,7 @@ def test_the_other_samples_of_a_block_do_not_matter(library: Library) -> None:
     assert np.isnan(guard[[1, 3]]).all()
     for k in range(q.shape[1]):
         bad = np.where(np.arange(q.shape[1]) == k, np.nan, q[0])
-        assert np.isnan(library.single(program.name, bad, v[0])[1])
+        assert np.isnan(single(library, program.name, bad, v[0])[1])
 
 
 def test_arrays_of_every_layout_are_taken(library: Library) -> None:
@@ -90,7 +91,7 @@ def test_arrays_of_every_layout_are_taken(library: Library) -> None:
     read_only = q[0].copy()
     read_only.flags.writeable = False
     for one in (np.stack([q[0], 0 * q[0]], axis=1)[:, 0], read_only, q[0].astype(">f8"), q[0].tolist()):
-        same_bits(library.single(program.name, one, v[0].tolist())[0][0], a[0])
+        same_bits(library.batch(program.name, [one], [v[0].tolist()])[0][0][0], a[0])
 
 
 def test_a_batch_of_one_runs_as_a_single_call(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,11 +143,11 @@ def test_no_samples_give_no_results(library: Library) -> None:
 def test_wrong_shapes_are_refused(library: Library) -> None:
     program = PROGRAMS[4]
     q, v = inputs(program, 3)
-    for call, words in (
-        (lambda: library.batch(program.name, q[:, 1:], v), re.escape("q has shape (3, 17)")),
-        (lambda: library.single(program.name, q[0], np.zeros(2)), re.escape("v has shape (2,)")),
+    for given, words in (
+        ((q[:, 1:], v), "q has shape (3, 17)"),
+        ((q, np.zeros((3, 2))), "v has shape (3, 2)"),
     ):
-        refused(call, ValueError, words)
+        refused(lambda given=given: library.batch(program.name, *given), ValueError, re.escape(words))
 
 
 def _with(program, number: int, **changes):

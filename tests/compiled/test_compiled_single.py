@@ -18,7 +18,7 @@ from hybridyn.compiled.library import choosing
 from hybridyn.compiled.library.cache import cached
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.program import Program
-from tests.compiled_toys import inputs, toy
+from tests.compiled_toys import inputs, single, toy
 
 SAMPLES = 5
 
@@ -67,8 +67,8 @@ def test_every_code_of_single_calls_gives_the_bits_of_a_batch(
     for n in range(len(about["codes"])):
         code.value = n
         for t in range(SAMPLES):
-            single, worst = library.single("idm", *(x[t] for x in given))
-            assert all((one == many[t]).all() for one, many in zip(single, parts, strict=True))
+            found, worst = single(library, "idm", *(x[t] for x in given))
+            assert all((one == many[t]).all() for one, many in zip(found, parts, strict=True))
             assert worst == guard[t]
     quick = cached("single", lambda: source, quick=True)
     assert quick.about == built.about  # found in the cache
@@ -100,5 +100,5 @@ def test_quick_builds_have_the_code_of_batches_alone(empty_cache: Path) -> None:
     assert not hasattr(ctypes.PyDLL(str(built.path)), "idm_repeat")
     given = inputs(program, 1)
     library = Library(built)
-    single, _ = library.single("idm", *(x[0] for x in given))
-    assert all((x == y[0]).all() for x, y in zip(single, library.batch("idm", *given)[0], strict=True))
+    found, _ = single(library, "idm", *(x[0] for x in given))
+    assert all((x == y[0]).all() for x, y in zip(found, library.batch("idm", *given)[0], strict=True))

@@ -19,7 +19,7 @@ from ..program import stored
 from .cache import Built, cached
 from .choosing import use_choice
 from .compilers import best_lanes
-from .direct_calls import REFUSED, function_of, knows_arrays
+from .direct_calls import function_of, knows_arrays
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -74,19 +74,6 @@ class Library:
             lift, ddm = self.programs["lift"], self.programs["ddm"]
             self.steps = Steps(held, lift.outputs, dict(ddm.inputs)["tau"])
 
-    def single(self, name: str, *inputs: ArrayLike) -> tuple[tuple[Numbers, ...], float]:
-        """Run a program for one sample.
-
-        Args:
-            inputs: Its inputs, shapes (n,).
-
-        Returns:
-            Its outputs, shapes (n,), and the sample's guard.
-        """
-        calls = self.programs[name]
-        out, guard = calls.single(*inputs)
-        return calls.split(out), guard
-
     def batch(
         self, name: str, *inputs: ArrayLike, threads: int = 1, outs: tuple[Numbers, ...] | None = None
     ) -> tuple[tuple[Numbers, ...], Numbers]:
@@ -136,37 +123,6 @@ class Calls:
         self.at_once: Callable[..., int] | None = None
         if plain:
             self.at_once = function_of(held, f"{name}_call")
-
-    def single(self, *inputs: ArrayLike) -> tuple[Numbers, float]:
-        """Run one sample.
-
-        Args:
-            inputs: Inputs, shapes (n,).
-
-        Returns:
-            All outputs in one array, and the sample's guard.
-        """
-        out, guard = np.empty(self.size, self.dtype), np.empty(1, self.dtype)
-        if self.at_once is not None and len(inputs) == len(self.inputs):
-            status = self.at_once(*inputs, out, guard)
-            if status != REFUSED:
-                return out, float(guard[0])
-        return self._converted(inputs, out, guard)
-
-    def _converted(
-        self, inputs: tuple[ArrayLike, ...], out: Numbers, guard: Numbers
-    ) -> tuple[Numbers, float]:
-        """Run one sample after converting its inputs to contiguous arrays."""
-        arrays = [np.array(x, self.dtype, order="C", ndmin=1) for x in inputs]
-        for array, (name, size) in zip(arrays, self.inputs, strict=True):
-            if array.shape != (size,):
-                raise ValueError(f"{name} has shape {array.shape}; wanted ({size},)")
-        if self.at_once is not None:
-            self.at_once(*arrays, out, guard)
-        else:
-            parts, guard = self.batch([array[None] for array in arrays], 1)
-            np.concatenate([part[0] for part in parts], out=out)
-        return out, float(guard[0])
 
     def split(self, out: Numbers) -> tuple[Numbers, ...]:
         """Split an array of all outputs."""
