@@ -18,7 +18,6 @@ from .expressions import (
     dot,
     hat,
     numbers,
-    plain,
     plus,
     symmetric,
     times,
@@ -138,8 +137,3 @@ def quaternion_matrix(q: Expression) -> Expression:
         ],
         dtype=object,
     )
-
-
-def unit(i: int) -> Expression:
-    """Return a unit vector, shape (3,)."""
-    return plain(np.eye(3)[i])

@@ -96,7 +96,7 @@ def choose_pivots(
         structure[left_rows, c] = False
         rows.append(r)
         cols.append(c)
-        sizes.append(float(np.median(np.abs(samples_pivot(pivot, row_scale[r], col_scale[c])))))
+        sizes.append(float(np.median(np.abs(pivot / (row_scale[r] * col_scale[c])))))
     return Pivots(tuple(rows), tuple(cols), tuple(sizes))
 
 
@@ -113,11 +113,6 @@ def _score(size: Array) -> Array:
         if score.max() >= TRUSTED_PIVOT:
             break
     return np.asarray(score)
-
-
-def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
-    """Convert pivots to the units of the unscaled matrix."""
-    return pivot / (row_scale * col_scale)
 
 
 def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Trust]:

@@ -62,12 +62,10 @@ def named(robot: HybridRobot, given: Mapping[str, ArrayLike]) -> dict[str, Array
     """
     if not any(map(is_table, given.values())):
         return dict(given)
-    return {key: of_table(robot, key, value) if is_table(value) else value for key, value in given.items()}
-
-
-def of_table(robot: HybridRobot, key: str, table: ArrayLike) -> ArrayLike:
-    """Return an argument of a model from a table with named columns."""
-    return from_table(robot, table, QUANTITY_OF[key]) if key in QUANTITY_OF else table
+    return {
+        key: from_table(robot, x, QUANTITY_OF[key]) if is_table(x) and key in QUANTITY_OF else x
+        for key, x in given.items()
+    }
 
 
 def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:

@@ -15,11 +15,9 @@ from ..equations.links import links_of
 from ..equations.request import Request
 from ..equations.rigid import quaternion_matrix
 from ..program import Program, Shared, Source, Target
+from .body_rows import WIDTH
 from .roots import unit_base
 from .writer import Writer
-
-#: Numbers per body: axes row by row, origin, twist and classical acceleration, all in the world frame.
-WIDTH = 24
 
 
 def kinematics_program(request: Request) -> Program:
