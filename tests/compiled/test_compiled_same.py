@@ -17,8 +17,8 @@ from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to, refused, same_bits, same_words
+from tests.dynamics.test_guards import parallelogram
 from tests.dynamics.test_idm import flat_five_bar
-from tests.dynamics.test_lost_rank import parallelogram
 from tests.engines import General
 from tests.locked import hinged_five_bar, named
 from tests.mechanisms import random_mechanism

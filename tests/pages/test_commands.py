@@ -1,11 +1,14 @@
-"""The commands of the pages: they run, print what is shown, and write the files that they name."""
+"""Commands of the pages and the README: they run, print what is shown, and write the files they name."""
 
 import re
+import shlex
 import tomllib
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import hybridyn
 from hybridyn.cli import COMMANDS
@@ -29,6 +32,13 @@ EXTRAS = {"check.md": ["view"], "sweeps.md": ["sweep"], "view-and-plot.md": ["vi
 FILE = re.compile(r"[\w.]+\.(png|svg|pdf|html|mp4|csv)")
 
 
+@pytest.fixture
+def as_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stand where a user does, before a terminal of 90 columns."""
+    monkeypatch.setenv("COLUMNS", "90")
+    stand_where_a_user_does(tmp_path, monkeypatch)
+
+
 def write_studies() -> None:
     """Write the files of the page on sweeps."""
     run_python(DOCS / "sweeps.md")
@@ -36,6 +46,7 @@ def write_studies() -> None:
         Path(block.facts.get("file", "study.toml")).write_text(block.text)
 
 
+@pytest.mark.usefixtures("as_a_user")
 @pytest.mark.parametrize("page", [page if page == "check.md" else slow(page) for page in COUNTS])
 def test_commands_print_what_is_shown(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -43,8 +54,6 @@ def test_commands_print_what_is_shown(
     needs("view", "trimesh")  # the first page checks a robot with meshes
     for extra in EXTRAS.get(page, ()):
         needs(extra)
-    stand_where_a_user_does(tmp_path, monkeypatch)
-    monkeypatch.setenv("COLUMNS", "90")
     if page == "sweeps.md":
         write_studies()
     if page == "cost.md":
@@ -145,3 +154,55 @@ def test_the_robot_of_the_page_is_read(
     else:
         efforts = [joint.effort for joint in robot.description.joints if joint.name in motors]
         assert (efforts, robot.description.notes) == ([50, 50], ())
+
+
+# -------------------------------------------------------------------- the README
+
+
+README = ROOT / "README.md"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("as_a_user")
+def test_python_runs() -> None:
+    run_python(README)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("as_a_user")
+def test_commands_of_the_readme_print_what_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """In the order of the page: a later command reads what an earlier one wrote."""
+    run_commands(shown(README), capsys)
+    run_commands(shown(ROOT / "docs" / "command-line.md"), capsys, whole=True)
+
+
+@pytest.mark.parametrize("block", blocks(README, "sh"), ids=str)
+def test_setup_command_names_what_exists(block) -> None:
+    for is_and, group in groupby(shlex.split(block.text), key="&&".__eq__):
+        if is_and:
+            continue
+        program, *words = group
+        name = Path(program).name
+        assert name in ("python3", "pip", "pytest", "hybridyn")
+        if name == "pip":
+            (extras,) = re.fullmatch(r"\.(?:\[(.*)\])?", words[-1]).groups()
+            extras = set(extras.split(",")) if extras else set()
+            assert extras <= PROJECT["project"]["optional-dependencies"].keys()
+        if name == "hybridyn":
+            assert words[0] in COMMANDS
+            assert all((ROOT / word).is_file() for word in words[1:])
+
+
+@pytest.mark.parametrize("marker", ["main job", "tests"])
+def test_ci_finds_the_setup_commands(marker: str) -> None:
+    assert README.read_text().count(f"<!-- {marker} -->\n```sh\n") == 1
+    assert f'readme_command "{marker}"' in (ROOT / ".ci" / "run").read_text()
+
+
+def test_version_and_paper_are_stated_alike() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert PROJECT["project"]["version"] == hybridyn.__version__ == citation["version"]
+    assert PROJECT["project"]["license"] == citation["license"]
+    assert citation["preferred-citation"]["doi"] == "10.1016/j.mechmachtheory.2009.11.007"
+    assert citation["preferred-citation"]["doi"] in README.read_text()

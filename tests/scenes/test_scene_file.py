@@ -1,17 +1,22 @@
-"""Scene files: what they say, and one line with file, line and key for each way of being wrong."""
+"""Scene files: what they say, and one line with file, line and key for each way of being wrong; controllers."""
 
 # ruff: noqa: E501
 
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import hybridyn
 from hybridyn.description.side_cars.toml_file import line_of
-from hybridyn.errors import HybridynError, ModelError
+from hybridyn.errors import HybridynError, ModelError, TrajectoryError
+from hybridyn.scenes import controllers
+from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points, from_table
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
 from tests import ROOT
+from tests.command_line import table_text
 from tests.comparing import refused
 from tests.files import save
 
@@ -132,3 +137,156 @@ def test_lines_of_arrays_of_tables() -> None:
     places = {("a", "b", 0, "x"): 2, ("a", "b", 1, "x"): 4, ("a", "b", 1, "c", "y"): 6, ("d", "z", 0): 8}
     assert {keys: line_of(text, keys) for keys in places} == places
     assert line_of(text, ("e",)) is None
+
+
+ROUNDING = 1e-12  # the same sums in another order
+SOLVED = 1e-9  # two solutions of the loops and of the inertia, relative
+DECAY = 1e-5  # tolerance of the integration, and a reference whose third derivative jumps
+ENDLESS = """<robot name="wheel"><link name="base"/><link name="wheel"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hub" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/>
+</joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def robot() -> hybridyn.HybridRobot:
+    return hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro")
+
+
+@pytest.fixture(scope="module")
+def state(robot) -> tuple[np.ndarray, np.ndarray]:
+    q, v, _ = hybridyn.assemble(robot, motors={"m1_left_drive": (0.2, 0.7), "m1_right_drive": (-0.1, -0.4)})
+    return q, v
+
+
+@pytest.fixture(scope="module")
+def reference(robot) -> Reference:
+    return from_points(robot, [Point(0.0, {}, {}), Point(0.5, {"m1_left_drive": 0.3}, {})], robot.home)
+
+
+def test_from_rest_to_rest(robot, reference) -> None:
+    """s^3 (10 - 15 s + 6 s^2), its derivatives, and standing still afterwards."""
+    for t in (0.0, 0.1, 0.25, 0.4, 0.5):
+        s = t / 0.5
+        x, v, a = (part[0] for part in reference.at(t))
+        assert x == pytest.approx(0.3 * s**3 * (10 - 15 * s + 6 * s**2), abs=ROUNDING)
+        assert v == pytest.approx(0.3 * 30 * s**2 * (1 - s) ** 2 / 0.5, abs=ROUNDING)
+        assert a == pytest.approx(0.3 * 60 * s * (1 - s) * (1 - 2 * s) / 0.25, abs=10 * ROUNDING)
+    assert np.array_equal(reference.at(7.0)[0], reference.x[0, -1])
+    assert not np.any(reference.at(7.0)[1:])
+    assert not np.any(np.array([reference.at(t) for t in (0.1, 0.3)])[:, :, 1])  # the other motor stays
+
+
+def test_a_first_point_that_is_later_starts_where_the_robot_is(robot, state) -> None:
+    found = from_points(robot, [Point(1.0, {"m1_left_drive": 0.3}, {})], state[0])
+    assert found.at(0.0)[0] == pytest.approx([0.2, -0.1], abs=ROUNDING)
+    assert found.at(1.0)[0] == pytest.approx([0.3, -0.1], abs=ROUNDING)
+
+
+def test_points_by_platforms_reach_the_platform(robot) -> None:
+    home = hybridyn.kinematics(robot, robot.home, np.zeros(4), np.zeros(4))["m1_tool"].pose
+    goal = {"x": float(home[0]) + 0.05, "z": float(home[2]) - 0.03}
+    x = from_points(robot, [Point(0.4, {}, {"m1_tool": (goal,)})], robot.home).at(0.4)[0]
+    q, v, a = hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)))
+    pose = hybridyn.kinematics(robot, q, v, a)["m1_tool"].pose
+    assert [pose[0], pose[2]] == pytest.approx([goal["x"], goal["z"]], abs=SOLVED)
+
+
+def test_a_table_is_met_in_its_rows_and_ends_with_them(robot) -> None:
+    reference = from_table(robot, str(ROOT / "models/five_bar/traj.csv"))
+    for row in (0, 1, 500, 1000):
+        for level, found in enumerate(reference.at(float(reference.time[row]))):
+            assert found == pytest.approx(reference.x[level, row], abs=1e-9)
+    t = (reference.time[10] + reference.time[11]) / 2
+    step = 1e-4
+    rate = (reference.at(t + step)[0] - reference.at(t - step)[0]) / (2 * step)
+    assert rate == pytest.approx(reference.at(t)[1], rel=1e-4)
+    refused(lambda: reference.at(float(reference.time[-1]) + 1e-3), TrajectoryError, "is outside")
+
+
+def test_endless_motors_take_the_short_way_round(tmp_path: Path) -> None:
+    path = save(tmp_path, ENDLESS, "wheel.urdf")
+    wheel = hybridyn.load(path, motors=["hub"])
+    q = np.array([np.cos(3.0), np.sin(3.0)])
+    axes = MotorAxes.of(wheel)
+    assert axes.positions(q) == pytest.approx([3.0])
+    assert axes.error(np.array([-3.0]), q) == pytest.approx([2 * np.pi - 6.0])
+    x = from_points(wheel, [Point(1.0, {"hub": -3.0}, {})], q).at(1.0)[0]
+    assert x == pytest.approx([2 * np.pi - 3.0])
+    law = controllers.Pd(
+        wheel, Reference(np.zeros(1), np.full((3, 1, 1), -3.0) * [[[1]], [[0]], [[0]]], True, q), 2.0, 0.0
+    )
+    assert law(0.0, q, np.zeros(1)) == pytest.approx([2 * (2 * np.pi - 6.0)])
+
+
+def test_pd(robot, state, reference) -> None:
+    law = controllers.Pd(robot, reference, {"m1_left_drive": 5.0, "m1_right_drive": 7.0}, 0.3)
+    x, x_dot, _ = reference.at(0.2)
+    expected = np.array([5.0, 7.0]) * (x - [0.2, -0.1]) + 0.3 * (x_dot - [0.7, -0.4])
+    assert law(0.2, *state) == pytest.approx(expected, abs=ROUNDING)
+
+
+def test_computed_torque_is_the_inverse_model_of_the_wanted_accelerations(robot, state, reference) -> None:
+    law = controllers.ComputedTorque(robot, reference, 100.0, 20.0, "model")
+    x, x_dot, x_ddot = reference.at(0.2)
+    wanted = x_ddot + 20.0 * (x_dot - [0.7, -0.4]) + 100.0 * (x - [0.2, -0.1])
+    a = hybridyn.ddm(robot, *state, law(0.2, *state), effects="model")
+    motors = [robot.joints.index(name) for name in robot.motors]
+    assert a[motors] == pytest.approx(wanted, rel=SOLVED)
+
+
+def test_computed_torque_leaves_an_error_to_its_own_decay(robot, reference) -> None:
+    """Second order, critically damped, from rest: e = e_0 (1 + w t) exp(-w t)."""
+    w, start = 12.0, 0.1
+    q, v, _ = hybridyn.assemble(robot, motors={"m1_left_drive": start, "m1_right_drive": 0.0})
+    law = controllers.ComputedTorque(robot, reference, w * w, 2 * w)
+    times = np.linspace(0.0, 0.1, 4)
+    run = hybridyn.simulate(robot, q, v, times, effort=law, rtol=1e-7)
+    at = robot.joints.index("m1_left_drive")
+    error = run.q[:, at] - [reference.at(t)[0][0] for t in times]
+    assert error == pytest.approx(start * (1 + w * times) * np.exp(-w * times), abs=DECAY * start)
+
+
+def test_efforts_over_time(robot, state) -> None:
+    law = controllers.EffortTable(np.array([0.0, 1.0]), np.array([[0.0, 4.0], [2.0, 0.0]]))
+    assert law(0.25, *state) == pytest.approx([0.5, 3.0])
+    refused(lambda: law(1.5, *state), TrajectoryError, "outside")
+    assert list(controllers.constant(robot, {"m1_right_drive": 3.0})) == [0.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("kp", "words"),
+    [({"m1_left_driv": 1.0}, "did you mean"), ({"m1_left_drive": 1.0}, "no number"), (-1.0, "not negative")],
+)
+def test_gains_that_cannot_be(robot, reference, kp, words) -> None:
+    refused(lambda: controllers.Pd(robot, reference, kp, 1.0), ModelError, words)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("x = 1\n", "AttributeError"), ("def controller(robot):\n    return 3\n", "must return a function"),
+     ("def controller(robot):\n    raise ValueError('no')\n", "ValueError: no"), ("1 +\n", "SyntaxError")],
+)  # fmt: skip
+def test_python_that_is_none(robot, tmp_path: Path, text: str, words: str) -> None:
+    path = save(tmp_path, text, "law.py")
+    refused(lambda: controllers.from_file(robot, str(path), "controller"), ModelError, words)
+    refused(
+        lambda: controllers.from_file(robot, str(tmp_path / "none.py"), "controller"),
+        ModelError,
+        "no such Python file",
+    )
+
+
+def test_a_table_of_platforms_gives_the_motors_their_motion(robot, tmp_path: Path) -> None:
+    t = np.linspace(0.0, 1.0, 21)
+    home = hybridyn.kinematics(robot, robot.home, np.zeros(4), np.zeros(4))["m1_tool"].pose
+    header = [f"m1_tool/{rate}/{axis}" for axis in "xz" for rate in ("pose", "velocity", "acceleration")]
+    rows = [t, home[0] + 0.02 * np.sin(t), 0.02 * np.cos(t), -0.02 * np.sin(t)]
+    rows += [home[2] + 0 * t, 0 * t, 0 * t]
+    path = save(tmp_path, table_text(["time", *header], np.column_stack(rows)), "tool.csv")
+    reference = from_table(robot, str(path))
+    x, x_dot, _ = reference.at(0.525)
+    given = {name: (x[i], x_dot[i]) for i, name in enumerate(robot.motors)}
+    q, v, a = hybridyn.assemble(robot, motors=given)
+    pose = hybridyn.kinematics(robot, q, v, a)["m1_tool"].pose
+    assert pose[0] == pytest.approx(home[0] + 0.02 * np.sin(0.525), abs=1e-9)  # quintic between rows

@@ -1,4 +1,4 @@
-"""HybridRobot: the coordinates and the model of `pin.buildModelFromXML`, its bases, and what it refuses."""
+"""HybridRobot: coordinates and model of `pin.buildModelFromXML`, bases, refusals; drawn mechanisms."""
 
 from pathlib import Path
 
@@ -12,11 +12,12 @@ from hybridyn.description.records import Description, Joint, Link
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
 from tests.extras import robots_of_others, skip
-from tests.mechanisms import KINDS, home_posture, random_mechanism
+from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
 from tests.oracle.test_oracle import SHUFFLED
 from tests.samples import in_turn, some
 from tests.shipped import ROBOTS, shipped
+from tests.sketch import CLOSURES, ROW_COUNT
 
 SHOWN = {"home", "joints", "motor_q", "motor_v", "motors", "nq", "nv", "with_parameters"}
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
@@ -210,3 +211,38 @@ def test_dir_lists_what_a_user_may_touch() -> None:
     robot = build_robot(shipped("five_bar"))
     assert {*dir(robot)} >= SHOWN
     assert all(hasattr(robot, name) and not name.startswith("_") for name in dir(robot))
+
+
+@pytest.mark.parametrize("kind", some(KINDS))
+def test_recipes_are_what_they_say(kind: str) -> None:
+    """Joints that share closure rows form the modules; mobility is what the rows leave to each."""
+    recipe, description = KINDS[kind], random_mechanism(2, kind=kind)
+    oracle = Oracle(description)
+    q, _, _ = random_states(description, "fixed", 2, 1)
+    K = oracle.rows(q[0])
+    groups = [{i} for i in range(oracle.nv)]
+    for row in K:
+        met = {int(i) for i in np.flatnonzero(np.abs(row) > 1e-9)}
+        met |= set().union(*(g for g in groups if g & met))
+        groups = [g for g in groups if not g & met] + [met]
+    looped = [sorted(g) for g in groups if np.abs(K[:, sorted(g)]).max(initial=0.0) > 1e-9]
+    left = [len(g) - np.linalg.matrix_rank(K[:, g], tol=1e-9) for g in looped]
+    assert sorted(left) == sorted(recipe.loops)
+    assert oracle.nv - sum(map(len, looped)) == recipe.serial
+    rank = np.linalg.matrix_rank(oracle.motor_map(oracle.posture(q[0])), tol=1e-9)
+    assert (rank < recipe.mobility) == (recipe.motors == "few")
+    assert (len(oracle.motors) > rank) == (recipe.motors == "redundant")
+    assert (oracle.massless(q[0]).shape[1] > 0) == recipe.massless
+
+
+def test_draws_are_repeatable_and_differ_by_seed() -> None:
+    first, same, other = (random_mechanism.__wrapped__(seed, kind="gough") for seed in (0, 0, 1))
+    assert [link.name for link in first.links] == [link.name for link in same.links]
+    assert all((a.placement == b.placement).all() for a, b in zip(first.joints, same.joints, strict=True))
+    assert [link.name for link in first.links] != [link.name for link in other.links]
+
+
+def test_every_kind_of_closure_is_drawn() -> None:
+    drawn_kinds = {closure.kind for kind in KINDS for closure in random_mechanism(0, kind=kind).closures}
+    assert drawn_kinds == set(CLOSURES)
+    assert all(count > 0 for count in ROW_COUNT.values())

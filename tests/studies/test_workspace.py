@@ -1,4 +1,4 @@
-"""Workspaces: a five-bar against its annuli, a slide against its limits, efforts against virtual work."""
+"""Workspaces: a five-bar against its annuli, a slide against its limits, efforts; grids of joints."""
 
 from pathlib import Path
 
@@ -8,12 +8,14 @@ from scipy.ndimage import label
 
 import hybridyn
 from hybridyn.spatial import Array
+from hybridyn.studies.map_table import postures_on_grid
 from hybridyn.studies.workspace.steps import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.command_line import call, read_table, without_remarks
-from tests.comparing import refused
+from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.files import save
+from tests.quantities.ankle import JOINTS, ankle, closed_form, leg
 from tests.samples import slow
 
 UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
@@ -235,3 +237,31 @@ def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert all("[" in label for label in labels if "effort" in label or "conditioning" in label)
     assert ("[(N m)/(N)]" in " ".join(labels)) == (name == "delta")
+
+
+def test_a_grid_keeps_to_the_branch_of_home(tmp_path: Path) -> None:
+    robot = leg(tmp_path)
+    values = {"pitch": np.array([-0.3, 0.1, 0.4]), "roll": np.array([-0.1])}
+    found = list(postures_on_grid(robot, values))
+    assert [tuple(at) for at, _ in found] == [(p, r) for p in values["pitch"] for r in values["roll"]]
+    for at, q in found:
+        assert q is not None
+        there = hybridyn.joint_map(robot, q, JOINTS)
+        close_to(there.joint_positions, at, SOLVED)
+        assert np.abs(closed_form(*at, there.motor_positions)[0]).max() < ROUNDING
+
+
+def test_points_behind_a_gap_are_reached_around_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The points inside a hook are reached by a way that leads back towards home."""
+    robot = ankle(tmp_path)
+    wall = {(1, -2), (1, -1), (1, 0), (1, 1), (1, 2), (2, 2), (3, 2), (3, 1)}
+
+    def posture(_: hybridyn.HybridRobot, at: dict[str, float], near: np.ndarray | None = None) -> np.ndarray:
+        if (round(at["pitch"]), round(at["roll"])) in wall:
+            raise hybridyn.AssemblyError("out of reach")
+        return robot.home
+
+    monkeypatch.setattr("hybridyn.studies.map_table.posture_at", posture)
+    values = {"pitch": np.arange(-4.0, 5.0), "roll": np.arange(-4.0, 5.0)}
+    missed = {tuple(map(round, at)) for at, q in postures_on_grid(robot, values) if q is None}
+    assert missed == wall
