@@ -6,6 +6,7 @@ a position of a revolute joint turns the second frame about an axis in the first
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
@@ -50,7 +51,7 @@ class UsdJoint(StatedJoint):
         """Whether it has limits of its position."""
         return bool(np.isfinite([*self.limits.values()]).any())
 
-    @property
+    @functools.cached_property
     def heavy(self) -> bool:
         """Whether it has armature or friction."""
         numbers = [numbers_of(self.prim, axis) for axis in self.chain]

@@ -170,6 +170,7 @@ def screen(stage: Stage) -> dict[str, list[str]]:
     Raises:
         ModelError: A prim has a type, a schema or an attribute that changes the motion and is not read.
     """
+    told = NEUTRAL | IGNORED
     noted: dict[str, list[str]] = {}
     for prim in stage.prims.values():
         if reason := _left_out(prim):
@@ -178,7 +179,7 @@ def screen(stage: Stage) -> dict[str, list[str]]:
         _refuse_unknown(prim)
         for name in prim.attributes:
             general = _AXIS.sub(r"\1:{}:", name)
-            neutral, text = (NEUTRAL | IGNORED).get(general, ((), ""))
+            neutral, text = told.get(general, ((), ""))
             value = prim.value(name) if text else None
             parts = value if isinstance(value, list) else [value]
             if value is None or any(all(part == one for part in parts) for one in neutral):

@@ -27,6 +27,10 @@ UNBOUNDED = 0.5e38
 #: C++ types of single precision.
 SINGLE = ("float", "GfVec2f", "GfVec3f", "GfVec4f", "GfQuatf", "GfHalf", "GfVec3h", "GfQuath")
 
+#: Types of values that are plain, and those of quaternions.
+PLAIN = (bool, int, float, str, type(None))
+QUATERNIONS = (Gf.Quatf, Gf.Quatd, Gf.Quath)
+
 
 class Prim:
     """A prim.
@@ -88,9 +92,9 @@ class Prim:
         if _is_animated(attribute):
             raise self.error(f"'{name}' is animated (time samples); give it one default value")
         value = attribute.Get()
-        if isinstance(value, Gf.Quatf | Gf.Quatd | Gf.Quath):
+        if isinstance(value, QUATERNIONS):
             value = [value.GetReal(), *value.GetImaginary()]
-        elif not isinstance(value, bool | int | float | str | None):
+        elif not isinstance(value, PLAIN):
             if not hasattr(value, "__getitem__"):
                 raise self.error(f"'{name}' is neither a number, a text nor a list of them")
             value = [*value]
