@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.compiled.agreement import check_agreement
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.quantities import following
 from hybridyn.dynamics.quantities.independent import independent_coordinates
@@ -235,6 +236,24 @@ def test_joint_maps_from_positions_by_name(tmp_path: Path) -> None:
     found = pickle.loads(pickle.dumps(compiled.joint_map(given, JOINTS)))
     close_to((found.q, found.curvature), (wanted.q, wanted.curvature), SOLVED)
     assert compiled.recomputed == 0
+
+
+@pytest.mark.slow
+def test_forces_of_a_floating_robot_come_from_models_under_a_wrench_on_its_base() -> None:
+    compiled = hybridyn.compile(hybridyn.load("five_bar", base="floating"))
+    robot, (q, v, _) = compiled.robot, moving_states(compiled.robot, 2, 1)
+    link = list(robot.bodies.place)[-1]
+    close_to(compiled.bias(q, v), hybridyn.bias(robot, q, v), SOLVED)
+    close_to(compiled.delassus(q, link), hybridyn.delassus(robot, q, link), SOLVED)
+    assert compiled.recomputed == 0
+
+
+@pytest.mark.parametrize("off", [2.0, np.nan, [0.0, np.nan]])
+def test_a_difference_above_its_limit_or_nan_is_refused(off: Any) -> None:
+    robot = hybridyn.load("five_bar")
+    check_agreement(robot, "map", [0.0, 1.0], 1.0)
+    words = "the compiled map of the robot 'five_bar' differs from the general path by"
+    refused(lambda: check_agreement(robot, "map", off, 1.0), hybridyn.CompileError, words)
 
 
 def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
