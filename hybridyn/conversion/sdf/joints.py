@@ -112,8 +112,13 @@ def add_joint(
     if single and joint.gear_ratio != 1:
         ET.SubElement(element, "drake:gear_ratio").text = numerals([joint.gear_ratio])
     axis = add(element, "axis", {"xyz": joint.axis})
-    if not single:
-        return element
+    if single:
+        _add_numbers(axis, joint, spring)
+    return element
+
+
+def _add_numbers(axis: ET.Element, joint: Joint, spring: tuple[float, float]) -> None:
+    """Add the finite limits, the friction and the spring of a joint with one freedom."""
     words = ("effort", "velocity") if joint.kind == "continuous" else ("lower", "upper", "effort", "velocity")
     limits = {word: getattr(joint, word) for word in words if np.isfinite(getattr(joint, word))}
     if limits:
@@ -122,7 +127,6 @@ def add_joint(
     if joint.damping or joint.friction or stiffness:
         forces = joint.damping, joint.friction, rest, stiffness
         add(axis, "dynamics", dict(zip(NUMBERS["dynamics"], forces, strict=True)))
-    return element
 
 
 def _add_slides(root: ET.Element, link: str, frame: Array, slides: Slides, poses: Poses) -> str:
