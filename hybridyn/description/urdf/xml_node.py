@@ -220,7 +220,8 @@ class Node:
 
     def children(self, *tags: str) -> list[Node]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        return [*self._chosen(self.xml.iterchildren(*_patterns(tags)), tags)]
+        found = self.xml.iterchildren(*_patterns(tags)) if len(self.xml) else ()
+        return [*self._chosen(found, tags)]
 
     def descendants(self, *tags: str) -> Iterator[Node]:
         """Return the elements below this one in file order: all of them, or those with one of the tags."""
