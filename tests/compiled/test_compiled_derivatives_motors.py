@@ -1,5 +1,6 @@
 """Derivatives over the motors: against those over all joints along the loops, and against differences."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -103,6 +104,19 @@ def test_columns_against_differences_along_each_motor(name: str, interpreted: No
     rates = hybridyn.ddm_jacobian(robot, q, v, tau, coordinates="motors")
     for known, of in (("q", -found["q"]), ("v", -found["v"]), ("tau", np.eye(n))):
         close_to(found["a"] @ rates[known], of, ROUNDING)
+
+
+def test_motors_of_a_serial_arm_are_its_joints(interpreted: None) -> None:
+    """Whatever the order of the motors: both derivatives are the same, and each other's inverse."""
+    arm = random_mechanism(1, kind="serial")
+    robot = build_robot(replace(arm, motors=arm.motors[::-1]))
+    q, v, a, tau = (x[0] for x in random_states(robot, 1))
+    joints = hybridyn.idm_jacobian(robot, q, v, a)
+    motors = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
+    for x, block in motors.items():
+        close_to(block, joints[x][:, robot.motor_v], ROUNDING)
+    rates = hybridyn.ddm_jacobian(robot, q, v, tau, coordinates="motors")
+    close_to(motors["a"] @ rates["tau"], np.eye(len(robot.motors)), ROUNDING)
 
 
 def test_brackets_are_commutators_of_matrices() -> None:

@@ -11,7 +11,7 @@ from ..direct import write_direct_sweeps
 from ..inverse import inverse_inputs, write_balance, write_inverse_sweeps
 from ..writer import Writer
 from .columns import collect, coordinates_of, parameters_of
-from .groups import groups_of
+from .groups import JOINED, groups_of
 from .memory import compacted
 from .motion import Motions
 from .nodes import Joiner
@@ -19,16 +19,20 @@ from .results import Results, relations_of
 from .sweeps import DENSE, Graph, Sweep
 
 
-def inverse_derivatives(request: Request) -> Program:
+def inverse_derivatives(request: Request, *, order: Index | None = None) -> Program:
     """Build the program of tau and its derivatives "d_q", "d_v", "d_a", row by row.
 
     With parameters as inputs, "d_parameters" is added.
+
+    Args:
+        request: The robot and its effects.
+        order: The motor of each freedom, where each has one and the motors are the coordinates.
     """
     robot, motors = request.robot, len(request.robot.motors)
     inputs = inverse_inputs(request)
     widths = {name: robot.nv if name == "q" else size for name, size in inputs}
     outputs = [("tau", motors)] + [(f"d_{name}", motors * width) for name, width in widths.items()]
-    w = Writer("idm_jacobian", inputs, outputs)
+    w = Writer("idm_jacobian" if order is None else "idm_motor_jacobian", inputs, outputs)
     write_inverse_sweeps(request, w)
     if not motors:
         return compacted(w.program())
@@ -44,9 +48,10 @@ def inverse_derivatives(request: Request) -> Program:
         return w.result(f"d_{name}", rows + columns)
 
     for at in coordinates_of(robot):
-        collect(adjoints, "q", at.q, block("q", at.v), at)
+        columns = at.v if order is None else order[at.v]
+        collect(adjoints, "q", at.q, block("q", columns), at)
         for name in ("v", "a"):
-            collect(adjoints, name, at.v, block(name, at.v))
+            collect(adjoints, name, at.v, block(name, columns))
     for index in parameters_of(request):
         collect(adjoints, "parameters", index, block("parameters", index))
     return compacted(w.program())
@@ -55,6 +60,8 @@ def inverse_derivatives(request: Request) -> Program:
 def motor_inverse_derivatives(request: Request) -> Program:
     """Build the program of tau and of "d_q", "d_v", "d_a": its derivatives over the motors' motion."""
     motors = len(request.robot.motors)
+    if motors == request.robot.nv <= JOINED:
+        return inverse_derivatives(request, order=np.argsort(request.robot.motor_v))
     outputs = [("tau", motors)] + [(f"d_{name}", motors * motors) for name in ("q", "v", "a")]
     w = Writer("idm_motor_jacobian", inverse_inputs(request), outputs, computed=("tau",))
     write_inverse_sweeps(request, w)
