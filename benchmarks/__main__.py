@@ -9,11 +9,10 @@ import time
 from pathlib import Path
 
 from benchmarks.cases import ROOT
-from benchmarks.hard import run_hard, write_page
+from benchmarks.hard import run_hard, run_slow, write_page
 from benchmarks.plan import CACHE, Cache, Task, fingerprint, full, measured, short
 from benchmarks.report import write_report
 from benchmarks.results import SECTIONS, Row, read_machines, write_machines, write_rows
-from benchmarks.slow import run_slow
 from benchmarks.timing import one_thread
 
 COMMITTED = ROOT / "benchmarks"
@@ -38,20 +37,14 @@ def main() -> int:
         shutil.rmtree(SCRATCH / "results", ignore_errors=True)
     wanted = set(options.only or SECTIONS)
     tasks = [task for task in tasks if task.section in wanted]
-    if options.case:
-        tasks = [task for task in tasks if task.name in options.case]
     cache = None if options.short else Cache(CACHE, fingerprint())
     if cache is not None and options.fresh:
         cache.forget(tasks)
     one_thread()
     started = time.perf_counter()
     collected, failed = collect(tasks, cache)
-    if options.case:
-        kept = "" if cache is None else "kept for the next run of their section, "
-        print(f"only some cases: {kept}no files written")
-    else:
-        store(folder / "results", collected)
-        print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")
+    store(folder / "results", collected)
+    print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")
     for line in failed:
         print(line, file=sys.stderr)
     return 1 if failed else 0
@@ -100,7 +93,6 @@ def _options() -> argparse.Namespace:
     group.add_argument("--hard", action="store_true", help="the hard cases, into benchmarks/hard.md")
     group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
     parser.add_argument("--only", nargs="+", choices=list(SECTIONS), help="these sections")
-    parser.add_argument("--case", nargs="+", help="these jobs of them, into the cache alone")
     parser.add_argument("--fresh", action="store_true", help="measure everything again")
     return parser.parse_args()
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import hybridyn
 from benchmarks.cases import case_of
-from benchmarks.fronts import GOOD
-from benchmarks.gate import refuse
-from benchmarks.methods import Method, Model, NotMeasuredError, Setting, Solver, written
+from benchmarks.methods import MODELS, Method, Model, NotMeasuredError, Setting, Solver, written
 from benchmarks.peers import methods_of
-from benchmarks.reference import Reference, floor, refer
-from benchmarks.results import CHECK, Row
-from benchmarks.timing import LEAST, Candidate, interleaved, measured
+from benchmarks.peers.ours import COMPILED, compiled
+from benchmarks.reference import Reference, floor, refer, refuse
+from benchmarks.results import CHECK, GOOD, NAN, Row
+from benchmarks.timing import LEAST, Candidate, interleaved, measured, timed
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
@@ -24,7 +24,18 @@ from hybridyn.spatial import Array
 MOST_CLOSED = 100
 #: Peers that are called in a loop where batches are compared.
 LOOPED = ("pin.constraintDynamics", "pin.lcaba", "pin.rnea, loops open")
-SWEEP_ROUNDS = 3
+SWEEP_ROUNDS, ROUNDS = 3, 7
+#: One setting for each peer that is swept, where only one is measured: what reaches 1e-10 up to 16 modules,
+#: or comes nearest.
+SETTINGS: dict[str, Setting] = {
+    "pin.constraintDynamics": {"mu": 1e-8, "iterations": 2},
+    "pin.lcaba": {"mu": 1e-2, "iterations": 10},
+    "MuJoCo": {"impedance": 0.9999, "iterations": 5},
+}
+#: Whose cold calls are measured; with accelerations given, Pinocchio has the projection alone.
+COLD = (COMPILED, "pin.lcaba", "pin.constraintDynamics", "pin.rnea + projection, dense")
+#: Robots, number of cold calls, and bytes that are touched between two.
+COLD_ROBOTS, COLD_CALLS, TOUCHED = ("lx4", "five_bar"), 300, 40_000_000
 
 States = tuple[Array, Array, Array]
 
@@ -47,7 +58,7 @@ class Effort:
     judged: int = 4
     batches: tuple[int, ...] = (1, 1_000)
     threads: tuple[int, ...] = (1,)
-    rounds: int = 7
+    rounds: int = ROUNDS
     sweep: int = 1
     looped: bool = False
     least: float = LEAST
@@ -155,7 +166,7 @@ def candidates_of(method: Method, problem: Problem, effort: Effort) -> Iterator[
                 elif batch == 1:
                     yield Candidate(row, len(singles), one_by_one(solve, singles))
                 else:
-                    yield Candidate(row._replace(batch=batch, error=many), batch, together(solve, some))
+                    yield Candidate(row._replace(batch=batch, error=many), batch, partial(solve, *some))
 
 
 def one_by_one(solve: Solver, states: Sequence[States]) -> Callable[[], object]:
@@ -166,11 +177,6 @@ def one_by_one(solve: Solver, states: Sequence[States]) -> Callable[[], object]:
             solve(q, v, given)
 
     return call
-
-
-def together(solve: Solver, states: States) -> Callable[[], object]:
-    """Call a solver with all states at once."""
-    return lambda: solve(*states)
 
 
 def looped(solve: Solver, states: States) -> Callable[[], object]:
@@ -189,3 +195,35 @@ def cheapest(at: Callable[[Setting], Solver], settings: Sequence[Setting], probl
         return settings[int(np.argmin(errors))]
     times = interleaved([one_by_one(solvers[i], singles) for i in good], SWEEP_ROUNDS)
     return settings[min(zip(times, good, strict=True))[1]]
+
+
+def cold(case: str, calls: int = COLD_CALLS) -> list[Row]:
+    """Measure single calls of both models after other memory was touched, beside such calls in a row.
+
+    Before each call every line of a block of memory is read and written that is larger than the caches; so
+    code and data of the call come from memory.
+
+    Args:
+        case: The robot.
+        calls: Number of cold calls, of which the median is given.
+    """
+    block: Any = np.zeros(TOUCHED, dtype=np.uint8)
+    out, size = [], compiled(case_of(case).load()).__reduce__()[1][2].path.stat().st_size
+    effort = Effort(judged=1, batches=(1,))
+    for model in MODELS:
+        problem = posed(case, model, effort)
+        for method in (one for one in methods_of(model) if one.name in COLD):
+            method = replace(method, settings=(SETTINGS.get(method.name, {}),))
+            try:
+                (hot,) = candidates_of(method, problem, effort)
+            except NotMeasuredError as why:
+                out.append(Row(case, model, method.name, note=str(why)))
+                continue
+            times = []
+            for _ in range(calls):
+                block[::64] += 1
+                times.append(timed(hot.call, 1))
+            (row,) = measured([hot], ROUNDS)
+            row = row._replace(median=1e6 * float(np.median(times)), unit="bytes of code")
+            out.append(row._replace(value=size if method.name == COMPILED else NAN))
+    return out

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -22,11 +23,11 @@ from unittest.mock import patch
 
 import numpy as np
 
+from benchmarks.accuracy import SETTINGS as OTHERS
 from benchmarks.cases import ROOT, case_of
 from benchmarks.methods import Method, Model, NotMeasuredError, written
 from benchmarks.peers import methods_of, ours, rk4
 from benchmarks.results import Row
-from benchmarks.scaling import SETTINGS as OTHERS
 from benchmarks.timing import ONE_THREAD
 from hybridyn.compiled.library import compilers
 from hybridyn.description.cache_folder import folder as cache_folder
@@ -43,7 +44,7 @@ LEFT_OUT = (ours.SINGLE, ours.ORACLE, "pin.aba", "pin.rnea")
 #: One setting for each peer that is swept: the fastest that is good to 1e-10.
 SETTINGS = {
     **OTHERS,
-    **{f"pin.{name}": {"mu": own.mu, "iterations": own.iterations} for name, own in rk4.SOLVERS.items()},
+    **{f"pin.{name}": {"mu": mu, "iterations": count} for name, (mu, count) in rk4.SOLVERS.items()},
 }
 
 SWITCH = """\
@@ -127,7 +128,7 @@ def _process(tool: list[str], words: list[str]) -> None:
         NotMeasuredError: It failed, or took too long.
     """
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0"}
-    if wide():
+    if "avx512f" in compilers.features():  # vectors that valgrind does not know
         environment["CC"] = shlex.join([*compilers.find_compiler().command, "-mno-avx512f"])
     command = [*tool, sys.executable, "-m", "benchmarks.callgrind", *words]
     try:
@@ -142,31 +143,19 @@ def _process(tool: list[str], words: list[str]) -> None:
         raise NotMeasuredError(why)
 
 
-def wide() -> bool:
-    """Tell whether this machine has vectors that valgrind does not know."""
-    return "avx512f" in compilers.features()
-
-
 def by_library(text: str) -> dict[str, float]:
     """Sum the self cost in a callgrind file by object."""
     names: dict[str, str] = {}
     costs: dict[str, float] = {}
     here, called = "", False
     for line in text.splitlines():
-        if line.startswith("ob="):
-            number, _, name = line[3:].partition(" ")
-            here = names.setdefault(number, name) if name else names.get(number, number)
-        elif line.startswith("cob="):
-            number, _, name = line[4:].partition(" ")
-            if name:
-                names.setdefault(number, name)
-        elif line.startswith("calls="):
-            called = True  # the next line holds what the callee cost
-        elif line[:1].isdigit() or line[:1] in "+-*":
-            if not called and len(words := line.split()) == 2:
-                costs[here] = costs.get(here, 0.0) + float(words[1])
-            called = False
-    return costs
+        if found := re.match(r"(c?)ob=(\S+) ?(.*)", line):
+            name = names.setdefault(found[2], found[3] or found[2])
+            here = here if found[1] else name
+        elif found := re.match(r"[\d+*-]\S* (\d+)$", line):
+            costs[here] = costs.get(here, 0.0) + (0.0 if called else float(found[1]))
+        called = line.startswith("calls=")  # the next line holds what the callee cost
+    return {name: cost for name, cost in costs.items() if cost}
 
 
 def main(case: str, model: Model, name: str, batch: str, folder: str) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,41 +39,27 @@ SNAKE_SLIDE = 0.005
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(NamedTuple):
     """A robot with a motion.
 
     Attributes:
-        name: Its name in tables.
-        family: "shipped", "stack", "snake" or "serial".
-        modules: Number of modules.
         load: Gives the robot.
         states: Gives so many states of its motion, q, v, a.
     """
 
-    name: str
-    family: str
-    modules: int
     load: Callable[[], hybridyn.HybridRobot]
     states: Callable[[hybridyn.HybridRobot, int], States]
 
 
 def case_of(name: str) -> Case:
-    """Return a case by name: a shipped robot, "stack 16", "snake 8" or "ur5"."""
+    """Return a case by name: a shipped robot, "hanging_lx4", "stack 16", "snake 8" or "ur5"."""
     family, _, number = name.partition(" ")
-    modules = int(number or 0)
-    if name == "lx4":
-        return Case(name, "shipped", 4, partial(stack, 4), stack_states)
-    if name == "hanging_lx4":
-        return Case(name, "shipped", 4, partial(stack, 4, gravity=UPWARD), stack_states)
-    if family == "stack":
-        return Case(name, family, modules, partial(stack, modules), stack_states)
-    if family == "snake" and modules:
-        return Case(name, family, modules, partial(snake, modules), partial(swinging, slide=SNAKE_SLIDE))
-    if name == "ur5":
-        return Case(name, "serial", 6, ur5, swinging)
-    slide = SNAKE_SLIDE if name == "snake" else SWING["prismatic"]
-    return Case(name, "shipped", 0, partial(shipped, name), partial(swinging, slide=slide))
+    stacks = {"lx4": partial(stack, 4), "hanging_lx4": partial(stack, 4, gravity=UPWARD)}
+    if family == "stack" or name in stacks:
+        return Case(stacks.get(name) or partial(stack, int(number)), stack_states)
+    slide = SNAKE_SLIDE if family == "snake" else SWING["prismatic"]
+    load = partial(snake, int(number)) if number else ur5 if name == "ur5" else partial(shipped, name)
+    return Case(load, partial(swinging, slide=slide))
 
 
 def shipped(name: str) -> hybridyn.HybridRobot:

@@ -1,10 +1,9 @@
 """Loops closed in C: one control step, and rows of a table, beside the inverse model of the same robot.
 
 A step closes the loops from the motors' positions, rates and accelerations and the posture before, and
-computes the efforts, in two calls from Python or in one. "Closed in C alone" is the same without Python: rows
-of the motors' motion, one call for all. A step "in C" is the processor time of the C function that takes it,
-with the 0.1 us of a loop of Python around it. Rows are those of a table of motors and, for robots whose
-platforms have six freedoms, of poses.
+computes the efforts, in two calls from Python or in one. A step "in C" is the processor time of the C
+function that takes it, with the 0.1 us of a loop of Python around it. Rows are those of a table of motors
+and, for robots whose platforms have six freedoms, of poses.
 """
 
 from __future__ import annotations
@@ -15,15 +14,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import hybridyn
-from benchmarks.results import NAN, Row
+from benchmarks.results import Row
 from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
 from hybridyn.compiled.model import CompiledRobot
-from hybridyn.compiled.programs.closing.assembling import Assembler
-from hybridyn.compiled.programs.closing.choosing import module_requests, numbers
-from hybridyn.compiled.programs.closing.given import requests_of_motors
 from hybridyn.compiled.programs.closing.platform_program import platform_motions, posed_modules
-from hybridyn.compiled.programs.closing.starting import place_of
 from hybridyn.spatial import Array
 
 #: Time between two ticks [s], amplitude [rad, m] and number of steps, of which percentiles are given.
@@ -50,9 +45,8 @@ def measure(case: str, compiled: CompiledRobot, count: int = STEPS) -> Iterator[
             us = float(np.percentile(times, share))
             yield row._replace(model=what, setting=f"from Python, {words}", value=us)
     yield row._replace(model="control step", setting="in C", value=step_alone(compiled, motors))
-    yield row._replace(model="close", setting="a row, in C alone", value=alone(compiled, motors))
     for what, call in tables(compiled, motors):
-        least = interleaved([call], ROUNDS)[0].least
+        ((least, _),) = interleaved([call], ROUNDS)
         yield row._replace(model="assemble", setting=what, value=1e6 * least / ROWS)
 
 
@@ -94,29 +88,6 @@ def steps(compiled: CompiledRobot, motors: Motors, count: int) -> dict[str, Arra
         "close, then idm": closing + inverse,
         "control step": step,
     }
-
-
-def alone(compiled: CompiledRobot, motors: Motors) -> float:
-    """Return the least processor time of a row that is closed without Python [us]."""
-    robot = compiled.robot
-    requests = requests_of_motors(robot, motors[0], motors[1:])
-    assembler = Assembler(robot)
-    q, _, _ = assembler.assemble(requests, robot.home)
-    closing, wanted = assembler.closing_of(requests), module_requests(robot, requests)
-    if closing is None or wanted is None:
-        return NAN
-    given = numbers(closing.parts, wanted)
-    out = tuple(np.empty((ROWS, size)) for size in (robot.nq, robot.nv, robot.nv))
-    least = float("inf")
-    for _ in range(ROUNDS):
-        place = place_of(robot, closing.parts, q[0])
-        if place is None:
-            return NAN
-        start = time.process_time()
-        done = closing.rows.follow(place, given, (out[0], out[1], out[2]), False)
-        if done == ROWS:
-            least = min(least, time.process_time() - start)
-    return 1e6 * least / ROWS
 
 
 def step_alone(compiled: CompiledRobot, motors: Motors) -> float:

@@ -18,11 +18,10 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.cases import case_of
-from benchmarks.gate import refuse
 from benchmarks.methods import MODELS, Model, NotMeasuredError, Setting, grid, written
 from benchmarks.operations import total
 from benchmarks.peers.pinocchio_loops import loops
-from benchmarks.reference import LongDouble
+from benchmarks.reference import LongDouble, refuse
 from benchmarks.results import CHECK, Row
 from benchmarks.timing import Candidate, measured
 from hybridyn import HybridRobot

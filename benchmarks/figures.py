@@ -7,12 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchmarks.curves import Curve, Panel, draw
-from benchmarks.fronts import chosen, front, grouped
+from benchmarks.fronts import chosen, front, grouped, jacobians, ratios
 from benchmarks.results import Row
-from benchmarks.standing import jacobians, ratios
 
 Results = dict[str, list[Row]]
 COLOURS = {
@@ -65,22 +64,6 @@ MODELS = {"ddm": "direct model", "idm": "inverse model"}
 DRAWN = ("five_bar", "lx4", "stack 16")
 #: Beyond, an error says that there is no answer.
 NO_ANSWER = 3.0
-
-
-class Figure(NamedTuple):
-    """A figure.
-
-    Attributes:
-        name: Of its file.
-        title: Over the panels.
-        remark: How to read them.
-        panels: Rows of panels.
-    """
-
-    name: str
-    title: str
-    remark: str
-    panels: list[list[Panel]]
 
 
 def colour(method: str) -> str:
@@ -292,24 +275,17 @@ FIGURES = (
 )
 
 
-def figures(results: Results) -> list[Figure]:
-    """Give every figure that the results allow."""
-    found = (
-        Figure(name, title, remark, [[p for p in row if p.curves] for row in make(results)])
-        for name, title, remark, make in FIGURES
-    )
-    kept = (figure._replace(panels=[row for row in figure.panels if row]) for figure in found)
-    return [figure for figure in kept if figure.panels]
-
-
 def write_figures(folder: Path, results: Results, suffix: str = ".svg") -> list[str]:
-    """Write every figure; give the names of what was drawn.
+    """Write every figure that the results allow; give the names of what was drawn.
 
     Raises:
         ImportError: matplotlib is not installed.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    drawn = figures(results)
-    for figure in drawn:
-        draw(figure.title, figure.remark, figure.panels, folder / f"{figure.name}{suffix}")
-    return [figure.name for figure in drawn]
+    drawn = []
+    for name, title, remark, make in FIGURES:
+        rows = [[panel for panel in row if panel.curves] for row in make(results)]
+        if any(rows):
+            draw(title, remark, [row for row in rows if row], folder / f"{name}{suffix}")
+            drawn.append(name)
+    return drawn

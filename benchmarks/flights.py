@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -26,6 +26,8 @@ REFERENCE: dict[str, Any] = {"method": "dopri5", "rtol": 1e-12, "atol": 1e-14}
 
 #: Positions and rates of a run over time, and the number of steps where it is told.
 Flown = tuple[Array, Array, int]
+#: Steps [s] and tolerances that are flown, by method.
+Steps = Mapping[str, tuple[float, ...]]
 
 
 class Run(NamedTuple):
@@ -145,14 +147,15 @@ def fly(
         row = Row(case, method=method, setting=setting)
         try:
             run = prepare()
-            (q, v, steps), seconds = _timed(run, clock)
-            if seconds < AGAIN:
-                seconds = min(seconds, *(_timed(run, clock)[1] for _ in range(TIMES - 1)))
         except NotMeasuredError as why:
             refused.add(method)
             yield row._replace(setting="", note=str(why))
             continue
-        except HybridynError as why:
+        try:
+            (q, v, steps), seconds = _timed(run, clock)
+            if seconds < AGAIN:
+                seconds = min(seconds, *(_timed(run, clock)[1] for _ in range(TIMES - 1)))
+        except (NotMeasuredError, HybridynError) as why:
             yield row._replace(note=f"refused: {str(why).splitlines()[0]}")
             continue
         row = row._replace(seconds=seconds / per, error=judge.error(q[-1], v[-1]), value=steps, unit="steps")
@@ -170,26 +173,47 @@ def _timed(run: Callable[[], Flown], clock: Clock) -> tuple[Flown, float]:
     return flown, clock() - started
 
 
-def mujocos(at: Start, integrator: str, step: float, constant: float, iterations: int = 0) -> Translated:
-    """Prepare a robot in MuJoCo at the start.
+def in_mujoco(
+    at: Start, integrator: str, step: float, constant: float, iterations: int = 0,
+    law: Callable[[Translated], Callable[[int], None]] | None = None,
+) -> Callable[[], Callable[[], Flown]]:  # fmt: skip
+    """Return what prepares a run of MuJoCo.
 
     Args:
-        at: The start; effects are left out where it states none.
+        at: The start; effects are left out where it states none, and its efforts are applied.
         integrator: Name of the integrator.
         step: [s].
         constant: Time constant of the closures [s].
         iterations: Most iterations, 0 for MuJoCo's own choice.
-
-    Raises:
-        NotMeasuredError: It is not installed, or cannot state the robot.
+        law: Prepares a control, and gives what sets it before a step.
     """
-    own = Translated(at.robot, rigid=at.effects is None)
-    own.model.opt.integrator = getattr(own.mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
-    own.model.opt.timestep = step
-    own.model.opt.iterations = iterations or own.model.opt.iterations
-    own.model.eq_solref[:] = (constant, 1.0)
-    own.model.jnt_limited[:] = 0
-    own.stiffen(0.9999)
-    own.mujoco.mj_resetData(own.model, own.data)
-    own.place(at.q, at.v)
-    return own
+
+    def prepare() -> Callable[[], Flown]:
+        own = Translated(at.robot, rigid=at.effects is None)
+        own.model.opt.integrator = getattr(own.mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+        own.model.opt.timestep = step
+        own.model.opt.iterations = iterations or own.model.opt.iterations
+        own.model.eq_solref[:] = (constant, 1.0)
+        own.model.jnt_limited[:] = 0
+        own.stiffen(0.9999)
+        steps = round(at.duration / step)
+        every = 1 if law else max(1, steps // SAMPLES)
+        steer = law(own) if law else None
+
+        def run() -> Flown:
+            own.mujoco.mj_resetData(own.model, own.data)
+            own.place(at.q, at.v)
+            if at.effects is None:
+                own.data.qfrc_applied[own.motors] = at.effort
+            states = [own.state()]
+            for k in range(0, steps, every):
+                if steer:
+                    steer(k)
+                own.mujoco.mj_step(own.model, own.data, nstep=min(every, steps - k))
+                if not steer or k == steps - 1:
+                    states.append(own.state())
+            return np.array([q for q, _ in states]), np.array([v for _, v in states]), steps
+
+        return run
+
+    return prepare

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from benchmarks.fronts import GOOD, chosen
-from benchmarks.results import Row
+from benchmarks.fronts import chosen
+from benchmarks.results import GOOD, Row
 
 OURS = "hybridyn, compiled"
 GUARD = "operations with the guard over those without"

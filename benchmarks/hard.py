@@ -1,10 +1,12 @@
-"""The hard cases as one command, and the table of what each claims and measures.
+"""The hard cases and the slow tests, each as one command, and the tables of what they came to.
 
     python -m benchmarks --hard
+    python -m benchmarks --slow
 
-runs `pytest tests/hard`, the slow tests too, and writes `results/hard.csv`: for each case and quantity the
-bound that the test claims, the worst number measured, and what is left between the two. `hard.md` has a line
-for each file of tests.
+The first runs `pytest tests/hard`, the slow tests too, and writes `results/hard.csv`: for each case and
+quantity the bound that the test claims, the worst number measured, and what is left between the two.
+`hard.md` has a line for each file of tests. The second runs `pytest -m slow` and writes `results/slow.csv`:
+for each test its cases, how many failed, and seconds.
 """
 
 from __future__ import annotations
@@ -16,15 +18,18 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from xml.etree import ElementTree
 
 from benchmarks.cases import ROOT
-from benchmarks.fronts import grouped
 from benchmarks.results import read_table, write_table
-from benchmarks.tables import table as markdown
+from benchmarks.texts import table as markdown
 
+#: Processes.
+JOBS = 3
+#: Words for a margin, and the columns of a claim with the worst number measured for it.
+BROKEN, EXACT = "FAILS", "exact"
 COLUMNS = ("case", "quantity", "claim", "measured", "margin", "test")
 HEAD = """# Hard cases: claimed and measured
 
@@ -35,58 +40,50 @@ table, with the bound, the worst number and the test of each. What happens in ea
 """
 
 
-class Row(NamedTuple):
-    """A claim with the worst number measured for it."""
-
-    case: str
-    quantity: str
-    claim: float
-    measured: float
-    test: str
-
-    @property
-    def holds(self) -> bool:
-        """Whether the claim holds."""
-        return self.measured <= self.claim
-
-    @property
-    def margin(self) -> str:
-        """How far the number stays under its claim, in words."""
-        if not self.holds:
-            return "FAILS"
-        return "exact" if self.measured <= 0 else f"{self.claim / self.measured:.2g}"
-
-    @property
-    def file(self) -> str:
-        """The file of the test."""
-        return self.test.partition("::")[0]
-
-
-def run_hard(folder: Path, jobs: int = 3) -> int:
-    """Run the hard cases in some processes, write their table and page; gives pytest's exit status.
-
-    Args:
-        folder: Where `results/hard.csv` and `hard.md` go.
-        jobs: Number of processes.
-    """
+def run_hard(folder: Path) -> int:
+    """Run the hard cases, write their table and page into a folder; gives pytest's exit status."""
     with tempfile.TemporaryDirectory() as scratch:
         claims = Path(scratch) / "claims.jsonl"
         claims.touch()
-        options = ["-q", "-m", "slow or not slow", "-n", str(jobs), "tests/hard"]
-        status = subprocess.run(
-            [sys.executable, "-m", "pytest", *options],
-            cwd=ROOT,
-            env=os.environ | {"HYBRIDYN_CLAIMS": str(claims)},
-            check=False,
-        ).returncode
+        status = _pytest(["-m", "slow or not slow"], ["tests/hard"], HYBRIDYN_CLAIMS=str(claims))
         rows = table(claims.read_text().splitlines())
-    write_table(folder / "results" / "hard.csv", COLUMNS, map(cells, rows))
+    write_table(folder / "results" / "hard.csv", COLUMNS, ([*row.values()] for row in rows))
     write_page(folder)
     return status
 
 
-def table(lines: Iterable[str]) -> list[Row]:
+def run_slow(target: Path) -> int:
+    """Run the slow tests, write their table; gives pytest's exit status."""
+    with tempfile.TemporaryDirectory() as scratch:
+        record = Path(scratch) / "slow.xml"
+        status = _pytest(["-m", "slow"], [f"--junitxml={record}"])
+        rows = sums(record.read_text())
+    write_table(target, ("file", "test", "cases", "failed", "seconds"), rows)
+    return status
+
+
+def _pytest(chosen: list[str], more: list[str], **environment: str) -> int:
+    """Run tests in some processes; gives the exit status."""
+    command = [sys.executable, "-m", "pytest", "-q", *chosen, "-n", str(JOBS), *more]
+    return subprocess.run(command, cwd=ROOT, env=os.environ | environment, check=False).returncode
+
+
+def sums(junit: str) -> list[tuple[str, str, int, int, str]]:
+    """Sum up pytest's JUnit record by test function, in order of file and name."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for case in ElementTree.fromstring(junit).iter("testcase"):  # written by pytest just now
+        file = case.attrib["classname"].replace(".", "/") + ".py"
+        total = found.setdefault((file, case.attrib["name"].partition("[")[0]), [0, 0, 0.0])
+        total[0] += 1
+        total[1] += any(child.tag in ("failure", "error") for child in case)
+        total[2] += float(case.attrib["time"])
+    return [(*key, int(n), int(bad), f"{seconds:.1f}") for key, (n, bad, seconds) in sorted(found.items())]
+
+
+def table(lines: Iterable[str]) -> list[dict[str, str]]:
     """Return one row per test, case, quantity and claim, the worst number of each, in that order.
+
+    Two digits are all that other machines' rounding leaves alike.
 
     Args:
         lines: What the `claim` fixture wrote, one JSON object per line, in any order.
@@ -99,47 +96,46 @@ def table(lines: Iterable[str]) -> list[Row]:
         measured = float(claim["measured"])
         before = worst.get(key, -math.inf)
         worst[key] = measured if math.isnan(measured) or measured > before else before
-    return [
-        Row(case, quantity, bound, measured, test)
+    rows = [
+        (case, quantity, f"{bound:.3g}", f"{measured:.2g}", margin(bound, measured), test)
         for (test, case, quantity, bound), measured in sorted(worst.items())
     ]
+    return [dict(zip(COLUMNS, row, strict=True)) for row in rows]
 
 
-def cells(row: Row) -> tuple[str, str, str, str, str, str]:
-    """Return a row's cells; two digits are all that other machines' rounding leaves alike."""
-    return (row.case, row.quantity, f"{row.claim:.3g}", f"{row.measured:.2g}", row.margin, row.test)
-
-
-def read_claims(folder: Path) -> list[Row]:
-    """Read the claims that are kept in a folder."""
-    found = read_table(folder / "hard.csv")
-    return [Row(x["case"], x["quantity"], float(x["claim"]), float(x["measured"]), x["test"]) for x in found]
+def margin(claim: float, measured: float) -> str:
+    """Say how far a number stays under its claim."""
+    if not measured <= claim:
+        return BROKEN
+    return EXACT if measured <= 0 else f"{claim / measured:.2g}"
 
 
 def write_page(folder: Path) -> None:
     """Write the page of the claims that are kept in a folder."""
-    (folder / "hard.md").write_text(page(read_claims(folder / "results")))
+    (folder / "hard.md").write_text(page(read_table(folder / "results" / "hard.csv")))
 
 
-def page(rows: list[Row]) -> str:
+def page(rows: Sequence[dict[str, str]]) -> str:
     """Return the page as Markdown: a line for each file of tests; what fails stands first."""
-    broken = [row for row in rows if not row.holds]
+    broken = [[*row.values()] for row in rows if row["margin"] == BROKEN]
     lines = [HEAD, f"{len(rows):,} claims, {len(broken)} of them broken.\n"]
     if broken:
-        lines += ["## Broken claims\n", markdown(COLUMNS, [cells(row) for row in broken])]
+        lines += ["## Broken claims\n", markdown(COLUMNS, broken)]
+    files: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        files.setdefault(row["test"].partition("::")[0], []).append(row)
     head = ["file", "what it claims", "claims", "least margin", "of"]
-    lines.append(markdown(head, [_line(file, own) for file, own in grouped(rows, "file").items()]))
+    lines.append(markdown(head, [_line(file, own) for file, own in files.items()]))
     return "\n".join(lines)
 
 
-def _line(file: str, rows: list[Row]) -> list[str]:
+def _line(file: str, rows: Sequence[dict[str, str]]) -> list[str]:
     """Return the line of a file of tests."""
     source = ROOT / file
     said = ast.get_docstring(ast.parse(source.read_text())) if source.exists() else None
     name = Path(file).stem.removeprefix("test_").replace("_", " ")
-    link, what = f"[{name}](../{file})", (said or "").partition("\n")[0]
-    measured = [row for row in rows if not row.measured <= 0]
-    if not measured:
-        return [link, what, str(len(rows)), "exact", ""]
-    least = min(measured, key=lambda row: row.claim / row.measured if row.holds else -1.0)
-    return [link, what, str(len(rows)), least.margin, f"{least.case}: {least.quantity}"]
+    margins = {EXACT: math.inf, BROKEN: -1.0}
+    least = min(rows, key=lambda row: margins[x] if (x := row["margin"]) in margins else float(x))
+    of = "" if least["margin"] == EXACT else f"{least['case']}: {least['quantity']}"
+    what = (said or "").partition("\n")[0]
+    return [f"[{name}](../{file})", what, str(len(rows)), least["margin"], of]

@@ -17,8 +17,6 @@ Setting = Mapping[str, float]
 #: (q, v, tau) -> a for a direct model, (q, v, a) -> tau for an inverse one: one sample (n,), or (T, n).
 Solver = Callable[[Array, Array, Array], Array]
 
-DEFAULT: tuple[Setting, ...] = ({},)
-
 
 class NotMeasuredError(Exception):
     """A method cannot do a robot, or its package is absent; the message says which."""
@@ -44,7 +42,7 @@ class Method:
     name: str
     model: Model
     setup: Callable[..., Callable[[Setting], Solver]]
-    settings: tuple[Setting, ...] = DEFAULT
+    settings: tuple[Setting, ...] = ({},)
     batches: bool = False
     threads: bool = False
     most: float = math.inf

@@ -10,35 +10,33 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks import (
     accuracy,
     callgrind,
-    cold,
-    controlled,
     derivatives,
-    effects,
-    peak,
+    operations,
     programs,
     quantities,
     scaling,
     simulation,
     singular,
-    sweeps,
+    studies,
 )
 from benchmarks.cases import ROOT
 from benchmarks.methods import MODELS, NotMeasuredError
-from benchmarks.processes import in_own_process
 from benchmarks.results import Row, machine
+from benchmarks.timing import in_own_process
 
 CACHE = ROOT / "build" / "benchmarks" / "cache"
 #: Files of this package that only show what was measured, or measure something else.
 OUTPUT = {
     f"{name}.py"
     for name in (
-        "report", "standing", "tables", "texts", "figures", "curves", "goals", "__main__", "slow", "hard",
+        "report", "texts", "figures", "curves", "fronts", "goals", "__main__", "hard",
     )
 }  # fmt: skip
 
@@ -46,9 +44,9 @@ SHIPPED = ("gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5",
 STACKS = (1, 2, 4, 8, 16)
 SNAKES = (4, 8, 16)
 SIZES = {"stack": (1, 2, 4, 8, 16, 32, 64, 256), "snake": (4, 8, 16, 32, 64, 128)}
-LONG = simulation.Steps(
-    rk4=(), projected=(1e-2, 1e-3), general=(), implicit=(), mujoco=(1e-3, 2e-4)
-)  # the general path would take a quarter of an hour for 10,000 steps
+LONG: dict[str, tuple[float, ...]] = {
+    "rk4": (), "projected": (1e-2, 1e-3), "general": (), "implicit": (), "mujoco": (1e-3, 2e-4),
+}  # fmt: skip  # the general path would take a quarter of an hour for 10,000 steps
 DISTANCES = tuple(10.0 ** (-k / 2) for k in range(17))
 
 
@@ -61,82 +59,84 @@ class Task:
         name: What it is about, unique in the section.
         function: Gives the rows.
         arguments: Its arguments.
-        apart: False where the function makes its own processes.
     """
 
     section: str
     name: str
     function: Callable[..., list[Row]]
     arguments: tuple[Any, ...]
-    apart: bool = True
 
-    def run(self) -> list[Row]:
-        """Measure."""
-        if self.apart:
-            rows: list[Row] = in_own_process(self.function, *self.arguments)
-            return rows
-        return self.function(*self.arguments)
+
+#: Section, function, arguments of each job, and whether it is run in a process of its own.
+Jobs = list[tuple[str, Callable[..., list[Row]], list[tuple[Any, ...]], bool]]
+
+
+def tasks_of(jobs: Jobs) -> list[Task]:
+    """Return jobs with names: the words and numbers of their arguments."""
+    out = []
+    for section, function, many, apart in jobs:
+        own = partial(in_own_process, function) if apart else function
+        for arguments in many:
+            name = " ".join(str(x) for x in arguments if isinstance(x, str | int))
+            out.append(Task(section, name, own, arguments))
+    return out
 
 
 def short() -> list[Task]:
     """Return the jobs of the short run: nearly every section, in under a minute on two cores."""
     effort = accuracy.Effort(judged=2, batches=(1, 32), rounds=2, sweep=9)
     load = accuracy.Effort(2, (1, 32), (1, 2), rounds=1, looped=True)
-    steps = simulation.Steps(
-        rk4=(1e-2,), compiled=(1e-2,), peers=(1e-2,), projected=(1e-2,), rtol=(1e-3,), general=(1e-3,),
-        conserving=(1e-2,), implicit=(), mujoco=(2e-3,), part=0.1,
-    )  # fmt: skip
-    few = controlled.Steps(ours=(1e-5,), fixed=(), python=(), mujoco=(1e-4,), duration=0.1)
+    steps = {
+        "rk4": (1e-2,), "compiled": (1e-2,), "peers": (1e-2,), "projected": (1e-2,), "rtol": (1e-3,),
+        "general": (1e-3,), "conserving": (1e-2,), "implicit": (), "mujoco": (2e-3,),
+    }  # fmt: skip
+    few = {"rtol": (1e-5,), "rk4": (), "python": (), "mujoco": (1e-4,)}
     some = ("hybridyn, general", "pin.lcaba")
-    return [
-        Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar", effort)),
-        Task("idm", "gough_stewart", accuracy.measure, ("idm", "gough_stewart", effort)),
-        *(Task("scaling", f"stack {n}", scaling.measure, ("stack", n, 8, some), False) for n in (1, 2)),
-        Task("simulation", "five_bar", simulation.measure, ("five_bar, let go, 1 s", steps)),
-        Task("controlled", controlled.GOVERNOR, controlled.measure, (controlled.GOVERNOR, few)),
-        Task("throughput", "five_bar", accuracy.measure, ("ddm", "five_bar", load)),
-        Task("derivatives", "five_bar", derivatives.measure, ("five_bar", 32, 2)),
-        *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
-        Task("cold", "five_bar", cold.measure, ("five_bar", 20)),
-        Task("programs", "five_bar", programs.measure, ("five_bar", 2_000)),
-        Task("quantities", "five_bar", quantities.measure, ("five_bar", 32, 1)),
+    jobs: Jobs = [
+        ("ddm", accuracy.measure, [("ddm", "five_bar", effort)], True),
+        ("idm", accuracy.measure, [("idm", "gough_stewart", effort)], True),
+        ("scaling", scaling.measure, [("stack", n, 8, some) for n in (1, 2)], False),
+        ("simulation", simulation.measure, [("five_bar, let go, 1 s", steps, 0.1)], True),
+        ("controlled", simulation.controlled, [(simulation.GOVERNOR, few, 0.1)], True),
+        ("throughput", accuracy.measure, [("ddm", "five_bar", load)], True),
+        ("derivatives", derivatives.measure, [("five_bar", 32, 2)], True),
+        ("singular", singular.measure, [(name, (1.0, 1e-3)) for name in singular.APPROACHES], True),
+        ("cold", accuracy.cold, [("five_bar", 20)], True),
+        ("programs", programs.measure, [("five_bar", 2_000)], True),
+        ("quantities", quantities.measure, [("five_bar", 32, 1)], True),
     ]
+    return tasks_of(jobs)
 
 
 def full() -> list[Task]:
     """Return the jobs of the full run."""
-    out: list[Task] = []
+    models: list[tuple[str, str, accuracy.Effort]] = []
     cases = [*SHIPPED, *(f"stack {n}" for n in STACKS if n != 4), *(f"snake {n}" for n in SNAKES), "ur5"]
-    for model in MODELS:
-        for case in cases:
-            few = case in ("stack 16", "snake 16")
-            effort = accuracy.Effort(judged=2 if few else 4, batches=(1, 500 if few else 1_000))
-            out.append(Task(model, case, accuracy.measure, (model, case, effort)))
-    for family, sizes in SIZES.items():
-        for n in sizes:
-            samples = scaling.BATCH if n <= 64 else 100
-            out.append(Task("scaling", f"{family} {n}", scaling.measure, (family, n, samples), False))
-    for name in simulation.MOTIONS:
-        steps = LONG if name == simulation.LONG else simulation.Steps()
-        out.append(Task("simulation", name, simulation.measure, (name, steps)))
-    out += [
-        Task("controlled", name, controlled.measure, (name, controlled.Steps())) for name in controlled.CASES
+    for case in cases:
+        few = case in ("stack 16", "snake 16")
+        effort = accuracy.Effort(judged=2 if few else 4, batches=(1, 500 if few else 1_000))
+        models += [(model, case, effort) for model in MODELS]
+    sizes = [(family, n, scaling.BATCH if n <= 64 else 100) for family in SIZES for n in SIZES[family]]
+    flights = [(name, LONG if name == simulation.LONG else {}) for name in simulation.MOTIONS]
+    batches = [(model, case, accuracy.BATCHES) for case in ("lx4", "five_bar") for model in MODELS]
+    both = [(case, model) for case in ("gough_stewart", "lx4") for model in MODELS]
+    jobs: Jobs = [
+        *((model, accuracy.measure, [one for one in models if one[0] == model], True) for model in MODELS),
+        ("scaling", scaling.measure, sizes, False),
+        ("simulation", simulation.measure, flights, True),
+        ("controlled", simulation.controlled, [(name,) for name in simulation.SCENES], True),
+        ("throughput", accuracy.measure, batches, True),
+        ("derivatives", derivatives.measure, [(case, 100, 40) for case in derivatives.ROBOTS], True),
+        ("singular", singular.measure, [(name, DISTANCES) for name in singular.APPROACHES], True),
+        ("effects", studies.effects, [(case,) for case in studies.ROBOTS], True),
+        ("cold", accuracy.cold, [(case,) for case in accuracy.COLD_ROBOTS], True),
+        ("callgrind", callgrind.measure, both, False),
+        ("peak", operations.measure, [(case,) for case in ("gough_stewart", "lx4")], True),
+        ("programs", programs.measure, [(case,) for case in programs.ROBOTS], False),
+        ("quantities", quantities.measure, [(case,) for case in quantities.ROBOTS], True),
+        ("sweeps", studies.sweeps, [(2, 48)], False),
     ]
-    for case in ("lx4", "five_bar"):
-        for model in MODELS:
-            arguments = (model, case, accuracy.BATCHES)
-            out.append(Task("throughput", f"{case} {model}", accuracy.measure, arguments))
-    out += [Task("derivatives", case, derivatives.measure, (case, 100, 40)) for case in derivatives.ROBOTS]
-    out += [Task("singular", name, singular.measure, (name, DISTANCES)) for name in singular.APPROACHES]
-    out += [Task("effects", case, effects.measure, (case,)) for case in effects.ROBOTS]
-    out += [Task("cold", case, cold.measure, (case,)) for case in cold.ROBOTS]
-    for case in ("gough_stewart", "lx4"):
-        for model in MODELS:
-            out.append(Task("callgrind", f"{case} {model}", callgrind.measure, (case, model), False))
-    out += [Task("peak", case, peak.measure, (case,)) for case in ("gough_stewart", "lx4")]
-    out += [Task("programs", case, programs.measure, (case,), False) for case in programs.ROBOTS]
-    out += [Task("quantities", case, quantities.measure, (case,)) for case in quantities.ROBOTS]
-    return [*out, Task("sweeps", "five_bar", sweeps.measure, (2, 48), False)]
+    return tasks_of(jobs)
 
 
 def fingerprint() -> str:
@@ -205,7 +205,7 @@ def measured(task: Task, cache: Cache | None) -> tuple[list[Row], dict[str, str]
         return (*found, True)
     facts = machine()
     try:
-        rows = task.run()
+        rows = task.function(*task.arguments)
     except NotMeasuredError as why:
         raise NotMeasuredError(f"{task.section}, {task.name}: {why}") from None
     if cache is not None:

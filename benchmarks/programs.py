@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import resource
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -23,12 +20,11 @@ import numpy as np
 import hybridyn
 from benchmarks import closing
 from benchmarks.cases import LX4, case_of, write_long_trajectory
-from benchmarks.controlled import KD, KP
 from benchmarks.methods import NotMeasuredError
 from benchmarks.operations import flattened
-from benchmarks.processes import only_cores
 from benchmarks.results import NAN, Row
-from benchmarks.timing import timed
+from benchmarks.simulation import KD, KP
+from benchmarks.timing import only_cores, spent, timed
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.inverse import inverse_program
@@ -169,24 +165,14 @@ def jobs() -> Iterator[Row]:
             table = Path(folder) / "trajectory.csv"
             write_long_trajectory(table, rows)
             words = ["idm", str(LX4), str(table), "-o", str(Path(folder) / "efforts.csv"), "-q"]
-            started = time.perf_counter()
-            done = subprocess.run([sys.executable, "-c", COMMAND, *words], capture_output=True, text=True)
-            wall = time.perf_counter() - started
-        if done.returncode:
-            raise RuntimeError(f"hybridyn idm failed: {done.stderr.strip()}")
+            _, wall, mib = spent(["-c", COMMAND, *words])
         what = f"{rows:,} rows on {cores} core{'s' * (cores > 1)}"
-        yield _row("lx4", WHOLE, what, wall if given else NAN, "s")._replace(mib=float(done.stdout) / 1024.0)
+        yield _row("lx4", WHOLE, what, wall if given else NAN, "s")._replace(mib=float(mib) / 1024.0)
 
 
 def _program(words: list[str]) -> float:
     """Return the least processor time of a Python program and of what it starts [s]."""
-    least = math.inf
-    for _ in range(STARTS):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run([sys.executable, *words], check=True, stdout=subprocess.DEVNULL)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        least = min(least, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return least
+    return min(spent(words)[0] for _ in range(STARTS))
 
 
 def cold() -> Iterator[Row]:
@@ -194,11 +180,8 @@ def cold() -> Iterator[Row]:
     least = math.inf
     for _ in range(COLD_STARTS):
         with tempfile.TemporaryDirectory() as folder:
-            done = subprocess.run(
-                [sys.executable, "-c", COLD, str(LX4)], check=True, capture_output=True, text=True,
-                env=os.environ | {VARIABLE: folder},
-            )  # fmt: skip
-        least = min(least, float(done.stdout))
+            _, _, seconds = spent(["-c", COLD, str(LX4)], env=os.environ | {VARIABLE: folder})
+        least = min(least, float(seconds))
     yield _row("lx4", "compile, quick", "from the loaded robot to its first efforts, empty cache", least, "s")
 
 

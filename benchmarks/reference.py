@@ -1,4 +1,4 @@
-"""References whose own error is shown: the oracle in more digits than double precision.
+"""References whose own error is shown, the oracle in more digits than double precision; and the gate.
 
 - `digits`: mpmath, 40 digits; its error is nothing.
 - `extended`: NumPy's long double where it has 64 bits of mantissa or more (x86), at any size. Its error is
@@ -6,6 +6,7 @@
   precision, divided by the ratio of the roundings.
 - The states are doubles. How much the answer moves when loops are closed exactly, and not to rounding, is
   what no method can avoid: `floor`.
+- The gate: no time is taken of a model that is wrong.
 """
 
 from __future__ import annotations
@@ -15,11 +16,16 @@ from typing import Any
 
 import numpy as np
 
+import hybridyn
 from benchmarks.methods import Model
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 from tests.oracle import Extended, Oracle
 
+#: Of the largest acceleration.
+DDM_LIMIT = 1e-10
+#: ddm(idm(a)) against a: the condition of a stack grows with the cube of its height.
+ROUND_TRIP, LEAST_ROUND_TRIP = 4e-14, 1e-12
 DIGITS = 40
 #: Velocities up to which 40 digits take about a second per sample.
 SMALL = 24
@@ -116,3 +122,34 @@ def floor(robot: HybridRobot, q: Array, v: Array, tau: Array) -> float:
     as_given, closed = oracle.ddm(q, v, tau), oracle.close(q)
     exact = oracle.ddm(closed, oracle.project_velocity(closed, v), tau)
     return float(np.abs(exact - as_given).max() / np.abs(as_given).max())
+
+
+class WrongModelError(Exception):
+    """A model differs from its reference by more than its limit."""
+
+
+def relative(found: Array, expected: Array) -> float:
+    """Return the largest difference relative to the largest entry."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def round_trip_limit(modules: int) -> float:
+    """Return what ddm(idm(a)) may differ from a by, relative to its largest entry."""
+    return max(LEAST_ROUND_TRIP, ROUND_TRIP * modules**3)
+
+
+def round_trip(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array) -> float:
+    """Compare ddm(idm(a)) with a.
+
+    Raises:
+        WrongModelError: They differ.
+    """
+    error = relative(hybridyn.ddm(robot, q, v, hybridyn.idm(robot, q, v, a)), a)
+    refuse(error, round_trip_limit(len(robot.modules)), f"ddm(idm(a)) of {len(robot.modules)} modules")
+    return error
+
+
+def refuse(error: float, limit: float, what: str) -> None:
+    """Raise where an error exceeds its limit."""
+    if not error <= limit:
+        raise WrongModelError(f"{what}: error {error:.1e}, limit {limit:.0e}")

@@ -10,11 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import texts
-from benchmarks.fronts import chosen, exponent, grouped
+from benchmarks.fronts import chosen, exponent, fastest, grouped, jacobians, ratios, standings
 from benchmarks.goals import reached
 from benchmarks.results import CHECK, NAN, SECTIONS, Row, read_machines, read_rows
-from benchmarks.standing import fastest, jacobians, ratios, standings
-from benchmarks.tables import number, table
+from benchmarks.texts import number, table
 
 Results = dict[str, list[Row]]
 Table = tuple[Sequence[str], list[list[str]]]
@@ -229,7 +228,6 @@ def simulation(results: Results) -> Table:
 def throughput(results: Results) -> Table:
     """Give times of the LX4 by size of the batch and number of threads."""
     rows = [r for r in chosen(results["throughput"], case="lx4") if math.isfinite(r.us)]
-    rows = rows or [r for r in results["throughput"] if math.isfinite(r.us)]
     rows = [r for r in rows if r.threads == 1 or r.method == "hybridyn, compiled"]
     return _pivot(rows, ("model", "method", "threads"), "batch", lambda own: number(own[0].us))
 
@@ -274,28 +272,24 @@ def _bold(ratio: float) -> str:
 
 
 def _files(results: Results) -> Table:
-    """List the files of the rows: what each holds, how much was checked before, and what has a note."""
-    lines = []
-    for name, rows in results.items():
-        checks = [row for row in rows if row.model == CHECK]
-        without = sum(bool(row.note) for row in rows)
-        counts = [f"{len(rows) - len(checks):,}", str(len(checks) or ""), str(without or "")]
-        lines.append([f"[{name}.csv](results/{name}.csv)" if rows else name, SECTIONS[name], *counts])
-    return ["file", "what it holds", "rows", "checks", "with a note"], lines
+    """List the files of the rows; checks, and why something was not measured, are in them."""
+    lines = [
+        [f"[{name}.csv](results/{name}.csv)" if rows else name, SECTIONS[name], f"{len(rows):,}"]
+        for name, rows in results.items()
+    ]
+    return ["file", "what it holds", "rows"], lines
 
 
 def _machines(machines: dict[str, dict[str, str]]) -> Iterator[str]:
-    """Write the machines: what is common once, the processors with their sections."""
-    each = list(machines.values())
-    common = [name for name in (each[0] if each else []) if len({facts.get(name) for facts in each}) == 1]
-    if common:
-        yield f"All sections: {', '.join(f'{name} {each[0][name]}' for name in common)}.\n"
+    """Write the machines and versions with their sections."""
     where: dict[str, list[str]] = {}
     for section, facts in machines.items():
-        where.setdefault(f"{facts['processor']}, {facts['cores']} cores", []).append(section)
-    for name, sections in where.items():
-        yield f"{name}: {', '.join(sections)}.\n"
-    yield "Load and commit of each section: [machine.csv](results/machine.csv).\n"
+        said = ", ".join(
+            f"{name} {value}" for name, value in facts.items() if name not in ("commit", "load before")
+        )
+        where.setdefault(said, []).append(section)
+    yield from (f"- {', '.join(sections)}: {said}." for said, sections in where.items())
+    yield "\nLoad and commit of each section: [machine.csv](results/machine.csv).\n"
 
 
 QUESTIONS = (

@@ -31,6 +31,8 @@ SECTIONS = {
     "quantities": "mass matrices and their like, beside those of Pinocchio's open tree",
     "sweeps": "sweeps of designs",
 }
+#: The error that the speed goals ask of everybody.
+GOOD = 1e-10
 #: What a row compares before anything is timed.
 CHECK = "check"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -13,14 +12,14 @@ from unittest.mock import patch
 import numpy as np
 
 import hybridyn
+from benchmarks.accuracy import SETTINGS
 from benchmarks.cases import case_of, stack_motion
-from benchmarks.gate import round_trip, round_trip_limit
-from benchmarks.methods import Method, NotMeasuredError, Setting, written
+from benchmarks.methods import NotMeasuredError, written
 from benchmarks.peers import METHODS
 from benchmarks.peers.ours import COMPILED, GENERAL, SINGLE, compiled
-from benchmarks.processes import MIB, forget_peak, in_own_process, peak, resident
+from benchmarks.reference import round_trip, round_trip_limit
 from benchmarks.results import CHECK, NAN, Row
-from benchmarks.timing import interleaved
+from benchmarks.timing import MIB, forget_peak, in_own_process, interleaved, memory, timed
 from hybridyn import HybridRobot
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array
@@ -29,12 +28,6 @@ BATCH = 500
 ROUNDS = 3
 #: For one point, compilation included [s].
 PATIENCE = 900.0
-#: One setting for each peer that is swept: what reaches 1e-10 up to 16 modules, or comes nearest.
-SETTINGS: dict[str, Setting] = {
-    "pin.constraintDynamics": {"mu": 1e-8, "iterations": 2},
-    "pin.lcaba": {"mu": 1e-2, "iterations": 10},
-    "MuJoCo": {"impedance": 0.9999, "iterations": 5},
-}
 
 
 class Line(NamedTuple):
@@ -45,15 +38,19 @@ class Line(NamedTuple):
     batch: int
 
 
-def lines() -> Iterator[Line]:
-    """Give every method, one sample per call, and in batches where it takes them."""
+def lines(only: tuple[str, ...] = ()) -> Iterator[Line]:
+    """Give every method, one sample per call, and in batches where it takes them; or some of one model."""
+    if not only:  # into an empty cache; what is built serves the other points
+        yield Line("compile", COMPILED, 1)
+        yield Line("assemble", GENERAL, BATCH)
     for method in METHODS:
-        if method.name in ("pin.aba", "pin.rnea", SINGLE):
-            continue
-        yield Line(method.model, method.name, 1)
-        if method.batches:
-            yield Line(method.model, method.name, BATCH)
-    yield Line("assemble", GENERAL, BATCH)
+        left_out = ("pin.aba", "pin.rnea", SINGLE)
+        if method.name not in left_out and (
+            not only or (method.model, method.name) in {("ddm", x) for x in only}
+        ):
+            yield Line(method.model, method.name, 1)
+            if method.batches:
+                yield Line(method.model, method.name, BATCH)
 
 
 def measure(family: str, modules: int, samples: int = BATCH, only: tuple[str, ...] = ()) -> list[Row]:
@@ -64,19 +61,14 @@ def measure(family: str, modules: int, samples: int = BATCH, only: tuple[str, ..
         error, nv = in_own_process(write_motion, case, samples, motion)
         what = "ddm(idm(a)) against a"
         out = [Row(case, CHECK, setting=what, error=error, limit=round_trip_limit(modules))]
-        jobs: list[tuple[Line, Callable[..., tuple[float, float]], tuple[object, ...]]] = []
-        if not only:  # into an empty cache; what is built serves the other points
-            jobs.append((Line("compile", COMPILED, 1), compilation, (case,)))
-        for line in lines():
-            if not only or (line.model == "ddm" and line.method in only):
-                line = line._replace(batch=min(line.batch, samples))
-                jobs.append((line, point, (case, line, motion)))
-        for line, task, arguments in jobs:
+        sizes = {method.name: method for method in METHODS}
+        for line in lines(only):
+            line = line._replace(batch=min(line.batch, samples))
             us, mib, note = NAN, NAN, ""
             try:
                 if line.model != "assemble":
-                    _method(line).check_size(nv)
-                us, mib = in_own_process(task, *arguments, patience=PATIENCE)
+                    sizes[line.method].check_size(nv)
+                us, mib = in_own_process(point, case, line, motion, patience=PATIENCE)
             except NotMeasuredError as why:
                 note = str(why)
             setting = written(SETTINGS.get(line.method, {}))
@@ -99,20 +91,6 @@ def write_motion(case: str, samples: int, path: Path) -> tuple[float, int]:
     return round_trip(robot, q[:8], v[:8], a[:8]), robot.nv
 
 
-def compilation(case: str) -> tuple[float, float]:
-    """Return the time [us] and the memory [MiB] of compiling a robot.
-
-    Raises:
-        NotMeasuredError: It cannot be.
-    """
-    robot = case_of(case).load()
-    before = resident()
-    forget_peak()
-    started = time.perf_counter()
-    compiled(robot)
-    return 1e6 * (time.perf_counter() - started), (peak() - before) / MIB
-
-
 def point(case: str, line: Line, path: Path) -> tuple[float, float]:
     """Return time per sample [us], and what the process grew by from the loaded robot on [MiB].
 
@@ -122,39 +100,27 @@ def point(case: str, line: Line, path: Path) -> tuple[float, float]:
     robot = case_of(case).load()
     with np.load(path) as file:
         q, v, a, tau = (file[name][: line.batch] for name in ("q", "v", "a", "tau"))
-    before = resident()
+    before = memory("VmRSS")
     forget_peak()
-    (least, _) = interleaved([_call(robot, line, (q, v, a, tau))], ROUNDS)[0]
-    return 1e6 * least / line.batch, (peak() - before) / MIB
+    if line.model == "compile":
+        least = timed(lambda: compiled(robot), 1)
+    else:
+        (least, _) = interleaved([_call(robot, line, (q, v, a, tau))], ROUNDS)[0]
+    return 1e6 * least / line.batch, (memory("VmHWM") - before) / MIB
 
 
 def _call(robot: HybridRobot, line: Line, motion: tuple[Array, Array, Array, Array]) -> Callable[[], object]:
     """Return the call of a line."""
     q, v, a, tau = motion
+    if line.model == "assemble" and robot.name == "lx4":
+        poses = stack_motion(len(robot.modules), line.batch)
+        return lambda: hybridyn.assemble(robot, guess=q[0], platforms=poses)
     if line.model == "assemble":
-        target = (
-            stack_motion(len(robot.modules), line.batch) if robot.name == "lx4" else _motors(robot, q, v, a)
-        )
-        kind = "platforms" if robot.name == "lx4" else "motors"
-        return lambda: hybridyn.assemble(robot, guess=q[0], **{kind: target})
-    solve = _method(line).prepare(robot)(SETTINGS.get(line.method, {}))
+        motors = q[:, robot.motor_q], v[:, robot.motor_v], a[:, robot.motor_v]
+        return lambda: hybridyn.assemble(robot, guess=q[0], motors=motors)
+    method = next(m for m in METHODS if (m.model, m.name) == (line.model, line.method))
+    solve = method.prepare(robot)(SETTINGS.get(line.method, {}))
     given = a if line.model == "idm" else tau
     if line.batch == 1:
         q, v, given = q[0], v[0], given[0]
     return lambda: solve(q, v, given)
-
-
-def _method(line: Line) -> Method:
-    """Return the method of a line; what is compiled serves both models."""
-    model = "ddm" if line.model == "compile" else line.model
-    return next(m for m in METHODS if (m.model, m.name) == (model, line.method))
-
-
-def _motors(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array, Array]]:
-    """Return the motors' part of a motion, sliding motors only."""
-    out = {}
-    for name in robot.motors:
-        k = robot.joint_index[name]
-        at_q, at_v = robot.q_slices[k].start, robot.v_slices[k].start
-        out[name] = (q[:, at_q], v[:, at_v], a[:, at_v])
-    return out

@@ -17,9 +17,9 @@ import numpy as np
 
 import hybridyn
 from benchmarks.cases import ROOT
-from benchmarks.gate import relative
 from benchmarks.methods import Model, NotMeasuredError, Solver, written
 from benchmarks.peers import methods_of
+from benchmarks.reference import relative
 from benchmarks.results import CHECK, Row
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array

@@ -7,9 +7,9 @@ the results say so. Robots come into Pinocchio and MuJoCo as in `hybridyn compar
 from __future__ import annotations
 
 from benchmarks.methods import Method, Model
-from benchmarks.peers import mujoco, ours, proximal, trees
+from benchmarks.peers import mujoco, ours, pinocchio_loops, trees
 
-METHODS: tuple[Method, ...] = (*ours.METHODS, *proximal.METHODS, *trees.METHODS, *mujoco.METHODS)
+METHODS: tuple[Method, ...] = (*ours.METHODS, *pinocchio_loops.METHODS, *trees.METHODS, *mujoco.METHODS)
 
 
 def methods_of(model: Model) -> list[Method]:

@@ -111,12 +111,8 @@ def setup(robot: HybridRobot) -> Callable[[Setting], Solver]:
     return at
 
 
-def inverse(robot: HybridRobot) -> Callable[[Setting], Solver]:
-    """Say why there is no inverse model."""
-    raise NotMeasuredError("mj_inverse gives efforts on every joint, passive ones too, not the motors'")
-
-
 #: Velocities: 70 ms a call there, four seconds at four times as many.
 MOST = 1_600
 
-METHODS = (Method("MuJoCo", "ddm", setup, SETTINGS, most=MOST), Method("MuJoCo", "idm", inverse))
+#: There is no inverse model: `mj_inverse` gives efforts on every joint, not the motors' alone.
+METHODS = (Method("MuJoCo", "ddm", setup, SETTINGS, most=MOST),)

@@ -1,20 +1,30 @@
-"""A robot in Pinocchio's words: its spanning tree, its closures at points and welds, and where motors act."""
+"""A robot in Pinocchio's words: its spanning tree, its closures at points and welds, its solvers for them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.methods import NotMeasuredError
+from benchmarks.methods import Method, NotMeasuredError, Setting, Solver, grid
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array, Index
 from hybridyn.structure.building import rebuilt
 from hybridyn.studies.compare.engines import pinocchio_engine
 from hybridyn.studies.compare.own_file import OwnFile
 
+#: Of the proximal iterations: they end at their count, or when nothing changes any more.
+ACCURACY = 1e-15
+#: What is swept of the two solvers for closed loops, both proximal: the sparse Cholesky factors of the KKT
+#: matrix, and the loop-constrained articulated body algorithm, of linear cost.
+SWEPT = {
+    "constraintDynamics": grid(mu=(1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2), iterations=(1, 2, 3, 5, 10)),
+    "lcaba": grid(mu=(1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), iterations=(1, 2, 3, 4, 5, 6, 8, 10, 15)),
+}
 #: Velocities: Pinocchio's Data holds several nv^3 tensors, 3 GB there.
 MOST = 400
 
@@ -95,3 +105,33 @@ def planar(robot: HybridRobot) -> bool:
     pin.computeJointJacobians(model, data, robot.home)
     axes = data.J[3:].T
     return bool(np.abs(np.cross(axes, axes[0])).max() < 1e-12)
+
+
+def solver(own: Loops, name: str) -> Callable[..., Array]:
+    """Prepare one of Pinocchio's solvers; `lcaba` without the minimal ordering would end the process."""
+    if name == "lcaba":
+        pin.computeJointMinimalOrdering(own.model, own.data, own.constraints)
+    solve: Callable[..., Array] = getattr(pin, name)
+    return solve
+
+
+def setup(name: str, robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare a robot for one of them."""
+    own = loops(robot)
+    call, closures = solver(own, name), (own.constraints, own.constraint_data)
+
+    def at(setting: Setting) -> Solver:
+        settings = pin.ProximalSettings(ACCURACY, setting["mu"], int(setting["iterations"]))
+
+        def solve(q: Array, v: Array, tau: Array) -> Array:
+            return call(own.model, own.data, q, v, own.efforts(tau), *closures, settings)
+
+        return solve
+
+    return at
+
+
+METHODS = tuple(
+    Method(f"pin.{name}", "ddm", partial(setup, name), settings, most=MOST)
+    for name, settings in SWEPT.items()
+)

@@ -7,14 +7,12 @@ the closures after every step, and the velocity projected.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from benchmarks.methods import NotMeasuredError
-from benchmarks.peers import proximal
-from benchmarks.peers.pinocchio_loops import Loops, loops
+from benchmarks.peers.pinocchio_loops import ACCURACY, Loops, loops, solver
 from benchmarks.peers.trees import closure_rows
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
@@ -29,22 +27,12 @@ HOLDS = ("nothing", "baumgarte", "projection")
 Acceleration = Callable[[Array, Array], Array]
 
 
-class Solver(NamedTuple):
-    """One of Pinocchio's solvers at its fastest setting that is good to 1e-10 on the robots flown."""
-
-    prepare: Callable[[Loops], Callable[..., Array]]
-    mu: float
-    iterations: int
-
-
-SOLVERS = {
-    "constraintDynamics": Solver(proximal.sparse, 1e-14, 1),
-    "lcaba": Solver(proximal.articulated, 1e-3, 4),
-}
+#: mu and iterations of Pinocchio's solvers: the fastest setting that is good to 1e-10 on the robots flown.
+SOLVERS = {"constraintDynamics": (1e-14, 1), "lcaba": (1e-3, 4)}
 
 
 def prepare(
-    robot: HybridRobot, q: Array, v: Array, tau: Array, duration: float, step: float, solver: str, hold: str
+    robot: HybridRobot, q: Array, v: Array, tau: Array, duration: float, step: float, name: str, hold: str
 ) -> Callable[[], tuple[Array, Array, int]]:
     """Prepare a run, which gives q and v after every step, (steps + 1, nq), (steps + 1, nv), and the steps.
 
@@ -58,9 +46,8 @@ def prepare(
         rate = BAUMGARTE / step
         for constraint in own.constraints:
             constraint.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(rate**2, 2 * rate))
-    chosen = SOLVERS[solver]
-    settings = pin.ProximalSettings(proximal.ACCURACY, chosen.mu, chosen.iterations)
-    call, effort = chosen.prepare(own), own.efforts(tau)
+    settings = pin.ProximalSettings(ACCURACY, *SOLVERS[name])
+    call, effort = solver(own, name), own.efforts(tau)
 
     def acceleration(q: Array, v: Array) -> Array:
         return call(own.model, own.data, q, v, effort, own.constraints, own.constraint_data, settings).copy()

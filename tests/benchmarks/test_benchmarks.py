@@ -14,26 +14,34 @@ import numpy as np
 import pytest
 
 import hybridyn
-from benchmarks import accuracy, callgrind, controlled, derivatives, peak, peers, timing
-from benchmarks.__main__ import COMMITTED, store
+from benchmarks import accuracy, callgrind, derivatives, operations, peers, simulation, timing
+from benchmarks.__main__ import COMMITTED, collect, store
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
 from benchmarks.curves import Curve, Panel, draw
 from benchmarks.fronts import cheapest, front
-from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
 from benchmarks.goals import reached
-from benchmarks.hard import page, read_claims
+from benchmarks.hard import page
 from benchmarks.methods import NotMeasuredError
 from benchmarks.peers import rk4
 from benchmarks.peers.mujoco import Translated
 from benchmarks.plan import Cache, Task
-from benchmarks.processes import in_own_process
-from benchmarks.reference import Reference, digits, extended, floor, refer
+from benchmarks.reference import (
+    DDM_LIMIT,
+    Reference,
+    WrongModelError,
+    digits,
+    extended,
+    floor,
+    refer,
+    refuse,
+    relative,
+)  # fmt: skip
 from benchmarks.report import read_results, report
 from benchmarks.results import CHECK, SECTIONS, Row, read_machines, read_rows, read_table, write_rows
 from benchmarks.simulation import MOTIONS, start
 from benchmarks.singular import APPROACHES, load
-from benchmarks.timing import interleaved
+from benchmarks.timing import in_own_process, interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
 from tests import ROOT
@@ -243,6 +251,13 @@ def test_processes_of_their_own() -> None:
     refused(lambda: in_own_process(time.sleep, 1e6, patience=0.1), NotMeasuredError, "given up")
 
 
+def test_a_wrong_model_costs_its_section_and_the_exit_status() -> None:
+    right = Task("idm", "b", lambda: [Row("five_bar")], ())
+    collected, failed = collect([Task("ddm", "a", refuse_it, ()), right], None)
+    assert list(collected) == ["idm"]
+    assert [line.splitlines()[0] for line in failed] == ["failed: ddm, a: a: error 1, limit 0"]
+
+
 def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:
     cache, task = Cache(tmp_path, "code 1"), Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar"))
     rows = [Row("five_bar", CHECK, setting="a", error=1e-12), Row("five_bar", "ddm", "x", error=0.1, us=2.0)]
@@ -309,8 +324,8 @@ def test_front_and_cheapest() -> None:
 
 @pytest.mark.slow
 def test_an_excavator_follows_its_reference_by_computed_torque() -> None:
-    few = controlled.Steps(ours=(1e-7,), fixed=(5e-4,), python=(), mujoco=(5e-4,), duration=0.2)
-    check, *rows = controlled.measure(controlled.EXCAVATOR, few)
+    few = {"rtol": (1e-7,), "rk4": (5e-4,), "python": (), "mujoco": (5e-4,)}
+    check, *rows = simulation.controlled(simulation.EXCAVATOR, few, 0.2)
     assert check.error < 1e-10
     for row in rows:
         if math.isfinite(row.seconds):  # MuJoCo may be absent
@@ -339,7 +354,7 @@ def test_derivatives_are_measured_beside_pinocchio(case: str) -> None:
 
 @pytest.mark.slow
 def test_the_peak_is_out_of_reach_and_said_beside_it() -> None:
-    rows = peak.measure("five_bar")
+    rows = operations.measure("five_bar")
     shares = [row for row in rows if row.setting == "share of the peak rate"]
     assert [row.model for row in shares] == ["ddm", "idm"]
     assert all(0.0 < row.value < 1.0 for row in shares)
@@ -404,10 +419,9 @@ def test_committed_report_is_that_of_the_committed_results() -> None:
 def test_committed_hard_cases_name_tests_that_exist() -> None:
     """Names of tests that were renamed are carried over by hand, until the hard cases are measured again."""
     folder = COMMITTED / "results"
-    assert (COMMITTED / "hard.md").read_text() == page(read_claims(folder)), (
-        "run python -m benchmarks --report"
-    )
-    named = [row.test.partition("::") for row in read_claims(folder)]
+    claims = read_table(folder / "hard.csv")
+    assert (COMMITTED / "hard.md").read_text() == page(claims), "run python -m benchmarks --report"
+    named = [row["test"].partition("::") for row in claims]
     named += [(row["file"], "", row["test"]) for row in read_table(folder / "slow.csv")]
     missing = {(file, test) for file, _, test in named if f"def {test}(" not in (ROOT / file).read_text()}
     assert not missing

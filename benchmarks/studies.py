@@ -1,21 +1,27 @@
-"""What a sweep costs: sweeps of the five-bar by the general path, each in a program of its own.
+"""What hybridyn's own studies say and cost.
 
-Times are processor times with all child processes, in which a busy machine shows little.
+Effects are those of `hybridyn cost`, over our robots along their own motions. Sweeps are those of the
+five-bar by the general path, each in a program of its own, by processor time with all child processes, in
+which a busy machine shows little.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import tempfile
-import time
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.cases import ROOT, case_of
 from benchmarks.results import Row
+from benchmarks.timing import spent
+from hybridyn.effects.choice import choose
+from hybridyn.streams.one_pass import read_postures
+from hybridyn.studies.cost.models import Trajectory, study_models
+
+#: Robots whose files state more effects than those that are on by default.
+ROBOTS = ("five_bar", "gough_stewart", "lx4")
 
 #: Engines, the package that each needs, and its numbers of processes; one process of loky is the program.
 ENGINES = (("loky", "joblib", (1, 2)), ("dask", "distributed", (1, 2)), ("ray", "ray", (1, 2)))
@@ -36,7 +42,21 @@ measure = ["peak_effort"]
 """
 
 
-def measure(few: int, many: int) -> list[Row]:
+def effects(case: str, rows: int | None = None) -> list[Row]:
+    """Return each effect's change of the efforts, and its share of the operations.
+
+    Args:
+        case: A shipped robot.
+        rows: Rows of its trajectory that are taken, None for all.
+    """
+    robot = case_of(case).load()
+    _, (motion, q, v, a) = read_postures(robot, str(ROOT / "models" / case / "traj.csv"))
+    trajectory = Trajectory(q[:rows], v[:rows], a[:rows], None if motion.time is None else motion.time[:rows])
+    worth = study_models(robot, trajectory, choose(robot, "model")).worth
+    return [Row(case, "idm", one.effect, error=one.error, value=one.share) for one in worth]
+
+
+def sweeps(few: int, many: int) -> list[Row]:
     """Sweep few and many designs with few and many postures in one process, then many by the engines."""
     runs = [("loky", 1, designs, postures) for designs in (few, many) for postures in POSTURES]
     for engine, package, workers in ENGINES:
@@ -60,13 +80,6 @@ def run(engine: str, workers: int, designs: int, postures: int) -> Row:
         header = "time,m1_tool/pose/x,m1_tool/pose/z"
         np.savetxt(Path(place, "pick.csv"), rows, "%.6f", ",", header=header, comments="")
         words = f"sweep --engine general study.toml -o out --pool {engine} --jobs {workers} --format csv"
-        command = [sys.executable, "-m", "hybridyn", *words.split()]
-        started, nothing = time.perf_counter(), subprocess.DEVNULL
-        program = subprocess.Popen(command, cwd=place, stdout=nothing, stderr=nothing)
-        _, status, used = os.wait4(program.pid, 0)
-        program.returncode = os.waitstatus_to_exitcode(status)
-        wall = time.perf_counter() - started
-    if status:
-        raise RuntimeError(f"a sweep on {engine} failed")
+        processor, wall, _ = spent(["-m", "hybridyn", *words.split()], cwd=place)
     row = Row("five_bar", "sweep", engine, at=designs, batch=postures, threads=workers)
-    return row._replace(seconds=used.ru_utime + used.ru_stime, value=wall, unit="s by the clock")
+    return row._replace(seconds=processor, value=wall, unit="s by the clock")
