@@ -12,9 +12,12 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.check.remarks import free_motions_of
 from tests import ROOT
+from tests.comparing import refused
+from tests.files import save
 from tests.mechanisms import KINDS, random_mechanism
 from tests.samples import some
 from tests.shipped import ROBOTS, shipped
+from tests.studies.test_check import crank_and_slide
 
 NONE = FreeMotions((), (), ())
 
@@ -66,34 +69,7 @@ def test_motions_and_motors_add_up(kind: str) -> None:
 
 def crank_and_rod(folder: Path) -> HybridRobot:
     """Return a crank that pushes a slide by a rod with a ball at either end: one motor, a motion to spare."""
-
-    def link(name: str, x: float = 0.0) -> str:
-        return (
-            f'<link name="{name}"><inertial><origin xyz="{x} 0 0"/><mass value="1"/>'
-            '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        )
-
-    def joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str, rpy: str = "0 0 0") -> str:
-        return (
-            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-            '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
-        )
-
-    text = '<robot name="r">' + link("ground") + link("crank") + link("slide") + link("rod", 1.0)
-    text += '<link name="roll"/><link name="pitch"/>'
-    text += joint("drive", "revolute", "ground", "crank", "0 0 0", "0 1 0")
-    text += joint("rail", "prismatic", "ground", "slide", "2.2 0 0", "1 0 0")
-    text += joint("ball_x", "revolute", "crank", "roll", "0 0 0.5", "1 0 0", "0 0.2 0.1")
-    text += joint("ball_y", "revolute", "roll", "pitch", "0 0 0", "0 1 0")
-    text += joint("ball_z", "revolute", "pitch", "rod", "0 0 0", "0 0 1")
-    text += (
-        '<loop name="pin" type="spherical"><predecessor link="rod"><origin xyz="2 0 0"/></predecessor>'
-        '<successor link="slide"/></loop></robot>'
-    )
-    path = folder / "r.urdf"
-    path.write_text(text)
-    return hybridyn.load(path, motors=["drive"])
+    return hybridyn.load(save(folder, crank_and_slide("drive"), "r.urdf"))
 
 
 def test_a_rod_that_spins_between_two_balls_is_idle(tmp_path: Path) -> None:
@@ -128,5 +104,4 @@ def test_a_motion_that_moves_mass_needs_its_motor(tmp_path: Path) -> None:
     robot = crank_and_rod(tmp_path)
     q, v, a = swinging(robot)
     bare = hybridyn.load(tmp_path / "r.urdf", motors=[])
-    with pytest.raises(ActuationError, match="no motor can produce"):
-        hybridyn.idm(bare, q, v, a)
+    refused(lambda: hybridyn.idm(bare, q, v, a), ActuationError, "no motor can produce")

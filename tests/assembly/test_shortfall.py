@@ -16,6 +16,7 @@ from hybridyn.assembly.task import module_task
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.comparing import refused
+from tests.files import save
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.posing import of_joints, of_link
 from tests.samples import some
@@ -125,9 +126,7 @@ def test_absurd_positions_are_refused_at_once(
 
 
 def test_wheels_turn_far_and_rails_are_long(tmp_path: Path) -> None:
-    path = tmp_path / "r.urdf"
-    path.write_text(WHEEL)
-    robot = hybridyn.load(path)
+    robot = hybridyn.load(save(tmp_path, WHEEL, "r.urdf"))
     q, _, _ = hybridyn.assemble(robot, motors={"spin": (1e6,), "slide": (1e6,)})
     assert q == pytest.approx([np.cos(1e6), np.sin(1e6), 1e6])
     far = {"spin": (1e9,), "slide": (0.0,)}

@@ -1,10 +1,14 @@
-"""A trajectory is swept once: the dynamics compute each module's motion once and hand it on."""
+"""What calls cost: a trajectory is swept once, motions are handed on; loops of single calls are advised."""
+
+import itertools
+import warnings
 
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.description.shipped import find_robot
+from hybridyn.dynamics import results
 from hybridyn.dynamics.direct import direct_model
 from hybridyn.dynamics.inverse import inverse_model
 from hybridyn.linkage.tree import Tree
@@ -12,8 +16,11 @@ from hybridyn.linkage.tree import Tree
 
 @pytest.mark.parametrize("name", ["five_bar", "lx4"])
 def test_each_module_is_swept_once(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the models return the residual of their states."""
     robot = hybridyn.load(find_robot(name))
-    q, v, a = hybridyn.assemble(robot, motors={m: (np.zeros(3), 0.1, 0.2) for m in robot.motors})
+    q, v, a = hybridyn.assemble(
+        robot, motors={m: (np.linspace(0.0, 0.01, 3), 0.1, 0.2) for m in robot.motors}
+    )
     placed: list[int] = []
     own = Tree._placements
 
@@ -25,16 +32,23 @@ def test_each_module_is_swept_once(name: str, monkeypatch: pytest.MonkeyPatch) -
     found = inverse_model(robot, q, v, a)
     assert len(placed) == len(robot.modules)  # the spanning tree
     placed.clear()
-    direct_model(robot, q, v, found.values)
+    direct = direct_model(robot, q, v, found.values)
     assert len(placed) == 2 * len(robot.modules)  # and the tree after the cuts, at x_ddot = 0
-
-
-@pytest.mark.parametrize("name", ["five_bar", "lx4"])
-def test_models_return_the_residual_of_their_states(name: str) -> None:
-    robot = hybridyn.load(find_robot(name))
-    q, v, a = hybridyn.assemble(
-        robot, motors={m: (np.linspace(0.0, 0.01, 3), 0.0, 0.0) for m in robot.motors}
-    )
-    found = inverse_model(robot, q, v, a)
     assert np.array_equal(found.residual, hybridyn.closure_residual(robot, q))
-    assert np.array_equal(direct_model(robot, q, v, found.values).residual, found.residual)
+    assert np.array_equal(direct.residual, found.residual)
+
+
+def test_many_single_calls_are_warned_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(results, "MANY_CALLS", 3)
+    monkeypatch.setattr(results, "_calls", itertools.count(1))
+    robot = hybridyn.load("five_bar")
+    still, tau = np.zeros(robot.nv), np.zeros(2)
+    hybridyn.idm(robot, *np.zeros((3, 9, robot.nv)) + robot.home * np.array([1, 0, 0])[:, None, None])
+    hybridyn.idm(robot, robot.home, still, still)
+    hybridyn.ddm(robot, robot.home, still, tau)
+    with pytest.warns(hybridyn.PerformanceWarning, match=r"hybridyn\.compile\(robot\)") as caught:
+        hybridyn.ddm(robot, robot.home, still, tau)
+    assert caught[0].filename == __file__  # the line of the caller, not of hybridyn
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hybridyn.ddm(robot, robot.home, still, tau)

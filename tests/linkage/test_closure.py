@@ -157,14 +157,10 @@ def test_oracles_states_satisfy_the_rows(kind: str) -> None:
 # -------------------------------------------------------------------- residuals far from closed
 
 
-def ball_tree() -> Tree:
-    return Tree([TreeJoint("", "spherical", 0, np.eye(3), np.zeros(3), np.array([0.0, 0, 1]))])
-
-
 def turned(rotation: str, r: Array) -> Array:
     """Return the rotation residual when B is turned by rotation vectors from A, shape (T, rows)."""
-    tree = ball_tree()
     zero = np.zeros(3)
+    tree = Tree([TreeJoint("", "spherical", 0, np.eye(3), zero, np.array([0.0, 0, 1]))])
     one = TreeClosure("", "", 0, np.eye(3), zero, 1, np.eye(3), zero, (), rotation)  # type: ignore[arg-type]
     q = tree.integrate(np.tile(tree.neutral(), (len(r), 1)), r)
     return Closures(tree, [one], []).residual(q, tree.sweep(q))

@@ -109,15 +109,11 @@ def test_least_squares_is_the_pseudo_inverse(m: int, n: int, rank: int) -> None:
     close_to(least_squares(A, b, rank=rank), expected, 10 * ROUNDING)
 
 
-def test_least_squares_of_nothing_is_zero() -> None:
+def test_least_squares_of_nothing_and_with_a_rank() -> None:
     assert least_squares(np.zeros((2, 0, 3)), np.zeros((2, 0))).tolist() == [[0.0] * 3] * 2
     assert least_squares(np.zeros((2, 3, 0)), np.zeros((2, 3))).shape == (2, 0)
     assert not least_squares(np.zeros((2, 3, 3)), np.ones((2, 3))).any()
-
-
-def test_least_squares_with_a_rank_ignores_rounding_of_the_file() -> None:
-    """A singular value of 1e-6 beyond the rank must not blow its part of b up."""
-    A = np.diag([1.0, 0.5, 1e-6])[None]
-    b = np.ones((1, 3))
+    # With a rank, rounding of the file is ignored: a singular value of 1e-6 must not blow its part of b up.
+    A, b = np.diag([1.0, 0.5, 1e-6])[None], np.ones((1, 3))
     assert least_squares(A, b, rank=2).max() == 2.0
     assert least_squares(A, b).max() == pytest.approx(1e6)

@@ -1,5 +1,6 @@
 """Postures that close: how much work it is to find them; neither work saved nor keeping changes one."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from hybridyn.linkage.generic_postures import FOLDER, generic_postures, kept_gen
 from hybridyn.linkage.newton import LoopProblem, close
 from hybridyn.structure import mechanism
 from hybridyn.threads import VARIABLES, _controller, one_thread
+from tests.comparing import refused
+from tests.files import save
 from tests.jansen import walker
 
 COUNT = 24
@@ -34,15 +37,14 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def load(tmp_path: Path, text: str) -> hybridyn.HybridRobot:
-    path = tmp_path / "walker.urdf"
-    path.write_text(text)
-    return hybridyn.load(path)
+    return hybridyn.load(save(tmp_path, text, "walker.urdf"))
 
 
 def test_a_robot_that_cannot_be_assembled_is_refused_soon(tmp_path: Path, solved: list[int]) -> None:
     """Before, its 720 starts took 60 steps each, twice: 86,400 systems."""
-    with pytest.raises(hybridyn.AssemblyError, match="no posture closes its loops"):
-        load(tmp_path, walker(1, stretch=5.0))
+    refused(
+        lambda: load(tmp_path, walker(1, stretch=5.0)), hybridyn.AssemblyError, "no posture closes its loops"
+    )
     assert sum(solved) < 720 * (newton.PATIENCE + 4) + COUNT * 60
 
 
@@ -88,11 +90,21 @@ def test_equal_modules_are_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(calls) == len({id(m.mechanism) for m in robot.modules})
 
 
-def test_small_matrices_start_no_threads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    pools = pytest.importorskip("threadpoolctl")
+@pytest.fixture
+def pools(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The pools of threads of this process, without a user's own rule for them."""
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
     _controller.cache_clear()
+    yield pytest.importorskip("threadpoolctl")
+    _controller.cache_clear()
+
+
+def of_blas(pools: Any) -> set[int]:
+    return {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"}
+
+
+def test_small_matrices_start_no_threads(pools: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     threads: list[int] = []
     search = mechanism.kept_generic_postures
 
@@ -103,33 +115,23 @@ def test_small_matrices_start_no_threads(monkeypatch: pytest.MonkeyPatch, tmp_pa
     monkeypatch.setattr(mechanism, "kept_generic_postures", watched)
     with pools.threadpool_limits(limits=2, user_api="blas"):
         hybridyn.load("five_bar")
-        assert {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"} == {2}
+        assert of_blas(pools) == {2}
     assert threads
     assert set(threads) == {1}
     with one_thread():
-        assert {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"} == {1}
-    _controller.cache_clear()
+        assert of_blas(pools) == {1}
 
 
-def test_overlapping_calls_restore_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_overlapping_calls_restore_the_number_of_threads(pools: Any) -> None:
     """The second call begins within the first and ends after it: its start must not look like the rule."""
-    pools = pytest.importorskip("threadpoolctl")
-    for name in VARIABLES:
-        monkeypatch.delenv(name, raising=False)
-    _controller.cache_clear()
-
-    def threads() -> set[int]:
-        return {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"}
-
     with pools.threadpool_limits(limits=2, user_api="blas"):
         first, second = one_thread(), one_thread()
         first.__enter__()
         second.__enter__()
         first.__exit__(None, None, None)
-        assert threads() == {1}
+        assert of_blas(pools) == {1}
         second.__exit__(None, None, None)
-        assert threads() == {2}
-    _controller.cache_clear()
+        assert of_blas(pools) == {2}
 
 
 def entries() -> list[Path]:

@@ -20,6 +20,7 @@ from hybridyn.structure.building import build_robot
 from hybridyn.structure.leg_model import LegModel, LongLegs
 from hybridyn.structure.mechanism import Mechanism
 from tests.comparing import SOLVED, close_to, refused
+from tests.files import save
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.posing import position
 from tests.samples import slow, some
@@ -182,9 +183,7 @@ def test_rank_is_decided_by_the_gap() -> None:
     assert at_the_gap.clear
     assert decide_rank(np.zeros((2, 3, 4)), 1e-4).rank == 0
     assert decide_rank(np.zeros((2, 0, 4)), 1e-4).clear
-
-
-def test_one_singular_posture_among_the_generic_ones_does_not_lower_the_rank() -> None:
+    # One singular posture among the generic ones does not lower the rank.
     K = spectrum([1.0, 0.5, 0.4])
     K[1, 2, 2] = 0.0
     assert decide_rank(K, 1e-4).rank == 3
@@ -227,9 +226,7 @@ def polygon(folder: Path, sides: int) -> Path:
         f'<loop name="last" type="revolute"><predecessor link="l{sides - 1}">{at}</predecessor>'
         '<successor link="l0"/><axis xyz="0 0 1"/></loop>'
     )
-    path = folder / "polygon.urdf"
-    path.write_text(f'<robot name="polygon">{"".join(text)}</robot>')
-    return path
+    return save(folder, f'<robot name="polygon">{"".join(text)}</robot>', "polygon.urdf")
 
 
 WEIGH = """

@@ -1,5 +1,6 @@
-"""The documentation builds without a warning, and holds every command and every public name."""
+"""The documentation builds, complete and without a warning; the examples run, check their claims, draw."""
 
+import importlib
 import inspect
 import os
 import re
@@ -16,6 +17,7 @@ import hybridyn
 from hybridyn.cli import COMMANDS, commands
 from tests import ROOT
 from tests.extras import needs
+from tests.samples import some
 
 DOCS = ROOT / "docs"
 
@@ -119,3 +121,44 @@ def test_equations_of_the_models_stand_in_the_lines_that_the_theory_names() -> N
     text = (DOCS / "theory.md").read_text()
     stated = dict(re.findall(r"^\| \((\d+)\) \| [^|]+ \| (`hybridyn/dynamics/[^|]+) \|$", text, re.MULTILINE))
     assert {int(n): where for n, where in stated.items()} == {n: tagged()[n] for n in range(30, 54)}
+
+
+FOLDER = ROOT / "docs" / "examples"
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "pictures")
+LARGEST = 150_000  # bytes of a committed picture
+
+
+def run(name: str, words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    if "hybridyn.sweep(" in (FOLDER / f"{name}.py").read_text():
+        needs("sweep")
+    monkeypatch.syspath_prepend(FOLDER)
+    importlib.import_module(name).main(words)
+
+
+def is_a_picture(path: Path) -> bool:
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        return picture.width > 600 and len(picture.convert("RGB").getcolors(2**24) or []) > 20
+
+
+@pytest.mark.parametrize("name", some(SCRIPTS, ()))
+def test_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run(name, ["--short", "--to", str(tmp_path)], monkeypatch)
+    assert is_a_picture(tmp_path / f"{name}.png")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_whole_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run(name, ["--to", str(tmp_path)], monkeypatch)
+    assert is_a_picture(tmp_path / f"{name}.png")
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_committed_picture_is_small_and_shown(name: str) -> None:
+    assert is_a_picture(FOLDER / f"{name}.png")
+    assert (FOLDER / f"{name}.png").stat().st_size < LARGEST
+    page = (FOLDER / "index.md").read_text()
+    assert f"({name}.py)" in page
+    assert f"({name}.png)" in page

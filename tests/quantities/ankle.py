@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+from pinocchio.rpy import rpyToMatrix
 
 import hybridyn
 from hybridyn.structure.robot import HybridRobot
+from tests.files import save
 
 JOINTS, MOTORS = ("pitch", "roll"), ("motor_left", "motor_right")
 #: Of the left side, in the shank at home [m]: motor axis (along y), end of the crank, end of the rod.
@@ -59,9 +61,7 @@ def ankle_text(mount: str = "") -> str:
 
 def ankle(folder: Path) -> HybridRobot:
     """Load the ankle from a file in a folder."""
-    path = folder / "ankle.urdf"
-    path.write_text(ankle_text())
-    return hybridyn.load(path, motors=MOTORS)
+    return hybridyn.load(save(folder, ankle_text(), "ankle.urdf"), motors=MOTORS)
 
 
 def leg(folder: Path) -> HybridRobot:
@@ -70,21 +70,7 @@ def leg(folder: Path) -> HybridRobot:
     mount += _joint("hip", "base", "thigh", np.zeros(3), "0 1 0")
     mount += _joint("knee", "thigh", "shank", np.array([0.0, 0.0, -0.4]), "0 1 0")
     mount += _joint("toe_hinge", "foot", "toe", np.array([0.1, 0.0, -0.03]), "0 1 0")
-    path = folder / "leg.urdf"
-    path.write_text(ankle_text(mount))
-    return hybridyn.load(path, motors=("hip", "knee", *MOTORS))
-
-
-def turned_y(angle: float) -> np.ndarray:
-    """Return the rotation about y."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def turned_x(angle: float) -> np.ndarray:
-    """Return the rotation about x."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    return hybridyn.load(save(folder, ankle_text(mount), "leg.urdf"), motors=("hip", "knee", *MOTORS))
 
 
 def closed_form(pitch: float, roll: float, motors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,13 +78,13 @@ def closed_form(pitch: float, roll: float, motors: np.ndarray) -> tuple[np.ndarr
 
     A rod keeps its length: r . (d(crank end) dm - d(foot's end) dy) = 0, with r from the one to the other.
     """
-    miss, H = np.zeros(2), np.zeros((2, 2))
+    miss, H, x = np.zeros(2), np.zeros((2, 2)), rpyToMatrix(0.0, pitch, 0.0)[:, 0]
     for i, sign in enumerate((np.ones(3), MIRROR)):
         axis, tip, end = AXIS * sign, TIP * sign, END * sign
-        arm = turned_y(motors[i]) @ (tip - axis)
-        foot = turned_y(pitch) @ turned_x(roll) @ end
+        arm = rpyToMatrix(0.0, motors[i], 0.0) @ (tip - axis)
+        foot = rpyToMatrix(roll, pitch, 0.0) @ end
         r = foot - axis - arm
         miss[i] = r @ r - (end - tip) @ (end - tip)
         along = r @ np.cross([0.0, 1.0, 0.0], arm)
-        H[i] = r @ np.cross([0.0, 1.0, 0.0], foot) / along, r @ np.cross(turned_y(pitch)[:, 0], foot) / along
+        H[i] = r @ np.cross([0.0, 1.0, 0.0], foot) / along, r @ np.cross(x, foot) / along
     return miss, H

@@ -5,6 +5,7 @@ import io
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from hybridyn.scenes.stage import stage
 from hybridyn.simulation.result import Result
 from hybridyn.simulation.run import BLOCK
 from tests.command_line import ROOT
+from tests.comparing import refused
 from tests.files import save
 
 SCENE = f"""duration = 2.0
@@ -60,14 +62,8 @@ def test_what_fits_depends_on_memory(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path = written(tmp_path, "[output]\nrate = 1000.0\n")
     assert len(stage(path).output_times) == 2001
     monkeypatch.setattr("hybridyn.simulation.run_size.memory", lambda: 1e6)
-    with pytest.raises(hybridyn.HybridynError, match=r"scene.toml:\d+: 'output.rate': 2e\+03 rows need 0.00"):
-        stage(path)
-
-
-def test_steps_of_an_array_of_times() -> None:
-    robot, q0, v0 = pendulum()
-    with pytest.raises(hybridyn.TrajectoryError, match="take longer steps"):
-        hybridyn.simulate(robot, q0, v0, (0, 1), method="rk4", step=1e-320)
+    words = r"scene.toml:\d+: 'output.rate': 2e\+03 rows need 0.00"
+    refused(lambda: stage(path), hybridyn.HybridynError, words)
 
 
 def pendulum() -> tuple[hybridyn.HybridRobot, np.ndarray, np.ndarray]:
@@ -76,7 +72,10 @@ def pendulum() -> tuple[hybridyn.HybridRobot, np.ndarray, np.ndarray]:
 
 
 def test_an_interrupt_among_many_rows_of_one_step_waits_for_a_block_only(tmp_path: Path) -> None:
+    """And more steps than memory holds are refused."""
     robot, q0, v0 = pendulum()
+    many = partial(hybridyn.simulate, robot, q0, v0, (0, 1), method="rk4", step=1e-320)
+    refused(many, hybridyn.TrajectoryError, "take longer steps")
     times = np.linspace(0, 0.02, 3 * BLOCK)
     options = {"method": "rk4", "step": 0.01, "output_times": times}
     heard: list[float] = []
@@ -116,7 +115,7 @@ def stopped(stopped_once: Path, tmp_path: Path) -> tuple[Path, Path]:
     return folder / "scene.toml", folder / "run.csv"
 
 
-def refused(run, stopped: tuple[Path, Path], text: str) -> None:
+def not_resumed(run, stopped: tuple[Path, Path], text: str) -> None:
     scene, target = stopped
     state = Path(f"{target}.state")
     before = target.read_bytes(), state.read_bytes()
@@ -165,7 +164,7 @@ def test_a_state_file_that_is_not_as_it_was_written_is_refused(
 ) -> None:
     state, (change, told) = Path(f"{stopped[1]}.state"), CHANGED[how]
     state.write_bytes(change(state))
-    refused(run, stopped, told)
+    not_resumed(run, stopped, told)
 
 
 @pytest.mark.parametrize(("t", "text"), [(np.nan, "no run can continue"), (-5.0, "before the start")])
@@ -173,7 +172,7 @@ def test_a_time_that_makes_no_sense_is_refused(run, stopped: tuple[Path, Path], 
     state = Path(f"{stopped[1]}.state")
     result = Result.load(state)
     replace(result, state=replace(result.state, t=t)).save(state)  # its checksum is right
-    refused(run, stopped, text)
+    not_resumed(run, stopped, text)
 
 
 def test_a_state_of_a_robot_with_other_numbers_is_refused(stopped: tuple[Path, Path]) -> None:
@@ -181,10 +180,9 @@ def test_a_state_of_a_robot_with_other_numbers_is_refused(stopped: tuple[Path, P
     other = hybridyn.load("five_bar", gravity=(0, 0, -1.62))
     result = Result.load(f"{stopped[1]}.state")
     assert (result.robot, len(result.origin.digest), len(result.origin.scene)) == ("five_bar", 64, 64)
-    with pytest.raises(hybridyn.TrajectoryError, match="with other numbers"):
-        hybridyn.simulate(other, None, None, (0, 2), resume=result, effort=ready.effort)
-    with pytest.raises(hybridyn.TrajectoryError, match="is of a scene"):
-        hybridyn.simulate(ready.robot, None, None, (0, 2), resume=result, effort=ready.effort)
+    for robot, words in ((other, "with other numbers"), (ready.robot, "is of a scene")):
+        again = partial(hybridyn.simulate, robot, None, None, (0, 2), resume=result, effort=ready.effort)
+        refused(again, hybridyn.TrajectoryError, words)
 
 
 def test_a_checkpoint_of_a_killed_run_knows_its_scene(
@@ -271,7 +269,6 @@ def test_a_full_disk_leaves_no_part_of_a_state(
 
     around = {file.name for file in state.parent.iterdir()}
     monkeypatch.setattr(np, "savez", full)
-    with pytest.raises(OSError, match=r"No space left on device: .*run\.csv\.state"):
-        result.save(state)
+    refused(lambda: result.save(state), OSError, r"No space left on device: .*run\.csv\.state")
     assert state.read_bytes() == before
     assert {file.name for file in state.parent.iterdir()} == around

@@ -169,8 +169,11 @@ def test_an_effort_on_a_massless_base_is_refused(tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, door(1), "door.urdf"), base="floating")
     rng = np.random.default_rng(0)
     q = np.array([*rng.normal(size=3), 0.5, 0.5, 0.5, 0.5, 0.3])
-    with pytest.raises(SingularityError, match="has no inertia"):
-        hybridyn.ddm(robot, q, rng.normal(size=robot.nv), np.array([0.4]))
+    refused(
+        lambda: hybridyn.ddm(robot, q, rng.normal(size=robot.nv), np.array([0.4])),
+        SingularityError,
+        "has no inertia",
+    )
 
 
 @pytest.mark.parametrize("size", [1e51, 1e300])
@@ -187,8 +190,11 @@ def test_numbers_that_no_robot_has(tmp_path: Path, size: float) -> None:
     ):
         refused(call, error, words)
     for spring in (Spring({"q1": size}), Spring({"q1": 1.0}, {"q1": size})):
-        with pytest.raises(ModelError, match="spring: joint 'q1' has"):
-            hybridyn.energy(robot, np.zeros(1), np.zeros(1), effects=[spring])
+        refused(
+            lambda: hybridyn.energy(robot, np.zeros(1), np.zeros(1), effects=[spring]),  # noqa: B023
+            ModelError,
+            "spring: joint 'q1' has",
+        )
     for call, error, words in (
         (
             lambda: hybridyn.simulate(

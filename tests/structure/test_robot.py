@@ -10,8 +10,9 @@ import hybridyn
 from hybridyn import HybridRobot, ModelError
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.structure.building import build_robot
-from tests.comparing import ROUNDING, close_to
+from tests.comparing import ROUNDING, close_to, refused
 from tests.extras import robots_of_others, skip
+from tests.files import save
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
 from tests.oracle.test_oracle import SHUFFLED
@@ -37,9 +38,7 @@ ALL_DRIVEN = ("ur5_robot.urdf", "allegro_left_hand.urdf", "talos_reduced.urdf", 
 
 def urdf_file(name: str, folder: Path) -> Path:
     if name == "shuffled":
-        path = folder / "shuffled.urdf"
-        path.write_text(SHUFFLED)
-        return path
+        return save(folder, SHUFFLED, "shuffled.urdf")
     if not robots_of_others():
         skip("robots")
     return next(path for path in robots_of_others() if path.name == name)
@@ -171,8 +170,11 @@ def test_gravity_is_the_callers() -> None:
 
 
 def test_unknown_base_is_refused() -> None:
-    with pytest.raises(ModelError, match=r"base must be 'fixed', 'moving' or 'floating', not 'flying'"):
-        build_robot(random_mechanism(0, kind="four_bar"), base="flying")  # type: ignore[arg-type]
+    refused(
+        lambda: build_robot(random_mechanism(0, kind="four_bar"), base="flying"),
+        ModelError,
+        r"base must be 'fixed', 'moving' or 'floating', not 'flying'",
+    )  # type: ignore[arg-type]
 
 
 def long_chain(joints: int) -> HybridRobot:
@@ -187,10 +189,8 @@ def long_chain(joints: int) -> HybridRobot:
 def test_pinocchio_model_of_a_huge_robot_is_refused_and_names_the_way_out() -> None:
     robot = long_chain(10_001)
     assert robot.nv == 10_001
-    with pytest.raises(
-        ModelError, match=r"'comb' has 10001 joints.*refused above 10000.*hybridyn's own functions"
-    ):
-        _ = robot.model
+    words = r"'comb' has 10001 joints.*refused above 10000.*hybridyn's own functions"
+    refused(lambda: robot.model, ModelError, words)
 
 
 def test_a_robot_of_one_link_is_a_robot() -> None:

@@ -15,6 +15,7 @@ from hybridyn.errors import ModelError
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from tests import ROOT, margins
+from tests.comparing import refused
 from tests.oracle import Oracle
 from tests.samples import slow
 
@@ -132,33 +133,25 @@ def test_inertias_are_physical(robot: Description) -> None:
     assert all(not link.inertia.any() for link in robot.links if link.mass == 0)
 
 
-def test_home_closes_every_loop(robot: Description) -> None:
+def test_home_closes_every_loop_and_motors_drive_every_freedom_there(name: str, robot: Description) -> None:
     oracle = Oracle(robot)
-    residual = oracle.residual(home(oracle))
-    assert np.abs(residual).max() < CLOSED * oracle.tree.length
-
-
-def test_motors_drive_every_freedom_at_home(name: str, robot: Description) -> None:
-    oracle = Oracle(robot)
-    motions = oracle.motions(home(oracle))
+    at_home = home(oracle)
+    assert np.abs(oracle.residual(at_home)).max() < CLOSED * oracle.tree.length
+    motions = oracle.motions(at_home)
     driven = (motions / oracle.unit[:, None])[oracle.motors]
     assert driven.shape == (ROBOTS[name].motors, ROBOTS[name].mobility)
     singular_values = np.linalg.svd(driven, compute_uv=False)
     assert singular_values[-1] > INDEPENDENT * singular_values[0]
 
 
-def test_limits_hold_home_and_motors_have_all_of_them(robot: Description) -> None:
+def test_limits_hold_home_and_motors_alone_have_all_of_them_rotors_and_friction(robot: Description) -> None:
+    """Rotors and friction are stated in the xacro, or in model.toml beside it."""
     for joint in robot.joints:
         if joint.name in robot.motors:
             assert 0 < joint.effort < np.inf, joint.name
             assert 0 < joint.velocity < np.inf, joint.name
         if joint.kind != "fixed":
             assert joint.lower < robot.home.get(joint.name, (0.0,))[0] < joint.upper, joint.name
-
-
-def test_motors_alone_have_rotors_and_friction(robot: Description) -> None:
-    """Stated in the xacro, or in model.toml beside it."""
-    for joint in robot.joints:
         stated = (joint.rotor_inertia, joint.damping, joint.friction, abs(joint.gear_ratio - 1.0))
         assert (min(stated) > 0) == (max(stated) > 0) == (joint.name in robot.motors), joint.name
 
@@ -248,8 +241,11 @@ def test_quaternions_turn_with_the_angular_velocity(table: dict[str, np.ndarray]
 @pytest.mark.parametrize("count", ["0", "2.5"])
 @pytest.mark.parametrize(("file", "argument"), [("snake", "n"), ("lx4", "modules")])
 def test_wrong_number_of_modules_is_refused(file: str, argument: str, count: str) -> None:
-    with pytest.raises(ModelError, match=f"{argument} must be a whole number, at least 1"):
-        read(robot_file(file), xacro_args={argument: count})
+    refused(
+        lambda: read(robot_file(file), xacro_args={argument: count}),
+        ModelError,
+        f"{argument} must be a whole number, at least 1",
+    )
 
 
 def test_trajectory_closes_every_loop(loaded: HybridRobot, states: tuple[np.ndarray, ...]) -> None:

@@ -116,12 +116,11 @@ def test_text_and_json_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_many_findings_of_a_kind_are_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "robot.urdf"
     frames = "".join(
         f'<link name="f{i}"/><joint name="j{i}" type="fixed"><parent link="arm"/><child link="f{i}"/></joint>'
         for i in range(20)
     )
-    path.write_text(arm(frames))
+    path = save(tmp_path, arm(frames), "robot.urdf")
     short, full = call(capsys, "info", path).out, call(capsys, "info", path, "--all").out
     assert "and 8 more [unused-link]" in short
     assert full.count("[unused-link]") == 20

@@ -48,10 +48,8 @@ HEADER = ["time", "drive/position", "drive/velocity", "drive/acceleration"]
 
 
 def write(folder: Path, kind: str, table: np.ndarray, header: list[str] = HEADER) -> tuple[Path, Path]:
-    robot, motion = folder / "single.urdf", folder / "motion.csv"
-    robot.write_text(robot_text(kind))
-    motion.write_text(table_text(header, table))
-    return robot, motion
+    robot = save(folder, robot_text(kind), "single.urdf")
+    return robot, save(folder, table_text(header, table), "motion.csv")
 
 
 def single(folder: Path) -> hybridyn.HybridRobot:

@@ -1,4 +1,4 @@
-"""Peaks of motors with different units do not compare: a study names the unit, or is refused."""
+"""What numbers of a study mean: the units of its peaks, and expressions over its columns."""
 
 import re
 from functools import partial
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.studies.sweep.expressions import Expression
 from hybridyn.studies.sweep.measures import OF_KIND, check_units
 from hybridyn.studies.sweep.shards import read_shards
 from tests.command_line import table_text
@@ -91,3 +92,21 @@ def test_a_unit_that_no_motor_has_is_refused(tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, one, "one.urdf"))
     refused(lambda: check_units(robot, ["peak_speed[m/s]"]), hybridyn.ModelError, "no motor has this unit")
     check_units(robot, ["peak_speed", "peak_speed[rad/s]"])
+
+
+OF_ROWS = {"a": [0.5, 1.5, 2.5, 1.0], "b": [2.0, 0.0, 3.0, 1.0]}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-(a > 1)", "+(a > 1)", "(a > 1) - (b > 1)", "(a > 1) + (b > 1)", "(a > 1) * (b > 1)", "-(not a > 1)",
+        "abs((a > 1) - 2)", "abs(a > 1)", "(a > 1) ** 2", "(a > 1) / 2 > 0", "1 - (a > 1 and b > 1)",
+    ],
+)  # fmt: skip
+def test_what_is_true_counts_one(text: str) -> None:
+    found = Expression(text, ["a", "b"], "--where")({name: np.array(x) for name, x in OF_ROWS.items()})
+    rows = zip(*OF_ROWS.values(), strict=True)
+    wanted = [eval(text, {"__builtins__": {"abs": abs}}, {"a": a, "b": b}) for a, b in rows]
+    assert np.array_equal(found, wanted)
+    assert Expression("sqrt(a > 1)", ["a", "b"], "--where")({"a": np.array([2.0])}).dtype == float

@@ -11,6 +11,7 @@ from hybridyn.studies.effect_worth import Worth
 from hybridyn.studies.sweep.measures import STATISTICS
 from hybridyn.tables.over_time import Means
 from tests.command_line import call, table_text
+from tests.files import save
 
 MASS = 2.5
 SLIDE = f"""<robot name="slide"><link name="ground"/><link name="bob"><inertial><mass value="{MASS}"/>
@@ -31,13 +32,11 @@ PRINTED = 5e-6
 
 
 def files(folder: Path, *, timed: bool = True) -> tuple[Path, Path]:
-    robot, motion = folder / "slide.urdf", folder / "motion.csv"
-    robot.write_text(SLIDE)
     still = np.zeros(len(TIME))
     names = ["time", "drive/position", "drive/velocity", "drive/acceleration"]
     table = np.column_stack([TIME, still, still, FORCE / MASS])
-    motion.write_text(table_text(names, table) if timed else table_text(names[1:], table[:, 1:]))
-    return robot, motion
+    text = table_text(names, table) if timed else table_text(names[1:], table[:, 1:])
+    return save(folder, SLIDE, "slide.urdf"), save(folder, text, "motion.csv")
 
 
 def cells(text: str) -> list[str]:

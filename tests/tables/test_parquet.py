@@ -33,15 +33,20 @@ def refusal(path: Path, words: str = "", **place: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "words"), [(None, "empty"), (float("nan"), "not a finite"), (float("inf"), "not a finite")]
+    ("columns", "words", "place"),
+    [
+        *(
+            ({"a": [1.0, 2.0, 3.0], "b": [1.0, 2.0, cell]}, words, {"row": 3, "column": "b"})
+            for cell, words in ((None, "empty"), (np.nan, "not a finite"), (np.inf, "not a finite"))
+        ),
+        ({"a": [1.0], "b": ["x"]}, "numbers", {"column": "b"}),
+        ({"a": pl.Series([], dtype=pl.Float64)}, "no rows", {}),
+    ],
 )
-def test_names_the_cell_that_is_not_a_finite_number(tmp_path: Path, cell: object, words: str) -> None:
-    refusal(saved(tmp_path, {"a": [1.0, 2.0, 3.0], "b": [1.0, 2.0, cell]}), words, row=3, column="b")
-
-
-def test_refuses_text_and_no_rows(tmp_path: Path) -> None:
-    refusal(saved(tmp_path, {"a": [1.0], "b": ["x"]}), "numbers", column="b")
-    refusal(saved(tmp_path, {"a": pl.Series([], dtype=pl.Float64)}), "no rows")
+def test_what_is_no_table_of_finite_numbers_is_refused(
+    tmp_path: Path, columns: dict[str, object], words: str, place: dict[str, object]
+) -> None:
+    refusal(saved(tmp_path, columns), words, **place)
 
 
 @pytest.mark.parametrize("damage", ["text", "truncated", "flipped"])
