@@ -94,13 +94,14 @@ def determined(oracle: Oracle, q: np.ndarray, a: np.ndarray) -> np.ndarray:
     ],
 )
 def test_quantities_against_the_oracle(engine: str, case: str, base: Base) -> None:
-    """The motion map with its drift, the mass matrix and the bias."""
+    """The motion map with its drift, the mass matrix, the bias and its parts."""
     description, _, (q, v, _) = drawn(case, base, 0)
     on = engine_of(engine, build_robot(description, base=base))
     oracle = Oracle(description, base)
     columns = columns_of(oracle, on.robot.motors)
     (E, E_dot), M, force = on.motion_map(q, v), on.mass_matrix(q), on.bias(q, v)
     np.testing.assert_array_equal(M, np.swapaxes(M, 1, 2))
+    close_to(on.coriolis(q, v) + on.gravity(q), force, BACKWARD)
     assert np.linalg.eigvalsh(M).min() > 0
     for t in range(len(q)):
         close_to(E[t], oracle_map(oracle, q[t], columns), SOLVED)

@@ -1,4 +1,4 @@
-"""Guards of the core, each with a robot whose numbers are wrong without it; closures that lose rank."""
+"""Guards of the core, each with a robot that is wrong without it; lost rank; solving with inertias."""
 
 from dataclasses import replace
 from functools import partial
@@ -11,10 +11,12 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.description.records import Description, Joint, Link
+from hybridyn.dynamics.guards import EPS
+from hybridyn.dynamics.inertia_solve import InertiaFactor
 from hybridyn.structure.building import build_robot
 from tests.any_mechanism import any_mechanism
 from tests.assembly.test_assembly import with_aligned_wrist
-from tests.comparing import SOLVED, close_to, refused
+from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.files import save
 from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Oracle
@@ -217,3 +219,46 @@ def test_the_change_point_itself(tmp_path: Path) -> None:
         refused(call, hybridyn.SingularityError, "closures lose rank at sample 0", what="closures")
     tau = hybridyn.idm(robot, q, v, a, on_singular="least-norm")
     assert tau == pytest.approx(effort(0.0, 0.5), rel=TOLERANCE)
+
+
+GRADES = [1.0, 1e6, 1e12]  # heaviest over lightest coordinate
+SAMPLES, SIZE = 5, 4
+
+
+def drawn(rank: int, grade: float = 1.0) -> np.ndarray:
+    """Return C^T C for C of shape (samples, rank, size), its coordinates graded."""
+    C = np.random.default_rng(0).normal(size=(SAMPLES, rank, SIZE)) * grade ** -np.linspace(0, 0.5, SIZE)
+    return np.matmul(np.swapaxes(C, 1, 2), C)
+
+
+@pytest.mark.parametrize("grade", GRADES)
+def test_light_coordinates_stay_accurate_beside_heavy_ones(grade: float) -> None:
+    A = drawn(7, grade)
+    x = np.random.default_rng(1).normal(size=(SAMPLES, SIZE, 2)) * grade ** np.linspace(0, 0.5, SIZE)[:, None]
+    factor = InertiaFactor(A, 16 * EPS * np.diagonal(A, axis1=1, axis2=2))
+    solved, left = factor.solve(np.matmul(A, x))
+    assert not factor.massless.any()
+    assert not left.any()
+    # Every coordinate by itself: its unit is its own rounding.
+    unit = grade ** np.linspace(0, 0.5, SIZE)[:, None]
+    close_to(solved / unit, x / unit, 1e3 * ROUNDING)
+
+
+def test_each_sample_decides_by_itself() -> None:
+    A = np.stack([drawn(SIZE)[0], drawn(2)[0], np.zeros((SIZE, SIZE))])
+    factor = InertiaFactor(A, np.full((3, SIZE), 1e-13))
+    assert factor.massless.sum(axis=1).tolist() == [0, SIZE - 2, SIZE]
+    b = np.random.default_rng(2).normal(size=(3, SIZE, 1))
+    alone = [InertiaFactor(A[t : t + 1], np.full((1, SIZE), 1e-13)).solve(b[t : t + 1]) for t in range(3)]
+    together = factor.solve(b)
+    for t in range(3):
+        assert np.array_equal(together[0][t], alone[t][0][0])
+        assert np.array_equal(together[1][t], alone[t][1][0])
+
+
+@pytest.mark.parametrize(("samples", "size"), [(0, 3), (2, 0), (0, 0), (1, 1)])
+def test_nothing_is_a_matrix_too(samples: int, size: int) -> None:
+    factor = InertiaFactor(np.tile(np.eye(size), (samples, 1, 1)), np.full((samples, size), EPS))
+    x, left = factor.solve(np.ones((samples, size, 2)))
+    assert np.array_equal(x, np.ones((samples, size, 2)))
+    assert not left.any()

@@ -203,14 +203,11 @@ def test_velocity_terms_off_keeps_the_drift_of_the_closures(name: str) -> None:
     tau = idm(robot, q, v, a, effects=off)
     close_to(ddm(robot, q, v, tau, effects=off), a, THERE_AND_BACK)  # a holds the closures' drift
     assert np.abs(idm(robot, q, v, a) - tau).max() > 1e-3
-    at_rest = (q, 0 * v, accelerations_at_rest(robot, q, a))
-    close_to(idm(robot, *at_rest, effects=off), idm(robot, *at_rest), EXACT)
-
-
-def accelerations_at_rest(robot: HybridRobot, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return accelerations that close the loops at rest, the motors' those of a."""
+    # Accelerations that close the loops at rest, the motors' those of a.
     given = [(x[robot.motor_q], None, x_ddot[robot.motor_v]) for x, x_ddot in zip(q, a, strict=True)]
-    return np.array([hybridyn.assemble(robot, motors=m, guess=x)[2] for m, x in zip(given, q, strict=True)])
+    still = [hybridyn.assemble(robot, motors=m, guess=x)[2] for m, x in zip(given, q, strict=True)]
+    at_rest = (q, 0 * v, np.array(still))
+    close_to(idm(robot, *at_rest, effects=off), idm(robot, *at_rest), EXACT)
 
 
 def test_velocity_terms_of_one_platform_by_hand() -> None:

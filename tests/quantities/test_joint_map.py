@@ -118,6 +118,9 @@ def test_a_serial_joint_is_its_own_motor() -> None:
 
 
 def test_bad_questions_are_refused(robot: HybridRobot) -> None:
+    description = random_mechanism(0, kind="four_bar_two_motors")
+    redundant = hybridyn.structure.building.build_robot(description)
+    q, _, _ = random_states(description, "fixed", 0, 1)
     for call, error, words in (
         (
             lambda: hybridyn.joint_map(robot, robot.home, ["pitch"]),
@@ -130,16 +133,13 @@ def test_bad_questions_are_refused(robot: HybridRobot) -> None:
             r"unknown joint 'pich' \(did you mean 'pitch'\?\)",
         ),
         (lambda: hybridyn.joint_map(robot, robot.home, []), TrajectoryError, r"name the output joints"),
+        (
+            lambda: hybridyn.joint_map(redundant, q, [redundant.joints[-1]]),
+            SingularityError,
+            r"2 motors for 1 freedom cannot .*with motors=\[...\], 1 in this",
+        ),
     ):
         refused(call, error, words)
-    description = random_mechanism(0, kind="four_bar_two_motors")
-    redundant = hybridyn.structure.building.build_robot(description)
-    q, _, _ = random_states(description, "fixed", 0, 1)
-    refused(
-        lambda: hybridyn.joint_map(redundant, q, [redundant.joints[-1]]),
-        SingularityError,
-        r"2 motors for 1 freedom cannot .*with motors=\[...\], 1 in this",
-    )
 
 
 def test_singular_samples_are_left_out_without_quadratic_work(monkeypatch: pytest.MonkeyPatch) -> None:

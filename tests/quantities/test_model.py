@@ -75,14 +75,6 @@ def test_the_model_is_idm(name: str, base: Base) -> None:
         close_to(np.einsum("tij,tj->ti", M, a[:, columns]) + force, tau, BALANCE)
 
 
-def test_parts_of_the_bias() -> None:
-    description = shipped("rps3")
-    robot = build_robot(description)
-    q, v, _ = states_near_home(description, "fixed", 2, 2)
-    both = hybridyn.coriolis(robot, q, v) + hybridyn.gravity(robot, q)
-    close_to(both, hybridyn.bias(robot, q, v), BALANCE)
-
-
 def test_rods_that_spin_idly_take_no_part() -> None:
     description = random_mechanism(0, kind="sps_thin")
     robot = build_robot(description)

@@ -1,5 +1,6 @@
 """The conserving method: energy over long runs, reversal, discrete work; rough numbers in any method."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -187,15 +188,14 @@ def test_numbers_that_no_robot_has(tmp_path: Path, size: float) -> None:
             "v has the number",
         ),
         (lambda: Payload("arm", size, (1.0, 0.0, 0.0)), ModelError, "at most 1e\\+50"),
-    ):
-        refused(call, error, words)
-    for spring in (Spring({"q1": size}), Spring({"q1": 1.0}, {"q1": size})):
-        refused(
-            lambda: hybridyn.energy(robot, np.zeros(1), np.zeros(1), effects=[spring]),  # noqa: B023
-            ModelError,
-            "spring: joint 'q1' has",
-        )
-    for call, error, words in (
+        *(
+            (
+                partial(hybridyn.energy, robot, np.zeros(1), np.zeros(1), effects=[spring]),
+                ModelError,
+                "spring: joint 'q1' has",
+            )
+            for spring in (Spring({"q1": size}), Spring({"q1": 1.0}, {"q1": size}))
+        ),
         (
             lambda: hybridyn.simulate(
                 robot, np.zeros(1), np.zeros(1), (0, 1), projection="never", baumgarte=size

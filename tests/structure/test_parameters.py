@@ -134,6 +134,7 @@ def test_payloads_and_springs_are_parameters() -> None:
 
 def test_payloads_and_springs_that_are_not_there_are_named() -> None:
     robot = build_robot(shipped("five_bar"))
+    once = with_effects(robot, [Payload("m1_tool", 0.5)])
     for call, words in (
         (
             lambda: robot.with_parameters({"spring_rest:m1_left_elbow": 1.0}),
@@ -143,10 +144,6 @@ def test_payloads_and_springs_that_are_not_there_are_named() -> None:
             lambda: robot.with_parameters({"payload_mass:m1_tool": 1.0}),
             "there is no payload on the link 'm1_tool'",
         ),
-    ):
-        refused(call, ModelError, words)
-    once = with_effects(robot, [Payload("m1_tool", 0.5)])
-    for call, words in (
         (
             lambda: with_effects(once, [Payload("m1_tool", 0.7)]).with_parameters(
                 {"payload_mass:m1_tool": 1.0}

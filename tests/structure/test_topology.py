@@ -160,11 +160,10 @@ def test_modules_of_every_kind(kind: str) -> None:
             assert robot.modules[m.parent].outputs[m.parent_output] == m.base
         wrists = {j for w in m.mechanism.spec.wrists for j in w.joints}
         in_legs = [j for _, joints in m.legs for j in joints]
-        platforms = len(m.mechanism.spec.platforms)
         in_wrists = {m.joints[j] for j in wrists}
         assert len(in_legs) == len(set(in_legs)) == len(m.joints) - len(in_wrists)
         assert not in_wrists & set(in_legs)
-        assert platforms <= len(m.outputs)
+        assert len(m.mechanism.spec.platforms) <= len(m.outputs)
 
 
 def test_equal_modules_share_their_numbers() -> None:

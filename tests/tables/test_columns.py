@@ -45,9 +45,7 @@ def test_motors_with_some_rates() -> None:
     assert found.joints["lift"].position == (2,)
     assert found.joints["lift"].missing == ("acceleration",)
     assert found.joints["elbow"].missing == ("velocity", "acceleration")
-
-
-def test_every_joint_is_a_full_state_and_needs_no_motors() -> None:
+    # Every joint is a full state, and needs no motors.
     found = layout(["time", "lift/position", "elbow/position", "spin/position"])
     assert found.full_state
     assert found.joints["spin"].wraps == (0,)
@@ -75,15 +73,12 @@ def test_names_with_separators_in_them(owner: str) -> None:
     assert owner in layout(["time", f"{owner}/pose/x"]).poses
 
 
-def test_outputs_of_a_run_are_skipped_when_it_is_read_back() -> None:
+def test_wrenches_and_efforts_and_outputs_of_a_run_that_are_skipped_when_it_is_read_back() -> None:
     columns = [f"{name}/position" for name in ("lift", "elbow")] + ["lift/effort", "elbow/effort"]
     run = ["time", *columns, "energy/kinetic", "energy/potential", "energy/total", "residual"]
     assert layout(run).efforts == {}
     assert layout(run, efforts=True).efforts == {"lift": 3, "elbow": 4}
     refusal(["time", *columns], "lift/effort")
-
-
-def test_wrenches_and_efforts() -> None:
     columns = ["time", "lift/position", "elbow/position", *WRENCH]
     assert layout(columns).wrenches == {"tool": (3, 4, 5, 6, 7, 8)}
     assert layout([*columns, "lift/effort", "elbow/effort"], efforts=True).efforts == {"lift": 9, "elbow": 10}

@@ -15,12 +15,11 @@ from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
 from hybridyn.tables.trajectory import Motion, full_state, read_motions
-from tests.comparing import refused
+from tests.comparing import ROUNDING, refused
 from tests.files import save
 from tests.tables.arm import ARM, BALL
 from tests.waiting import outcome
 
-ROUNDING = 1e-13
 FIT = 1e-6  # fitted accelerations of the motions below, sampled at 100 Hz
 DIFFERENCES = 1e-6  # central differences at 1e-5 s of motions of order one
 
