@@ -234,7 +234,7 @@ def test_without_casadi(tmp_path: Path) -> None:
         "try: import hybridyn.compiled.export\n"
         "except hybridyn.CompileError as error: print(error)\n"
         "from hybridyn.cli import main\n"
-        "print(main(['export', 'five_bar', '-o', 'made']))\n"
+        "print(main(['convert', 'five_bar', '--c', '-o', 'made']))\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path

@@ -13,7 +13,7 @@ from hybridyn.compiled.code.kernels import kernel_text
 from hybridyn.compiled.library.calls import Library, load
 from hybridyn.compiled.program import Call, Given, Kernel, Program, Result
 from tests.comparing import refused
-from tests.compiled_toys import toy
+from tests.compiled_toys import single, toy
 
 ULPS = 1.0  # what the comment in trigonometry.h promises
 ROUNDING = 4e-16  # one operation
@@ -201,7 +201,7 @@ def test_floats_keep_seven_digits() -> None:
     (a, _), _ = sines.batch(program.name, q, v)
     (wanted, _), _ = load([program]).batch(program.name, q, v)
     np.testing.assert_allclose(a, wanted, rtol=FLOAT, atol=FLOAT)
-    assert (sines.single(program.name, q[3], v[3])[0][0] == a[3]).all()
+    assert (single(sines, program.name, q[3], v[3])[0][0] == a[3]).all()
 
 
 @pytest.mark.parametrize("number", ["longdouble", "float128"])
