@@ -8,6 +8,7 @@ import numpy as np
 from hybridyn import load
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.motion_law import MotionLaw
+from hybridyn.simulation.result import Result
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -16,6 +17,12 @@ from tests.mechanisms import random_mechanism, random_states
 from tests.shipped import shipped
 
 Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
+BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
+
+
+def equal_bits(x: Result, y: Result) -> bool:
+    """Tell whether two results are the same bit for bit."""
+    return all(getattr(x, name).tobytes() == getattr(y, name).tobytes() for name in BITS)
 
 
 @lru_cache

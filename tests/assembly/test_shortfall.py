@@ -27,13 +27,13 @@ from tests.shipped import ROBOTS, shipped, states_near_home
 from tests.studies.test_check import crank_and_slide
 
 UPPER, LOWER, SPACING = 0.2, 0.3, 0.25  # of a five-bar [m]
+ARMS = {"upper_length": str(UPPER), "lower_length": str(LOWER), "spacing": str(SPACING)}
 BAND = 1e-3  # residuals of 1e-4 of the module's length are accepted, each with its lever [m]
 
 
 def test_a_five_bar_lacks_what_its_point_is_outside_of_the_rings_of_its_arms() -> None:
     """The tool is on two arms: its distance r from either shoulder is within LOWER - UPPER, LOWER + UPPER."""
-    arms = {"upper_length": str(UPPER), "lower_length": str(LOWER), "spacing": str(SPACING)}
-    robot = build_robot(shipped("five_bar", **arms))
+    robot = build_robot(shipped("five_bar", **ARMS))
     x, z = np.random.default_rng(0).uniform(-0.8, 0.8, (2, 400))
     radii = [np.hypot(x - shoulder, z) for shoulder in (-SPACING / 2, SPACING / 2)]
     outside = np.maximum.reduce([np.maximum(r - LOWER - UPPER, LOWER - UPPER - r) for r in radii])
@@ -50,8 +50,7 @@ def test_a_five_bar_lacks_what_its_point_is_outside_of_the_rings_of_its_arms() -
 
 def test_an_angle_that_is_given_first_changes_nothing() -> None:
     """What residuals may hide is a length: an angle has no share in how far a point may be off."""
-    arms = {"upper_length": str(UPPER), "lower_length": str(LOWER), "spacing": str(SPACING)}
-    robot = build_robot(shipped("five_bar", **arms))
+    robot = build_robot(shipped("five_bar", **ARMS))
     given = {"x": np.array([0.9]), "pitch": np.zeros(1)}
     found = []
     for names in (("x", "pitch"), ("pitch", "x")):

@@ -150,17 +150,13 @@ def test_install_lines_work_from_a_clone(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_rows_of_a_table_have_equal_numbers_of_cells(page: Path) -> None:
+def test_rows_of_a_table_have_equal_numbers_of_cells_and_links_lead_somewhere(page: Path) -> None:
     """A `|` in a cell, even in code, begins another cell, and what is beyond the last column is not shown."""
     text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
         counts = {row: len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}
         head = next(iter(counts.values()))
         assert [row for row, count in counts.items() if count != head] == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_to_files_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target

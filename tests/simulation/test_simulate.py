@@ -18,20 +18,14 @@ from hybridyn.simulation.solver import Solver
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.robot_texts import door, save
-from tests.swings import chain, hinge, rod, swing
+from tests.swings import chain, equal_bits, hinge, rod, swing
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate
 MINIMAL = 1e-8  # what it then reaches over a second
 CLOSED = 1e-10  # the project's claim on closures
 SAME_STEPS = 1e-10  # of equal motions by equal steps: rounding, and iterations that end there
-BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
 G = 9.81
-
-
-def equal_bits(x: Result, y: Result) -> bool:
-    """Tell whether two results are the same bit for bit."""
-    return all(getattr(x, name).tobytes() == getattr(y, name).tobytes() for name in BITS)
 
 
 # -------------------------------------------------------------------- motions derived by hand
