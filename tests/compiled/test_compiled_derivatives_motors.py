@@ -106,6 +106,7 @@ def test_columns_against_differences_along_each_motor(name: str, interpreted: No
         close_to(found["a"] @ rates[known], of, ROUNDING)
 
 
+@pytest.mark.slow
 def test_motors_of_a_serial_arm_are_its_joints(interpreted: None) -> None:
     """Whatever the order of the motors: both derivatives are the same, and each other's inverse."""
     arm = random_mechanism(1, kind="serial")
@@ -159,6 +160,7 @@ def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
         assert Derivatives(robot, "idm", parameters=yes)._parameters is True  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_nothing_changes_where_nothing_moves(interpreted: None) -> None:
     """There are no derivatives over no motors, and those over the effort of a locked one are zero."""
     robot = with_truss("alone")

@@ -74,6 +74,7 @@ def shown(word: str, values: Iterable[np.ndarray]) -> str:
     return " ".join([word, *(repr(float(x)) for part in values for x in part)])
 
 
+@pytest.mark.slow
 def test_the_map_in_c_follows_from_another_posture(tmp_path: Path) -> None:
     """A few Newton steps from home lead to the numbers of the general path, both ways."""
     robot = ankle(tmp_path)

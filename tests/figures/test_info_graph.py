@@ -51,6 +51,7 @@ def test_joints_in_series_share_a_card() -> None:
     assert arm.legs == (Leg(1, (Sign("R", True),) * 6),)
 
 
+@pytest.mark.slow
 def test_equal_modules_are_one_pile() -> None:
     drawn = cards(robot("lx4", modules="9"))
     assert len(drawn) < 8

@@ -379,6 +379,7 @@ def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: p
     assert advice(study, 1e-3).startswith("For 0.1 % on the last posture, take")
 
 
+@pytest.mark.slow
 def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     needs("compiled")
     rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines()
