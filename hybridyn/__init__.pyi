@@ -25,6 +25,8 @@ from .errors import (
     SingularityError,
     TrajectoryError,
 )
+from .identification.base_parameters import BaseParameters, base_parameters
+from .identification.regressor import Regressor, regressor
 from .loading import from_pinocchio, load
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
@@ -40,6 +42,7 @@ __all__ = [
     "ActuationError",
     "Assemblies",
     "AssemblyError",
+    "BaseParameters",
     "CompileError",
     "CompiledRobot",
     "Conversion",
@@ -53,11 +56,13 @@ __all__ = [
     "PerformanceWarning",
     "Power",
     "Reactions",
+    "Regressor",
     "SingularityError",
     "TrajectoryError",
     "__version__",
     "assemble",
     "assemblies",
+    "base_parameters",
     "bias",
     "centre_of_mass",
     "check",
@@ -85,6 +90,7 @@ __all__ = [
     "near_singularity",
     "operational_inertia",
     "power",
+    "regressor",
     "simulate",
     "sweep",
     "with_effects",

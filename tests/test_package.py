@@ -24,7 +24,7 @@ FLOORS = (
     {"compiled", "conversion"},
     {"simulation", "streams"},
     {"scenes", "view"},
-    {"studies"},
+    {"studies", "identification"},
     {"figures"},
     {"cli"},
     {"__main__"},

@@ -76,14 +76,14 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
         _, tau, pivot = null_basis(B, -need.Q, N)
         hard = np.flatnonzero(pivot < SINGULAR_MOTOR_MAP * N)
     if len(moving) and len(hard):
-        tau[hard] = _least_norm(module, B, need, share, sharing, hard)
+        tau[hard] = least_norm(module, B, need, share, sharing, hard)
     _check_driven(module, need.Q - np.einsum("tij,tj->ti", B, tau), need, sharing)
     out = np.zeros((T, len(module.motors)))
     out[:, moving] = tau / unit
     return out
 
 
-def _least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Sharing, at: Index) -> Array:
+def least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Sharing, at: Index) -> Array:
     """Solve B tau = Q, at some samples, for the tau with the least norm of tau / share, by an SVD.
 
     Motions are made orthonormal first, so that the residual does not depend on the coordinates u.
@@ -167,7 +167,7 @@ def _check_driven(module: Module, missing: Array, need: Need, sharing: Sharing) 
 def _idle_part(module: Module, Psi: Array, missing: Array, motion: Motion) -> Array:
     """Compute the part of missing forces that does work on idle motions only (a rod's spin), shape (T, N).
 
-    Motions are made orthonormal first, as in `_least_norm`.
+    Motions are made orthonormal first, as in `least_norm`.
     """
     orthonormal, R = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None])
     out = np.zeros_like(missing)

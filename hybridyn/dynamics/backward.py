@@ -58,7 +58,7 @@ def backward(
     rounding = NOISE * robot.nv * natural_force(robot, v, a)  # one term for each freedom
     sizes = [np.zeros((len(q), len(s.module.outputs))) for s in states]
     root = np.zeros((len(q), 6))
-    for k, needed in needed_forces(states, loads, lambda k: _motions(states[k], strict)):
+    for k, needed in needed_forces(states, loads, lambda k: module_motions(states[k], strict)):
         s, module = states[k], states[k].module
         if sharing is not None:
             size = _largest_term(s, needed, sizes[k])
@@ -97,7 +97,7 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
     return result
 
 
-def _motions(s: ModuleState, strict: bool) -> Basis:
+def module_motions(s: ModuleState, strict: bool) -> Basis:
     """Compute the motions of a module; if its closures lose rank, those of the branch of its velocity.
 
     Raises:

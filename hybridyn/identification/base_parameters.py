@@ -1,0 +1,165 @@
+"""Base parameters: the combinations of standard parameters on which the motors' efforts depend.
+
+The columns of Y depend on each other, by constants. A QR with column pivoting over random assembled states
+counts the independent ones. A QR without pivoting, in the order of the parameters, chooses them (Gautier
+1991): a parameter is grouped with those of bodies nearer to the base, as in Khalil's rules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+
+from ..compiled.equations.states import any_accelerations, moving_states
+from ..effects.choice import Choice
+from ..spatial import Array, Index
+from ..structure.robot import HybridRobot
+from .parameters import StandardParameters, standard_parameters
+from .regressor import effort_rows
+
+#: A pivot below this part of the largest counts as zero, in columns of scaled parameters. Rounding leaves
+#: about 1e-14, and less than 1e-6 of a robot's efforts is beyond any measurement.
+RANK = 1e-9
+#: Random states: so many, and so many equations for each parameter.
+STATES, EQUATIONS = 40, 3
+#: Entries of Y that are held at once.
+ENTRIES = 4_000_000
+#: Terms that the name of a base parameter shows.
+SHOWN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """Base parameters: tau = Y[..., columns] base, with base = combination values.
+
+    Attributes:
+        rank: Number of base parameters.
+        columns: The standard parameter that leads each, shape (rank,).
+        combination: Coefficient of each standard parameter in each base parameter, shape (rank, p).
+        names: Base parameters as sums, such as "m of leg 3 rod + 0.5 m of platform".
+        standard: Names of the standard parameters.
+        standard_values: The robot's own standard parameters, shape (p,).
+        never: Names of the standard parameters on which no effort depends.
+    """
+
+    rank: int
+    columns: Index
+    combination: Array
+    names: tuple[str, ...]
+    standard: tuple[str, ...]
+    standard_values: Array
+
+    @cached_property
+    def values(self) -> Array:
+        """The robot's own base parameters, shape (rank,)."""
+        out: Array = self.combination @ self.standard_values
+        return out
+
+    @cached_property
+    def never(self) -> tuple[str, ...]:
+        """Names of the standard parameters on which no effort depends."""
+        return tuple(np.array(self.standard)[~self.combination.any(axis=0)].tolist())
+
+    def contributions(self, name: str) -> dict[str, float]:
+        """Return what a standard parameter contributes: the base parameters it is in, with its coefficients.
+
+        Raises:
+            ValueError: There is no such parameter.
+        """
+        column = self.combination[:, self.standard.index(name)]
+        return {self.names[i]: float(column[i]) for i in np.flatnonzero(column)}
+
+
+def base_parameters(robot: HybridRobot, *, effects: Choice = None, symmetric: bool = False) -> BaseParameters:
+    """Compute the base parameters of a robot from Y at random assembled states.
+
+    Args:
+        robot: The robot.
+        effects: As in `regressor`.
+        symmetric: As in `regressor`.
+
+    Raises:
+        ModelError: Effects are unknown, or have no number to identify.
+        SingularityError: The motors lose a direction in every posture.
+    """
+    parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
+    scale = units(robot, parameters)
+    R = triangular(np.concatenate([*_factors(robot, parameters, scale)]))
+    pivots = np.abs(np.diagonal(scipy.linalg.qr(R, mode="r", pivoting=True)[0]))
+    rank = int((pivots > RANK * pivots.max(initial=0.0)).sum())
+    columns = _independent(R, rank)
+    combination = scipy.linalg.lstsq(R[:, columns], R)[0] if rank else np.zeros((0, len(scale)))
+    combination[np.abs(combination) < RANK**0.75] = 0.0
+    combination *= scale[columns, None] / scale if rank else 1.0
+    combination[:, columns] = np.eye(rank)
+    names = tuple(_name(row, lead, parameters.names) for row, lead in zip(combination, columns, strict=True))
+    return BaseParameters(rank, columns, combination, names, parameters.names, parameters.values)
+
+
+def units(robot: HybridRobot, parameters: StandardParameters) -> Array:
+    """Compute the unit of each parameter, in which they compare, shape (p,).
+
+    A kilogram, a kilogram at the robot's size, and a kilogram at its size squared; those of laws are one, but
+    for rotors that turn.
+    """
+    size = robot.bodies.size
+    out = np.ones(len(parameters.names))
+    ten = size ** np.array([0.0] + [1.0] * 3 + [2.0] * 6)
+    for at in (*parameters.bodies.values(), *(at for _, at in parameters.payloads)):
+        out[at] = ten
+    for term in parameters.terms:
+        turns = np.array([robot.records[name].kind != "prismatic" for name in term.joints])
+        out[term.columns] = np.where(turns, size**2, 1.0)
+    return out
+
+
+def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -> Iterator[Array]:
+    """Yield triangular factors of Y in scaled parameters and efforts, over random states."""
+    p, motors = len(scale), len(robot.motors)
+    count = STATES + EQUATIONS * p // max(motors, 1)
+    q, v, _ = moving_states(robot, count)
+    a = any_accelerations(robot, q, v)
+    effort = np.where(np.array(robot.effort_units) == "N", 1.0, robot.bodies.size)
+    step = max(1, ENTRIES // max(p * motors, 1))
+    yield np.zeros((0, p))
+    for first in range(0, count, step):
+        part = slice(first, first + step)
+        Y = effort_rows(robot, parameters, q[part], v[part], a[part]) * scale / effort[:, None]
+        yield triangular(Y.reshape(-1, p))
+
+
+def triangular(A: Array) -> Array:
+    """Compute the triangular factor of a matrix, shape (at most columns, columns)."""
+    R: Array = np.linalg.qr(A, mode="r")  # type: ignore[assignment]
+    return R
+
+
+def _independent(R: Array, rank: int) -> Index:
+    """Choose independent columns, the first that can be had in order; by pivoting where that is unclear."""
+    kept: list[int] = []
+    Q = np.zeros((len(R), 0))
+    largest = np.linalg.norm(R, axis=0).max(initial=0.0)
+    for j in range(R.shape[1]):
+        rest = R[:, j] - Q @ (Q.T @ R[:, j])
+        rest = rest - Q @ (Q.T @ rest)
+        size = float(np.linalg.norm(rest))
+        if size > RANK * largest:
+            kept.append(j)
+            Q = np.column_stack([Q, rest / size])
+    if len(kept) != rank:
+        return np.sort(scipy.linalg.qr(R, mode="r", pivoting=True)[1][:rank])
+    return np.array(kept, dtype=int)
+
+
+def _name(row: Array, lead: int, names: tuple[str, ...]) -> str:
+    """Write a base parameter as a sum, its leading parameter first."""
+    others = [i for i in np.flatnonzero(row) if i != lead]
+    out = names[lead]
+    for i in others[:SHOWN]:
+        size = "" if abs(abs(row[i]) - 1.0) < 1e-9 else f"{abs(row[i]):.4g} "
+        out += f" {'-' if row[i] < 0 else '+'} {size}{names[i]}"
+    return out + (f" + {len(others) - SHOWN} more" if len(others) > SHOWN else "")

@@ -1,0 +1,193 @@
+"""The rows of tau = Y values: the inverse model's recursion, with matrices in place of wrenches.
+
+A body's parameters act on the motors of its own module and of the modules that carry it. The wrench of a body
+is W ten (`inertial.wrench_matrix`). With the motions Phi = Psi B^-T of the module per unit work of each
+motor, Eqs. (30)-(33) become
+
+    Y[motors of the module, body]  = (J Phi)^T W       J: Jacobian of the body over x_dot
+    F[body]                        = X^T W             what the module below receives, Eq. (32)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.actuation import Need, Sharing, least_norm, load_share
+from ..dynamics.backward import module_motions
+from ..dynamics.forward import forward
+from ..dynamics.guards import SINGULAR_MOTOR_MAP
+from ..dynamics.inverse_recursion import output_jacobians
+from ..dynamics.state_checks import check_closed
+from ..effects.choice import Choice
+from ..linkage.tree import Motion
+from ..spatial import Array, Index, cross, hat, rotate_back
+from ..structure.module import ModuleState
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_positions, as_rates, same_samples
+from .inertial import wrench_matrix
+from .parameters import StandardParameters, standard_parameters
+
+#: Columns of parameters, and per sample a matrix with a column for each.
+Block = tuple[Index, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Regressor:
+    """The motors' efforts as a linear function of the standard parameters: tau = Y values.
+
+    Attributes:
+        Y: Shape (motors, p), or (T, motors, p) for a batch.
+        names: Name of each parameter, such as "m of rod1".
+        values: The robot's own numbers, shape (p,), SI units.
+    """
+
+    Y: Array
+    names: tuple[str, ...]
+    values: Array
+
+
+def regressor(
+    robot: HybridRobot,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    *,
+    effects: Choice = None,
+    symmetric: bool = False,
+) -> Regressor:
+    """Compute the matrix Y of tau = Y values, for every effect that is linear in its numbers.
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
+        effects: As in `hybridyn.idm`: "model" has rotor inertia and friction of every motor. The word
+            "offsets" among them adds a constant to each motor's effort.
+        symmetric: Whether legs with equal numbers share their parameters.
+
+    Raises:
+        AssemblyError: The state does not close the loops.
+        SingularityError: The motors lose a direction, or closures lose rank.
+        ModelError: Effects are unknown, or have no number to identify.
+        TrajectoryError: An array has the wrong shape or is not finite.
+    """
+    parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
+    q, single = as_positions(robot, q)
+    v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
+    same_samples(q=q, v=v, a=a)
+    Y = effort_rows(robot, parameters, q, v, a)
+    return Regressor(Y[0] if single else Y, parameters.names, parameters.values.copy())
+
+
+def effort_rows(robot: HybridRobot, parameters: StandardParameters, q: Array, v: Array, a: Array) -> Array:
+    """Compute Y, shape (T, motors, p), from checked arrays of shapes (T, nq), (T, nv), (T, nv)."""
+    on = parameters.effects
+    rates, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
+    states = forward(robot, q, rates, a, on.gravity, classical=on.velocity is not None)
+    check_closed(robot, states, q, rates, a)
+    Y = np.zeros((len(q), len(robot.motors), len(parameters.names)))
+    terms = [(term, term.efforts(q, v, a)) for term in parameters.terms]
+    received: list[list[list[Block]]] = [[[] for _ in s.module.outputs] for s in states]
+    for k in reversed(range(len(states))):
+        s = states[k]
+        Phi = motions_of_motors(robot, s)
+        for term, efforts in terms:
+            for i in np.flatnonzero(np.isin(term.freedoms, s.module.v_index)):
+                own = np.zeros((1, len(s.module.v_index)))
+                own[0, s.module.v_index == term.freedoms[i]] = 1.0
+                along = Phi[:, np.flatnonzero(s.mechanism.cut.to_tree(own)[0])]
+                Y[:, s.module.motor_index, term.columns[i]] += efforts[:, i, None] * along.sum(axis=1)
+        passed = []
+        for R, p, J, (columns, W) in _wrenches(s, parameters, robot, received[k]):
+            Y[:, s.module.motor_index[:, None], columns] += np.matmul(np.swapaxes(np.matmul(J, Phi), 1, 2), W)
+            passed.append((columns, _to_base(R, p, W)))
+        if s.module.parent >= 0:
+            received[s.module.parent][s.module.parent_output] += passed
+    return Y
+
+
+def _wrenches(
+    s: ModuleState, parameters: StandardParameters, robot: HybridRobot, received: list[list[Block]]
+) -> Iterable[tuple[Array, Array, Array, Block]]:
+    """Yield the wrench matrices on the bodies of a module, with placement (R, p) and Jacobian of the body."""
+    m, on = s.mechanism, parameters.effects
+    rest = np.zeros_like(s.v)
+    legs = s.motion if on.velocity else m.tree.sweep(s.q, rest, s.a)
+    J_outputs = output_jacobians(s)
+    for number, body in enumerate(_bodies(robot, s)):
+        if number in m.spec.outputs:
+            o = m.spec.outputs.index(number)
+            J, blocks = J_outputs[:, o], list(received[o])
+            V, V_dot = s.outputs[:, o], s.outputs_dot[:, o]
+            w = V[:, 3:] if on.velocity else np.zeros_like(V[:, 3:])
+            W_own = V_dot[:, :3] + cross(w, V[:, :3]), w, V_dot[:, 3:]
+        else:
+            J, blocks = m.jacobian(s.motion, number), []
+            W_own = _of_leg(s, legs.of_body(number), on.velocity is not None)
+        own = [at for at in (parameters.bodies.get(body),) if at is not None]
+        own += [at for loaded_body, at in parameters.payloads if loaded_body == body]
+        blocks += [(at, wrench_matrix(*W_own)) for at in own]
+        for block in blocks:
+            yield s.motion.R[:, number], s.motion.p[:, number], J, block
+
+
+def _bodies(robot: HybridRobot, s: ModuleState) -> list[int]:
+    """Return the robot's body of each body of a module's tree after the cuts; -1 for the base."""
+    joints = s.module.joints
+    return [-1 if i == 0 else robot.body_of_joint[joints[i - 1]] for i in s.mechanism.spec.tree_body]
+
+
+def _of_leg(s: ModuleState, body: Motion, velocity: bool) -> tuple[Array, Array, Array]:
+    """Compute acceleration minus gravity, angular velocity and acceleration of a leg's body, body axes."""
+    V = s.V if velocity else np.zeros_like(s.V)
+    w0, wd0 = V[:, 3:], s.V_dot[:, 3:]
+    start = s.V_dot[:, :3] + cross(w0, V[:, :3])
+    swept = cross(wd0, body.p) + cross(w0, cross(w0, body.p)) + 2.0 * cross(w0, body.p_dot)
+    vectors = start + swept + body.p_ddot, body.w + w0, body.w_dot + wd0 + cross(w0, body.w)
+    acceleration, w, w_dot = (rotate_back(body.R, x) for x in vectors)
+    return acceleration, w, w_dot
+
+
+def _to_base(R: Array, p: Array, W: Array) -> Array:
+    """Compute X^T W: columns of wrenches about the base's origin, shape (T, 6, columns)."""
+    force = np.matmul(R, W[:, :3])
+    return np.concatenate([force, np.matmul(R, W[:, 3:]) + np.matmul(hat(p), force)], axis=1)
+
+
+def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
+    """Compute Phi = Psi B^-T: generalised forces H along x need the efforts Phi^T H, shape (T, n, motors).
+
+    Redundant motors share the load, and motors that are too few carry what they can, as in `idm`.
+
+    Raises:
+        SingularityError: The motors lose a direction, or closures lose rank.
+    """
+    module, basis = s.module, module_motions(s, strict=True)
+    columns = module.motor_columns[module.moving_motors]
+    T, n, N = basis.Psi.shape
+    out = np.zeros((T, n, len(module.motors)))
+    if not len(columns):
+        return out
+    unit = module.mechanism.reduction.col_scale[columns]
+    B = np.swapaxes(basis.Psi[:, columns], 1, 2) / unit
+    inverse = np.zeros((T, len(columns), N))
+    hard = np.arange(T)
+    if len(columns) == N:
+        sizes = np.linalg.cond(B)
+        hard = np.flatnonzero(~(sizes * SINGULAR_MOTOR_MAP * N < 1))
+        easy = np.setdiff1d(np.arange(T), hard)
+        inverse[easy] = np.linalg.inv(B[easy])
+    if len(hard):
+        share = load_share(robot, module, None) * unit if len(columns) > N else np.ones(len(columns))
+        sharing = Sharing(None, "raise", "")
+        for i in range(N):
+            Q = np.tile(np.eye(N)[i], (T, 1))
+            need = Need(basis.Psi, Q, np.zeros(T), np.zeros(T), s.motion)
+            inverse[hard, :, i] = least_norm(module, B, need, share, sharing, hard)
+    out[:, :, module.moving_motors] = np.matmul(basis.Psi, np.swapaxes(inverse, 1, 2)) / unit
+    return out
