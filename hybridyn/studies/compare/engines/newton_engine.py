@@ -105,7 +105,7 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
     """Read the robot's own file with Newton's reader."""
     import warp
 
-    warp.config.quiet = True  # before Newton is imported, or it writes to standard output
+    warp.config.log_level = warp.LOG_WARNING  # before Newton is imported, or it writes to standard output
     import newton
 
     if robot.base != "fixed":
