@@ -11,7 +11,6 @@ import numpy as np
 
 import hybridyn
 from benchmarks.cases import case_of
-from benchmarks.methods import MODELS, Method, Model, NotMeasuredError, Setting, Solver, written
 from benchmarks.peers import methods_of
 from benchmarks.peers.ours import COMPILED, compiled
 from benchmarks.reference import Reference, floor, refer, refuse
@@ -19,6 +18,8 @@ from benchmarks.results import CHECK, GOOD, NAN, Row
 from benchmarks.timing import LEAST, Candidate, interleaved, measured, timed
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.methods import MODELS, Method, Model, Setting, Solver, written
 
 #: Velocities: beyond, closing loops in long double takes minutes.
 MOST_CLOSED = 100
@@ -131,7 +132,7 @@ def measure(model: Model, case: str, effort: Effort) -> list[Row]:
             continue
         try:
             found = list(candidates_of(method, problem, effort))
-        except NotMeasuredError as why:
+        except NotComparableError as why:
             out.append(Row(case, model, method.name, note=str(why)))
             continue
         if method.name.startswith("hybridyn"):
@@ -147,7 +148,7 @@ def candidates_of(method: Method, problem: Problem, effort: Effort) -> Iterator[
     """Give the calls of a method: at each setting, one sample at a time and in batches if it takes them.
 
     Raises:
-        NotMeasuredError: It cannot do this robot.
+        NotComparableError: It cannot do this robot.
     """
     reference, singles = problem.reference, problem.singles
     in_loop = effort.looped and not method.batches
@@ -216,7 +217,7 @@ def cold(case: str, calls: int = COLD_CALLS) -> list[Row]:
             method = replace(method, settings=(SETTINGS.get(method.name, {}),))
             try:
                 (hot,) = candidates_of(method, problem, effort)
-            except NotMeasuredError as why:
+            except NotComparableError as why:
                 out.append(Row(case, model, method.name, note=str(why)))
                 continue
             times = []

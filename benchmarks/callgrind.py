@@ -25,13 +25,14 @@ import numpy as np
 
 from benchmarks.accuracy import SETTINGS as OTHERS
 from benchmarks.cases import ROOT, case_of
-from benchmarks.methods import Method, Model, NotMeasuredError, written
 from benchmarks.peers import methods_of, ours, rk4
 from benchmarks.results import Row
 from benchmarks.timing import ONE_THREAD
 from hybridyn.compiled.library import compilers
 from hybridyn.description.cache_folder import folder as cache_folder
 from hybridyn.errors import CompileError
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.methods import Method, Model, written
 
 #: Samples of one call in a batch, and in a row of single ones: a tenth of them.
 BATCH = 200
@@ -63,7 +64,7 @@ def measure(case: str, model: Model) -> list[Row]:
         folder = Path(name)
         try:
             prepare(case, model, folder)
-        except NotMeasuredError as why:
+        except NotComparableError as why:
             return [Row(case, model, "every method", note=str(why))]
         found = pool.map(lambda job: list(_rows(case, job[0], job[1], folder)), jobs)
         return [row for rows in found for row in rows]
@@ -74,7 +75,7 @@ def _rows(case: str, method: Method, batch: int, folder: Path) -> Iterator[Row]:
     row = Row(case, method.model, method.name, written(SETTINGS.get(method.name, {})), batch=batch)
     try:
         total, own = counted(case, method, batch, folder)
-    except NotMeasuredError as why:
+    except NotComparableError as why:
         yield row._replace(note=str(why))
         return
     yield row._replace(value=total, unit="instructions")
@@ -86,10 +87,10 @@ def prepare(case: str, model: Model, folder: Path) -> None:
     """Write states, build the switch, and the compiled model: nothing is compiled within valgrind.
 
     Raises:
-        NotMeasuredError: There is no valgrind, or no compiler.
+        NotComparableError: There is no valgrind, or no compiler.
     """
     if shutil.which("valgrind") is None:
-        raise NotMeasuredError("valgrind is not installed")
+        raise NotComparableError("valgrind is not installed")
     try:
         compiler = compilers.find_compiler()
         source, target = folder / "switch.c", folder / "switch.so"
@@ -100,7 +101,7 @@ def prepare(case: str, model: Model, folder: Path) -> None:
             capture_output=True,
         )
     except (CompileError, subprocess.CalledProcessError):
-        raise NotMeasuredError("no C compiler that finds valgrind/callgrind.h") from None
+        raise NotComparableError("no C compiler that finds valgrind/callgrind.h") from None
     _process([], [case, model, "", str(BATCH), str(folder)])
 
 
@@ -108,14 +109,14 @@ def counted(case: str, method: Method, batch: int, folder: Path) -> tuple[float,
     """Return the instructions per sample, and those of them in the library made for the robot.
 
     Raises:
-        NotMeasuredError: The method cannot do the robot, or the process died.
+        NotComparableError: The method cannot do the robot, or the process died.
     """
     target = folder / f"{method.name}, {batch}"
     tool = ["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={target}", "-q"]
     _process(tool, [case, method.model, method.name, str(batch), str(folder)])
     costs = by_library(target.read_text())
     if not costs:
-        raise NotMeasuredError("valgrind counted nothing")
+        raise NotComparableError("valgrind counted nothing")
     samples, own = (BATCH if batch > 1 else BATCH // 10), str(cache_folder().resolve())
     inside = sum(cost for name, cost in costs.items() if name.startswith(own))
     return sum(costs.values()) / samples, inside / samples
@@ -125,7 +126,7 @@ def _process(tool: list[str], words: list[str]) -> None:
     """Run `main` in a process, within a tool or not.
 
     Raises:
-        NotMeasuredError: It failed, or took too long.
+        NotComparableError: It failed, or took too long.
     """
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0"}
     if "avx512f" in compilers.features():  # vectors that valgrind does not know
@@ -136,11 +137,11 @@ def _process(tool: list[str], words: list[str]) -> None:
             command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE
         )
     except subprocess.TimeoutExpired:
-        raise NotMeasuredError(f"given up after {PATIENCE} s") from None
+        raise NotComparableError(f"given up after {PATIENCE} s") from None
     if done.returncode:
         said = [line for line in done.stdout.splitlines() if line.startswith(REASON)]
         why = said[-1].removeprefix(REASON) if said else f"the process died (exit status {done.returncode})"
-        raise NotMeasuredError(why)
+        raise NotComparableError(why)
 
 
 def by_library(text: str) -> dict[str, float]:
@@ -170,7 +171,7 @@ def main(case: str, model: Model, name: str, batch: str, folder: str) -> int:
         method = next(m for m in methods_of(model) if m.name == (name or ours.COMPILED))
         try:
             solve = method.prepare(robot)(SETTINGS.get(name, {}))
-        except NotMeasuredError as why:
+        except NotComparableError as why:
             print(f"{REASON}{why}")
             return 1 if name else 0
     with np.load(path) as file:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 import hybridyn
-from benchmarks.methods import NotMeasuredError
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
 
 States = tuple[Array, Array, Array]
 
@@ -76,12 +76,12 @@ def ur5() -> hybridyn.HybridRobot:
     """Load a serial arm from example-robot-data.
 
     Raises:
-        NotMeasuredError: The package is not installed.
+        NotComparableError: The package is not installed.
     """
     try:
         listed = files("example-robot-data") or []
     except PackageNotFoundError:
-        raise NotMeasuredError("the package example-robot-data is not installed") from None
+        raise NotComparableError("the package example-robot-data is not installed") from None
     return hybridyn.load(Path(str(next(file.locate() for file in listed if file.name == "ur5_robot.urdf"))))
 
 

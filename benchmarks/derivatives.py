@@ -18,9 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.cases import case_of
-from benchmarks.methods import MODELS, Model, NotMeasuredError, Setting, grid, written
 from benchmarks.operations import total
-from benchmarks.peers.pinocchio_loops import loops
 from benchmarks.reference import LongDouble, refuse
 from benchmarks.results import CHECK, Row
 from benchmarks.timing import Candidate, measured
@@ -30,6 +28,9 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.derivatives.sweeps import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.engines import pinocchio_methods
+from hybridyn.studies.compare.methods import MODELS, Model, Setting, grid, written
 from tests.oracle import Oracle
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
@@ -161,7 +162,7 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):
             row = Row(case, what, name, written(setting), error=reference.off(blocks))
             candidates.append(Candidate(row, 1, call))
-    except NotMeasuredError as why:
+    except NotComparableError as why:
         out.append(Row(case, what, "pinocchio", note=str(why)))
     return out + measured(candidates, rounds, clock=time.process_time)
 
@@ -173,25 +174,25 @@ def peers(robot: HybridRobot, model: Model, given: Blocks) -> Iterator[Peer]:
     """Return Pinocchio's name, setting, derivatives at a sample, and the call to be timed.
 
     Raises:
-        NotMeasuredError: Pinocchio cannot do this robot.
+        NotComparableError: Pinocchio cannot do this robot.
     """
     q, v, x = given
     closed = bool(robot.description.closures)
     if closed and model == "idm":
-        raise NotMeasuredError("Pinocchio has no derivatives of the inverse model of robots with loops")
-    own = loops(robot)
+        raise NotComparableError("Pinocchio has no derivatives of the inverse model of robots with loops")
+    own = pinocchio_methods.closed(robot)
     m, data = own.model, own.data
     if not closed and model == "idm":
         pin.computeRNEADerivatives(m, data, q, v, x)
         whole = np.triu(data.M) + np.triu(data.M, 1).T
-        rnea = tuple(J[own.motors].copy() for J in (data.dtau_dq, data.dtau_dv, whole))
+        rnea = tuple(J[robot.motor_v].copy() for J in (data.dtau_dq, data.dtau_dv, whole))
         yield "pin.computeRNEADerivatives", {}, rnea, lambda: pin.computeRNEADerivatives(m, data, q, v, x)
         return
     efforts = own.efforts(x)
     if not closed:
         pin.computeABADerivatives(m, data, q, v, efforts)
         whole = np.triu(data.Minv) + np.triu(data.Minv, 1).T
-        aba = (data.ddq_dq.copy(), data.ddq_dv.copy(), whole[:, own.motors])
+        aba = (data.ddq_dq.copy(), data.ddq_dv.copy(), whole[:, robot.motor_v])
         yield "pin.computeABADerivatives", {}, aba, lambda: pin.computeABADerivatives(m, data, q, v, efforts)
         return
     for setting in SETTINGS:
@@ -200,16 +201,16 @@ def peers(robot: HybridRobot, model: Model, given: Blocks) -> Iterator[Peer]:
 
 def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
     """Return Pinocchio's derivatives of a robot with loops."""
-    own = loops(robot)
+    own = pinocchio_methods.closed(robot)
     q, v, x = given
     m, data = own.model, own.data
     settings = pin.ProximalSettings(ACCURACY, setting["mu"], int(setting["iterations"]))
-    closures = (own.constraints, own.constraint_data, settings)
+    closures = (own.contacts, own.datas, settings)
     pin.constraintDynamics(m, data, q, v, own.efforts(x), *closures)
 
     def call() -> None:
         pin.computeConstraintDynamicsDerivatives(m, data, *closures)
 
     call()
-    blocks = (data.ddq_dq.copy(), data.ddq_dv.copy(), data.ddq_dtau[:, own.motors].copy())
+    blocks = (data.ddq_dq.copy(), data.ddq_dv.copy(), data.ddq_dtau[:, robot.motor_v].copy())
     return "pin.computeConstraintDynamicsDerivatives", setting, blocks, call

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import hybridyn
-from benchmarks.methods import NotMeasuredError
-from benchmarks.peers.mujoco import Translated
 from benchmarks.results import CHECK, NAN, Row
 from benchmarks.timing import Clock
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.engines import mujoco_engine
 
 #: States of a run that are judged.
 SAMPLES = 200
@@ -68,7 +68,7 @@ class Start:
         """Fly with `hybridyn.simulate`.
 
         Raises:
-            NotMeasuredError: It ended early.
+            NotComparableError: It ended early.
         """
         if self.outputs is not None:
             count = round(self.outputs * self.duration) + 1
@@ -77,7 +77,7 @@ class Start:
         options = {"effort": self.effort, "effects": self.effects, **options}
         result = hybridyn.simulate(self.robot, self.q, self.v, span, **options)
         if result.status != "finished":
-            raise NotMeasuredError(f"ended at {result.t[-1]:g} s: {result.message}")
+            raise NotComparableError(f"ended at {result.t[-1]:g} s: {result.message}")
         return result.q, result.v, result.counters.steps
 
     def run(self, method: str, setting: str, options: dict[str, Any]) -> Run:
@@ -147,7 +147,7 @@ def fly(
         row = Row(case, method=method, setting=setting)
         try:
             run = prepare()
-        except NotMeasuredError as why:
+        except NotComparableError as why:
             refused.add(method)
             yield row._replace(setting="", note=str(why))
             continue
@@ -155,7 +155,7 @@ def fly(
             (q, v, steps), seconds = _timed(run, clock)
             if seconds < AGAIN:
                 seconds = min(seconds, *(_timed(run, clock)[1] for _ in range(TIMES - 1)))
-        except (NotMeasuredError, HybridynError) as why:
+        except (NotComparableError, HybridynError) as why:
             yield row._replace(note=f"refused: {str(why).splitlines()[0]}")
             continue
         row = row._replace(seconds=seconds / per, error=judge.error(q[-1], v[-1]), value=steps, unit="steps")
@@ -175,7 +175,7 @@ def _timed(run: Callable[[], Flown], clock: Clock) -> tuple[Flown, float]:
 
 def in_mujoco(
     at: Start, integrator: str, step: float, constant: float, iterations: int = 0,
-    law: Callable[[Translated], Callable[[int], None]] | None = None,
+    law: Callable[[mujoco_engine.MujocoEngine], Callable[[int], None]] | None = None,
 ) -> Callable[[], Callable[[], Flown]]:  # fmt: skip
     """Return what prepares a run of MuJoCo.
 
@@ -189,27 +189,28 @@ def in_mujoco(
     """
 
     def prepare() -> Callable[[], Flown]:
-        own = Translated(at.robot, rigid=at.effects is None)
-        own.model.opt.integrator = getattr(own.mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+        own = mujoco_engine.closed(at.robot, rigid=at.effects is None)
+        mujoco = own.mujoco
+        own.model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         own.model.opt.timestep = step
         own.model.opt.iterations = iterations or own.model.opt.iterations
         own.model.eq_solref[:] = (constant, 1.0)
         own.model.jnt_limited[:] = 0
-        own.stiffen(0.9999)
+        own.model.eq_solimp[:, :2] = 0.9999
         steps = round(at.duration / step)
         every = 1 if law else max(1, steps // SAMPLES)
         steer = law(own) if law else None
 
         def run() -> Flown:
-            own.mujoco.mj_resetData(own.model, own.data)
+            mujoco.mj_resetData(own.model, own.data)
             own.place(at.q, at.v)
             if at.effects is None:
-                own.data.qfrc_applied[own.motors] = at.effort
+                own.data.qfrc_applied[own.v_at[at.robot.motor_v]] = at.effort
             states = [own.state()]
             for k in range(0, steps, every):
                 if steer:
                     steer(k)
-                own.mujoco.mj_step(own.model, own.data, nstep=min(every, steps - k))
+                mujoco.mj_step(own.model, own.data, nstep=min(every, steps - k))
                 if not steer or k == steps - 1:
                     states.append(own.state())
             return np.array([q for q, _ in states]), np.array([v for _, v in states]), steps

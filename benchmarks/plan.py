@@ -27,9 +27,10 @@ from benchmarks import (
     studies,
 )
 from benchmarks.cases import ROOT
-from benchmarks.methods import MODELS, NotMeasuredError
 from benchmarks.results import Row, machine
 from benchmarks.timing import in_own_process
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.methods import MODELS
 
 CACHE = ROOT / "build" / "benchmarks" / "cache"
 #: Files of this package that only show what was measured, or measure something else.
@@ -199,15 +200,15 @@ def measured(task: Task, cache: Cache | None) -> tuple[list[Row], dict[str, str]
 
     Raises:
         WrongModelError: A model is wrong.
-        NotMeasuredError: The job's process died.
+        NotComparableError: The job's process died.
     """
     if cache is not None and (found := cache.get(task)) is not None:
         return (*found, True)
     facts = machine()
     try:
         rows = task.function(*task.arguments)
-    except NotMeasuredError as why:
-        raise NotMeasuredError(f"{task.section}, {task.name}: {why}") from None
+    except NotComparableError as why:
+        raise NotComparableError(f"{task.section}, {task.name}: {why}") from None
     if cache is not None:
         cache.put(task, rows, facts)
     return rows, facts, False

@@ -20,7 +20,6 @@ import numpy as np
 import hybridyn
 from benchmarks import closing
 from benchmarks.cases import LX4, case_of, write_long_trajectory
-from benchmarks.methods import NotMeasuredError
 from benchmarks.operations import flattened
 from benchmarks.results import NAN, Row
 from benchmarks.simulation import KD, KP
@@ -33,6 +32,7 @@ from hybridyn.effects.choice import choose
 from hybridyn.scenes.controllers import ComputedTorque, Pd
 from hybridyn.scenes.references import MotorAxes, Point, from_points
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
 
 #: Robots that are measured.
 ROBOTS = ("five_bar", "gough_stewart", "delta", "tanev", "lx4")
@@ -139,7 +139,7 @@ def _step(compiled: CompiledRobot, effort: Any) -> float:
     )  # fmt: skip
     spent = time.process_time() - started
     if run.status != "finished":
-        raise NotMeasuredError(f"the run ended: {run.message}")
+        raise NotComparableError(f"the run ended: {run.message}")
     return spent / run.counters.steps
 
 

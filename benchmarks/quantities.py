@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from benchmarks.methods import NotMeasuredError
 from benchmarks.peers.ours import COMPILED
 from benchmarks.results import Row
 from benchmarks.timing import Candidate, measured
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
 
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
 #: Largest difference between Pinocchio's Delassus matrix and J M^-1 J^T, of the largest entry.
@@ -31,14 +31,14 @@ def measure(case: str, samples: int = SAMPLES, rounds: int = ROUNDS) -> list[Row
     """Measure a robot.
 
     Raises:
-        NotMeasuredError: The general path had to compute a sample.
+        NotComparableError: The general path had to compute a sample.
     """
     compiled = hybridyn.compile(hybridyn.load(case))
     row = Row(case, "quantities", batch=samples)
     calls = calls_of(compiled, samples).items()
     rows = measured([Candidate(row._replace(method=name), samples, call) for name, call in calls], rounds)
     if compiled.recomputed:
-        raise NotMeasuredError(f"the general path computed {compiled.recomputed} samples")
+        raise NotComparableError(f"the general path computed {compiled.recomputed} samples")
     return rows
 
 

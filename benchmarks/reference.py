@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import hybridyn
-from benchmarks.methods import Model
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.methods import Model
 from tests.oracle import Extended, Oracle
 
 #: Of the largest acceleration.

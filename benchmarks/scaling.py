@@ -14,7 +14,6 @@ import numpy as np
 import hybridyn
 from benchmarks.accuracy import SETTINGS
 from benchmarks.cases import case_of, stack_motion
-from benchmarks.methods import NotMeasuredError, written
 from benchmarks.peers import METHODS
 from benchmarks.peers.ours import COMPILED, GENERAL, SINGLE, compiled
 from benchmarks.reference import round_trip, round_trip_limit
@@ -23,6 +22,8 @@ from benchmarks.timing import MIB, forget_peak, in_own_process, interleaved, mem
 from hybridyn import HybridRobot
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.methods import written
 
 BATCH = 500
 ROUNDS = 3
@@ -69,7 +70,7 @@ def measure(family: str, modules: int, samples: int = BATCH, only: tuple[str, ..
                 if line.model != "assemble":
                     sizes[line.method].check_size(nv)
                 us, mib = in_own_process(point, case, line, motion, patience=PATIENCE)
-            except NotMeasuredError as why:
+            except NotComparableError as why:
                 note = str(why)
             setting = written(SETTINGS.get(line.method, {}))
             name = f"{line.method}, {setting}" if setting else line.method
@@ -95,7 +96,7 @@ def point(case: str, line: Line, path: Path) -> tuple[float, float]:
     """Return time per sample [us], and what the process grew by from the loaded robot on [MiB].
 
     Raises:
-        NotMeasuredError: The method cannot do this robot.
+        NotComparableError: The method cannot do this robot.
     """
     robot = case_of(case).load()
     with np.load(path) as file:

@@ -26,14 +26,14 @@ import numpy as np
 import hybridyn
 from benchmarks.cases import GOLDEN_ANGLE, ROOT, case_of
 from benchmarks.flights import Judge, Run, Start, Steps, adaptive, fly, in_mujoco
-from benchmarks.methods import written
 from benchmarks.peers import rk4
-from benchmarks.peers.mujoco import Translated
 from benchmarks.peers.ours import COMPILED, GENERAL, compiled
 from benchmarks.results import Row
 from hybridyn.scenes.controllers import ComputedTorque
-from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points
+from hybridyn.scenes.references import Point, Reference, from_points
 from hybridyn.scenes.stage import stage
+from hybridyn.studies.compare.engines.mujoco_engine import MujocoEngine
+from hybridyn.studies.compare.methods import written
 
 #: Error of the final state beyond which it is said to be lost.
 GIVEN_UP = 10.0
@@ -213,7 +213,9 @@ def mujoco_runs(at: Start, model: Any, reference: Reference | None, steps: Steps
             yield Run(f"MuJoCo, {integrator}", setting, in_mujoco(at, integrator, h, 2 * h, law=law))
 
 
-def control(at: Start, model: Any, reference: Reference, h: float, own: Translated) -> Callable[[int], None]:
+def control(
+    at: Start, model: Any, reference: Reference, h: float, own: MujocoEngine
+) -> Callable[[int], None]:
     """Prepare MuJoCo's control, in NumPy from numbers that are prepared; gives what sets it for a step.
 
     Efforts are those of half a step later. Gains are those of the mass that each motor moves at the start
@@ -226,8 +228,7 @@ def control(at: Start, model: Any, reference: Reference, h: float, own: Translat
     efforts = [model.idm(*model.close(start, 0 * start, a)) for a in (0 * start, *unit)]
     size = np.diag(np.array(efforts[1:]) - efforts[0])
     kp, kd, data = KP * size, KD * size, own.data
-    motors = MotorAxes.of(at.robot).columns
-    of_q, of_v = own.to_q[motors], own.to_v[motors]
+    of_q, of_v = own.q_at[at.robot.motor_q], own.v_at[at.robot.motor_v]
 
     def steer(k: int) -> None:
         data.ctrl[:] = tau[k] + kp * (x[k] - data.qpos[of_q]) + kd * (x_dot[k] - data.qvel[of_v])

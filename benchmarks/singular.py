@@ -17,12 +17,13 @@ import numpy as np
 
 import hybridyn
 from benchmarks.cases import ROOT
-from benchmarks.methods import Model, NotMeasuredError, Solver, written
 from benchmarks.peers import methods_of
 from benchmarks.reference import relative
 from benchmarks.results import CHECK, Row
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.methods import Model, Solver, written
 from tests.oracle import Extended, Oracle
 
 DIGITS = 60
@@ -109,7 +110,7 @@ def measure(case: str, distances: tuple[float, ...]) -> list[Row]:
     for method in methods_of(model):
         try:
             at = method.prepare(robot)
-        except NotMeasuredError as why:
+        except NotComparableError as why:
             out.append(Row(case, model, method.name, note=str(why)))
             continue
         for distance, state in states.items():

@@ -21,8 +21,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.methods import NotMeasuredError
 from benchmarks.results import Row
+from hybridyn.studies.compare.engine import NotComparableError
 
 MIB = 2.0**20
 #: A measurement repeats a call until it takes this long [s].
@@ -131,7 +131,7 @@ def in_own_process(task: Callable[..., Any], *arguments: object, patience: float
         patience: How long it may take [s].
 
     Raises:
-        NotMeasuredError: It took too long, or its process died.
+        NotComparableError: It took too long, or its process died.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
@@ -140,12 +140,12 @@ def in_own_process(task: Callable[..., Any], *arguments: object, patience: float
     there.close()
     try:
         if not here.poll(patience):
-            raise NotMeasuredError(f"given up after {patience:.0f} s")
+            raise NotComparableError(f"given up after {patience:.0f} s")
         try:
             ok, value = here.recv()
         except EOFError:
             process.join()
-            raise NotMeasuredError(f"its process died (exit status {process.exitcode})") from None
+            raise NotComparableError(f"its process died (exit status {process.exitcode})") from None
     finally:
         process.kill()
         process.join()

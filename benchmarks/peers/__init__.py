@@ -1,15 +1,16 @@
-"""What is compared, one small file each; `METHODS` is all of it.
+"""What is compared; `METHODS` is all of it. Engines are those of `hybridyn compare`.
 
-A method whose package is absent, or that cannot do a robot, raises `NotMeasuredError` when it is set up, and
-the results say so. Robots come into Pinocchio and MuJoCo as in `hybridyn compare`.
+A method whose package is absent, or that cannot do a robot, raises `NotComparableError` when it is set up,
+and the results say so.
 """
 
 from __future__ import annotations
 
-from benchmarks.methods import Method, Model
-from benchmarks.peers import mujoco, ours, pinocchio_loops, trees
+from benchmarks.peers import ours
+from hybridyn.studies.compare.engines import mujoco_engine, pinocchio_methods
+from hybridyn.studies.compare.methods import Method, Model
 
-METHODS: tuple[Method, ...] = (*ours.METHODS, *pinocchio_loops.METHODS, *trees.METHODS, *mujoco.METHODS)
+METHODS: tuple[Method, ...] = (*ours.METHODS, *pinocchio_methods.METHODS, *mujoco_engine.METHODS)
 
 
 def methods_of(model: Model) -> list[Method]:

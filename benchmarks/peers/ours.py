@@ -7,8 +7,9 @@ from functools import partial
 from typing import Any
 
 import hybridyn
-from benchmarks.methods import MODELS, Method, Model, NotMeasuredError, Setting, Solver
 from hybridyn import HybridRobot, HybridynError
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.methods import MODELS, Method, Model, Setting, Solver
 from tests.oracle import Oracle
 
 GENERAL, COMPILED = "hybridyn, general", "hybridyn, compiled"
@@ -30,12 +31,12 @@ def compiled(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> An
     """Compile a robot.
 
     Raises:
-        NotMeasuredError: No C compiler is here, or this robot is refused.
+        NotComparableError: No C compiler is here, or this robot is refused.
     """
     try:
         return hybridyn.compile(robot, threads=threads, dtype=dtype)
     except (HybridynError, ImportError) as error:
-        raise NotMeasuredError(f"hybridyn.compile: {str(error).splitlines()[0]}") from None
+        raise NotComparableError(f"hybridyn.compile: {str(error).splitlines()[0]}") from None
 
 
 def in_c(model: Model, dtype: str, robot: HybridRobot, threads: int = 1) -> Callable[[Setting], Solver]:

@@ -11,11 +11,11 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.methods import NotMeasuredError
-from benchmarks.peers.pinocchio_loops import ACCURACY, Loops, loops, solver
-from benchmarks.peers.trees import closure_rows
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.engines.pinocchio_engine import PinocchioEngine
+from hybridyn.studies.compare.engines.pinocchio_methods import ACCURACY, closed, closure_rows, loop_solver
 
 #: Of the largest rate that the step allows, critically damped.
 BAUMGARTE = 0.1
@@ -37,22 +37,22 @@ def prepare(
     """Prepare a run, which gives q and v after every step, (steps + 1, nq), (steps + 1, nv), and the steps.
 
     Raises:
-        NotMeasuredError: Joints are not all hinges and slides, or Pinocchio cannot state the closures.
+        NotComparableError: Joints are not all hinges and slides, or Pinocchio cannot state the closures.
     """
     if set(robot.kinds) - {"revolute", "prismatic"}:
-        raise NotMeasuredError("RK4 is written here for hinges and slides")
-    own = loops(robot)
+        raise NotComparableError("RK4 is written here for hinges and slides")
+    own = closed(robot)
     if hold == "baumgarte":
         rate = BAUMGARTE / step
-        for constraint in own.constraints:
+        for constraint in own.contacts:
             constraint.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(rate**2, 2 * rate))
     settings = pin.ProximalSettings(ACCURACY, *SOLVERS[name])
-    call, effort = solver(own, name), own.efforts(tau)
+    call, effort = loop_solver(own, name), own.efforts(tau)
 
     def acceleration(q: Array, v: Array) -> Array:
-        return call(own.model, own.data, q, v, effort, own.constraints, own.constraint_data, settings).copy()
+        return call(own.model, own.data, q, v, effort, own.contacts, own.datas, settings).copy()
 
-    judge = loops(robot)  # constraint data of its own: they keep state
+    judge = closed(robot)  # constraint data of its own: they keep state
     steps = round(duration / step)
 
     def fly() -> tuple[Array, Array, int]:
@@ -79,11 +79,11 @@ def advance(acceleration: Acceleration, q: Array, v: Array, h: float) -> tuple[A
     return q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
-def projected(own: Loops, q: Array, v: Array) -> tuple[Array, Array]:
+def projected(own: PinocchioEngine, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the closed state near one, by steps of least norm."""
     for _ in range(MOST_STEPS):
         K = closure_rows(own, q)
-        missing = np.concatenate([data.c1Mc2.translation for data in own.constraint_data])
+        missing = np.concatenate([data.c1Mc2.translation for data in own.datas])
         if np.abs(missing).max() < CLOSED:
             break
         q = q + np.linalg.lstsq(K, missing, rcond=1e-10)[0]  # Pinocchio's rows have the sign turned

@@ -22,9 +22,7 @@ from benchmarks.curves import Curve, Panel, draw
 from benchmarks.fronts import cheapest, front
 from benchmarks.goals import reached
 from benchmarks.hard import page
-from benchmarks.methods import NotMeasuredError
 from benchmarks.peers import rk4
-from benchmarks.peers.mujoco import Translated
 from benchmarks.plan import Cache, Task
 from benchmarks.reference import (
     DDM_LIMIT,
@@ -44,6 +42,8 @@ from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
+from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.engines import mujoco_engine
 from tests import ROOT
 from tests.clocks import Clock
 from tests.comparing import refused
@@ -123,7 +123,7 @@ def test_every_method_agrees_with_the_reference(case: str) -> None:
         for method in peers.methods_of(model):  # type: ignore[arg-type]
             try:
                 at = method.prepare(robot)
-            except NotMeasuredError:
+            except NotComparableError:
                 continue
             states = list(zip(q, v, given, strict=True))
             errors = [
@@ -140,30 +140,27 @@ def test_every_method_agrees_with_the_reference(case: str) -> None:
 def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
     by_name = {(m.model, m.name): m for m in peers.METHODS}
     robot = hybridyn.load("five_bar")
-    refused(lambda: by_name["ddm", "pin.aba"].prepare(robot), NotMeasuredError, "it has loops")
+    refused(lambda: by_name["ddm", "pin.aba"].prepare(robot), NotComparableError, "it has loops")
     refused(
         lambda: by_name["ddm", "pin.lcaba"].check_size(401),
-        NotMeasuredError,
+        NotComparableError,
         "not tried above 400 velocities",
     )
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    refused(lambda: by_name["ddm", "MuJoCo"].prepare(robot), NotMeasuredError, "mujoco is not installed")
+    refused(lambda: by_name["ddm", "MuJoCo"].prepare(robot), NotComparableError, "mujoco is not installed")
     assert {m.name for m in peers.METHODS if m.threads} == {
         "hybridyn, compiled",
         "hybridyn, compiled, float32",
     }
 
 
-def test_closures_in_space_that_are_no_points_are_refused(tmp_path: Path) -> None:
-    needs("bench")
+def test_closures_that_pinocchio_cannot_state_are_refused(tmp_path: Path) -> None:
     text = (load(APPROACHES["slider-crank, dead centre"]).description.source or "").strip()
-    path = save(
-        tmp_path, Path(text).read_text().replace('type="spherical"', 'type="revolute"'), "sleeve.urdf"
-    )
+    path = save(tmp_path, Path(text).read_text().replace('type="spherical"', 'type="planar"'), "cross.urdf")
     robot = hybridyn.load(path, rank_tolerance=1e-6)
     for method in peers.METHODS:
-        if method.name in ("pin.lcaba", "pin.constraintDynamics", "MuJoCo") and method.model == "ddm":
-            refused(partial(method.prepare, robot), NotMeasuredError, "closure 'pin'")
+        if method.name in ("pin.lcaba", "pin.constraintDynamics"):
+            refused(partial(method.prepare, robot), NotComparableError, "has no constraint for pin")
 
 
 @pytest.mark.parametrize(
@@ -184,7 +181,7 @@ def test_mujoco_gives_a_state_back() -> None:
     own = case_of("rps3")
     robot = own.load()
     q, v, _ = own.states(robot, 1)
-    translated = Translated(robot)
+    translated = mujoco_engine.closed(robot)
     translated.place(q[0], v[0])
     for found, given in zip(translated.state(), (q[0], v[0]), strict=True):
         assert np.abs(found - given).max() < 1e-15
@@ -247,8 +244,8 @@ def refuse_it() -> None:
 def test_processes_of_their_own() -> None:
     assert in_own_process(operator.add, 1, 2) == 3
     refused(lambda: in_own_process(refuse_it), WrongModelError, "a: error 1")
-    refused(lambda: in_own_process(os._exit, 7), NotMeasuredError, r"died \(exit status 7\)")
-    refused(lambda: in_own_process(time.sleep, 1e6, patience=0.1), NotMeasuredError, "given up")
+    refused(lambda: in_own_process(os._exit, 7), NotComparableError, r"died \(exit status 7\)")
+    refused(lambda: in_own_process(time.sleep, 1e6, patience=0.1), NotComparableError, "given up")
 
 
 def test_a_wrong_model_costs_its_section_and_the_exit_status() -> None:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ....description.placement import placement_from
 from ....description.records import Closure
 from ....spatial import Array
+from ....structure.building import rebuilt
+from ....structure.robot import HybridRobot
 
 #: Distance of the two points that stand for a hinge from its centre, relative to the robot's size.
 HINGE = 0.1
+#: Largest cross product of parallel unit vectors.
+PARALLEL = 1e-12
 
 
 class Joining(NamedTuple):
@@ -45,3 +51,28 @@ def joinings(closure: Closure, size: float) -> list[Joining]:
         way = placement_from(np.eye(3), np.array([0.0, 0.0, shift]))
         out.append(Joining("point", closure.frame_a @ way, closure.frame_b @ way))
     return out
+
+
+def at_points(robot: HybridRobot) -> HybridRobot:
+    """Return a plane robot with its hinges as points: the plane keeps their axes parallel. Others stay."""
+    if not planar(robot):
+        return robot
+    closures = tuple(
+        replace(one, kind="spherical", rotation="free")
+        if (one.translations, one.rotation) == ((0, 1, 2), "parallel")
+        else one
+        for one in robot.description.closures
+    )
+    if closures == robot.description.closures:
+        return robot
+    return rebuilt(robot, replace(robot.description, closures=closures))
+
+
+def planar(robot: HybridRobot) -> bool:
+    """Tell whether every joint is a hinge and all axes at home are parallel."""
+    if set(robot.kinds) - {"revolute", "continuous"}:
+        return False
+    data = robot.unchanged_model.createData()
+    pin.computeJointJacobians(robot.unchanged_model, data, robot.home)
+    axes = data.J[3:].T
+    return bool(np.abs(np.cross(axes, axes[:1])).max(initial=0.0) < PARALLEL)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,25 +13,44 @@ from ....errors import ModelError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ..engine import Engine, NotComparableError, Way, refuse_other_joints
+from ..methods import Method, Setting, Solver, grid
 from ..own_file import OwnFile
+from .joinings import at_points
 
 #: Widths of MuJoCo's positions and velocities by its number for the kind of joint: free, ball, slide, hinge.
 POSITIONS, VELOCITIES = (7, 4, 1, 1), (6, 3, 1, 1)
+#: What is swept. At a closed posture only the impedance (solimp) and the iterations count for accelerations:
+#: the reference acceleration of `solref` vanishes there.
+SWEPT = grid(impedance=(0.9, 0.99, 0.999, 0.9999), iterations=(1, 2, 5, 20, 100))
+#: Most velocities: 70 ms a call there, four seconds at four times as many.
+MOST = 1_600
 
 
 class MujocoEngine:
-    """A compiled MuJoCo model, without contacts, limits and passive forces."""
+    """A compiled MuJoCo model.
 
-    def __init__(self, robot: HybridRobot, model: Any, way: str, notes: tuple[str, ...] = ()) -> None:
+    Attributes:
+        mujoco, model, data: The package, its model and data.
+        q_at: Index in MuJoCo's positions of each of the robot's; an endless joint's cosine and sine are one.
+        v_at: Index in its velocities of each of the robot's.
+    """
+
+    def __init__(
+        self, robot: HybridRobot, model: Any, way: str, notes: tuple[str, ...] = (), *, rigid: bool = True
+    ) -> None:
+        """Take a model; a rigid one is without contacts, limits and passive forces."""
         import mujoco
 
-        self._mujoco, self.robot, self.model, self.way, self.notes = mujoco, robot, model, way, notes
-        for name in ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness"):
-            getattr(model, name)[:] = 0.0
-        bits = mujoco.mjtDisableBit
-        flags = (bits.mjDSBL_CONTACT, bits.mjDSBL_LIMIT, bits.mjDSBL_ACTUATION)
-        model.opt.disableflags |= sum(int(bit) for bit in flags)
-        model.opt.gravity[:] = robot.gravity
+        self.robot, self.way, self.notes = robot, way, notes
+        self.mujoco: Any = mujoco
+        self.model: Any = model
+        if rigid:
+            for name in ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness"):
+                getattr(model, name)[:] = 0.0
+            bits = mujoco.mjtDisableBit
+            flags = (bits.mjDSBL_CONTACT, bits.mjDSBL_LIMIT, bits.mjDSBL_ACTUATION)
+            model.opt.disableflags |= sum(int(bit) for bit in flags)
+            model.opt.gravity[:] = robot.gravity
         self.data = mujoco.MjData(model)
         self.step = float(model.opt.timestep)
         joints = [model.joint(i).name for i in range(model.njnt)]
@@ -39,60 +58,72 @@ class MujocoEngine:
         named = {robot.joints[0] if robot.base != "fixed" and name in base[:1] else name: i
                  for i, name in enumerate(joints)}  # fmt: skip
         refuse_other_joints(robot, list(named), "MuJoCo")
-        self.numbers = [named[name] for name in robot.joints]
+        q_at, v_at = list[int](), list[int]()
+        for name, kind in zip(robot.joints, robot.kinds, strict=True):
+            number = named[name]
+            word, q, v = (int(x[number]) for x in (model.jnt_type, model.jnt_qposadr, model.jnt_dofadr))
+            at = [*range(q, q + POSITIONS[word])]
+            if kind in ("spherical", "floating"):  # its quaternions begin with the real part
+                at = [*at[:-4], *at[-3:], at[-4]]
+            q_at += 2 * at if kind == "continuous" else at
+            v_at += range(v, v + VELOCITIES[word])
+        self.q_at, self.v_at = np.array(q_at, dtype=int), np.array(v_at, dtype=int)
+        self._turned = np.array([at.start for at in self._slices("continuous", robot.q_slices)], dtype=int)
+        self._free = [
+            *zip(*(self._slices("floating", x) for x in (robot.q_slices, robot.v_slices)), strict=True)
+        ]
 
-    def _kinds(self) -> Iterator[tuple[str, slice, slice, slice, slice]]:
-        """Yield kind, own q and v, and MuJoCo's for each joint."""
-        for number, kind, q, v in zip(
-            self.numbers, self.robot.kinds, self.robot.q_slices, self.robot.v_slices, strict=True
-        ):
-            word = int(self.model.jnt_type[number])
-            at, dof = int(self.model.jnt_qposadr[number]), int(self.model.jnt_dofadr[number])
-            yield kind, q, v, slice(at, at + POSITIONS[word]), slice(dof, dof + VELOCITIES[word])
+    def _slices(self, kind: str, slices: Sequence[slice]) -> list[slice]:
+        """Return the slices of the joints of a kind."""
+        return [at for own, at in zip(self.robot.kinds, slices, strict=True) if own == kind]
+
+    def place(self, q: Array, v: Array) -> None:
+        """Write a state into MuJoCo's data."""
+        self.data.qpos[self.q_at] = q
+        if len(self._turned):
+            self.data.qpos[self.q_at[self._turned]] = np.arctan2(q[self._turned + 1], q[self._turned])
+        self.data.qvel[:] = self._theirs(q, v)
+
+    def state(self) -> tuple[Array, Array]:
+        """Return the state in MuJoCo's data, shapes (nq,) and (nv,)."""
+        q = self.data.qpos[self.q_at]
+        angles = q[self._turned]
+        q[self._turned], q[self._turned + 1] = np.cos(angles), np.sin(angles)
+        return q, self._ours(q, self.data.qvel)
 
     def _set(self, q: Array, v: Array, force: Array | None = None) -> None:
-        """Write a state into MuJoCo's data."""
-        data = self.data
-        self._mujoco.mj_resetData(self.model, data)
-        for kind, own, _, at, _ in self._kinds():
-            x = q[own]
-            if kind in ("spherical", "floating"):
-                data.qpos[at] = [*x[:-4], x[-1], *x[-4:-1]]
-            else:
-                data.qpos[at] = np.arctan2(x[1], x[0]) if kind == "continuous" else x
-        turns = self._turns(q)
-        data.qvel[:] = turns.T @ v
-        data.qfrc_applied[:] = 0.0 if force is None else turns.T @ force
+        """Begin at a state, under forces on the robot's coordinates."""
+        self.mujoco.mj_resetData(self.model, self.data)
+        self.place(q, v)
+        self.data.qfrc_applied[:] = 0.0 if force is None else self._theirs(q, force)
 
-    def _turns(self, q: Array) -> Array:
-        """Return the matrix T of our rates from MuJoCo's, v = T qvel, shape (nv, nv); it is orthogonal."""
-        T = np.zeros((self.robot.nv, self.model.nv))
-        for kind, own_q, own, _, dof in self._kinds():
-            T[own, dof] = np.eye(dof.stop - dof.start)
-            if kind == "floating":
-                x, y, z, w = q[own_q][3:]
-                R = np.zeros(9)
-                self._mujoco.mju_quat2Mat(R, np.array([w, x, y, z]))
-                T[own, dof][:3, :3] = R.reshape(3, 3).T
-        return T
-
-    def _drift(self, q: Array, v: Array) -> Array:
-        """Return our accelerations where MuJoCo's are zero: it has the world's axes for a free joint."""
-        out = np.zeros(self.robot.nv)
-        for kind, _, own, _, _ in self._kinds():
-            if kind == "floating":
-                out[own][:3] = -np.cross(v[own][3:], v[own][:3])
+    def _theirs(self, q: Array, x: Array) -> Array:
+        """Return rates or forces as MuJoCo's, which has the world's axes for the way of a free joint."""
+        out = np.zeros(self.model.nv)
+        out[self.v_at] = x
+        for of_q, of_v in self._free:
+            out[self.v_at[of_v][:3]] = self._rotation(q[of_q]) @ x[of_v][:3]
         return out
 
-    def _ours(self) -> Array:
-        """Return MuJoCo's positions as ours, shape (nq,)."""
-        out = np.zeros(self.robot.nq)
-        for kind, own, _, at, _ in self._kinds():
-            x = self.data.qpos[at]
-            if kind in ("spherical", "floating"):
-                out[own] = [*x[:-4], *x[-3:], x[-4]]
-            else:
-                out[own] = [np.cos(x[0]), np.sin(x[0])] if kind == "continuous" else x
+    def _ours(self, q: Array, x: Array) -> Array:
+        """Return MuJoCo's rates, accelerations or forces as ours."""
+        out: Array = np.array(x)[self.v_at]
+        for of_q, of_v in self._free:
+            out[of_v][:3] = self._rotation(q[of_q]).T @ out[of_v][:3]
+        return out
+
+    def _rotation(self, place: Array) -> Array:
+        """Return the rotation matrix of a free joint."""
+        x, y, z, w = place[3:]
+        R = np.zeros(9)
+        self.mujoco.mju_quat2Mat(R, np.array([w, x, y, z]))
+        return R.reshape(3, 3)
+
+    def _drift(self, v: Array) -> Array:
+        """Return our accelerations where MuJoCo's are zero: its axes do not turn with a free joint."""
+        out = np.zeros(self.robot.nv)
+        for _, of_v in self._free:
+            out[of_v][:3] = -np.cross(v[of_v][3:], v[of_v][:3])
         return out
 
     def forward(self, q: Array, v: Array, force: Array) -> Array:
@@ -104,34 +135,32 @@ class MujocoEngine:
         self.model.opt.tolerance = 0.0
         self.call(q, v, force)()
         self.model.opt.tolerance = tolerance
-        out: Array = self._turns(q) @ self.data.qacc + self._drift(q, v)
-        return out
+        return self._ours(q, self.data.qacc) + self._drift(v)
 
     def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
         """Return `mj_forward` at a state."""
         self._set(q, v, force)
-        return lambda: self._mujoco.mj_forward(self.model, self.data)
+        return lambda: self.mujoco.mj_forward(self.model, self.data)
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:
         """Compute forces by `mj_rne`."""
         self._set(q, v)
-        self._mujoco.mj_fwdPosition(self.model, self.data)
-        self._mujoco.mj_fwdVelocity(self.model, self.data)
-        T = self._turns(q)
-        self.data.qacc[:] = T.T @ (a - self._drift(q, v))
+        self.mujoco.mj_fwdPosition(self.model, self.data)
+        self.mujoco.mj_fwdVelocity(self.model, self.data)
+        self.data.qacc[:] = self._theirs(q, a - self._drift(v))
         out = np.zeros(self.model.nv)
-        self._mujoco.mj_rne(self.model, self.data, 1, out)
-        return T @ out
+        self.mujoco.mj_rne(self.model, self.data, 1, out)
+        return self._ours(q, out)
 
     def freedoms(self, q: Array) -> int:
         """Count freedoms by the rank of the equalities' Jacobian."""
         self._set(q, np.zeros(self.robot.nv))
-        self._mujoco.mj_forward(self.model, self.data)
+        self.mujoco.mj_forward(self.model, self.data)
         rows = np.zeros((self.data.nefc, self.model.nv))
         if self.data.nefc:
-            if self._mujoco.mj_isSparse(self.model):
+            if self.mujoco.mj_isSparse(self.model):
                 d = self.data
-                self._mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
+                self.mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
             else:
                 rows[:] = self.data.efc_J.reshape(rows.shape)
         s = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(0)
@@ -143,9 +172,9 @@ class MujocoEngine:
         out = []
         steps = max(1, round(seconds / self.step))
         for step in range(steps):
-            self._mujoco.mj_step(self.model, self.data)
+            self.mujoco.mj_step(self.model, self.data)
             if step % max(1, steps // 100) == 0 or step == steps - 1:
-                out.append(self._ours())
+                out.append(self.state()[0])
         return out
 
 
@@ -175,6 +204,20 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
 
 
 def _converted(robot: HybridRobot) -> Engine:
+    """Write the robot as MJCF."""
+    model, losses = converted(robot)
+    names = [closure.name for closure in robot.description.closures]
+    names += [coupling.name for coupling in robot.description.couplings]
+    lost = tuple(line for line in losses if any(f"'{name}'" in line for name in names))
+    return MujocoEngine(robot, model, "hybridyn convert to MJCF", tuple(f"lost: {line}" for line in lost))
+
+
+def converted(robot: HybridRobot) -> tuple[Any, tuple[str, ...]]:
+    """Return the model that MuJoCo makes of the robot as MJCF, and what was lost on the way.
+
+    Raises:
+        NotComparableError: It cannot be written, or MuJoCo refuses it.
+    """
     from ....conversion.convert import convert
 
     with tempfile.TemporaryDirectory() as folder:
@@ -183,8 +226,50 @@ def _converted(robot: HybridRobot) -> Engine:
             done = convert(robot, file)
         except ModelError as error:
             raise NotComparableError(f"cannot be written as MJCF: {error}") from None
-        model = _compiled("", str(file))
-    names = [closure.name for closure in robot.description.closures]
-    names += [coupling.name for coupling in robot.description.couplings]
-    lost = tuple(line for line in done.losses if any(f"'{name}'" in line for name in names))
-    return MujocoEngine(robot, model, "hybridyn convert to MJCF", tuple(f"lost: {line}" for line in lost))
+        return _compiled("", str(file)), tuple(done.losses)
+
+
+def closed(robot: HybridRobot, rigid: bool = True) -> MujocoEngine:
+    """Return a robot with its closures, as `convert` writes it; a rigid one is nothing but these and bodies.
+
+    Raises:
+        NotComparableError: MuJoCo is not installed, or cannot state the robot.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise NotComparableError("the package mujoco is not installed") from None
+    if robot.base != "fixed":
+        raise NotComparableError("only robots on a fixed base are compared")
+    robot = at_points(robot) if rigid else robot
+    own = MujocoEngine(robot, converted(robot)[0], "", rigid=rigid)
+    if rigid:
+        mujoco.mj_setConst(own.model, own.data)  # rotors are gone
+        own.model.opt.tolerance = 0.0
+        own.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+    return own
+
+
+def _setup(robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare the direct model."""
+    own = closed(robot)
+    motors = own.v_at[robot.motor_v]
+
+    def at(setting: Setting) -> Solver:
+        def solve(q: Array, v: Array, tau: Array) -> Array:
+            own.model.eq_solimp[:, :2] = setting["impedance"]
+            own.model.opt.iterations = int(setting["iterations"])
+            own.place(q, v)
+            own.data.qfrc_applied[motors] = tau
+            own.mujoco.mj_forward(own.model, own.data)
+            out: Array = own.data.qacc[own.v_at]
+            return out
+
+        return solve
+
+    return at
+
+
+#: MuJoCo leaves J_dot v out, which shows as error. There is no inverse model: `mj_inverse` gives efforts on
+#: every joint, not the motors' alone.
+METHODS = (Method("MuJoCo", "ddm", _setup, SWEPT, most=MOST),)

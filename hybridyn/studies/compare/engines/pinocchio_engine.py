@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +21,21 @@ SETTINGS = (1e-14, 1e-10, 100)
 
 
 class PinocchioEngine:
-    """A Pinocchio model with rigid constraints."""
+    """A Pinocchio model with rigid constraints.
+
+    Attributes:
+        model, data: Pinocchio's.
+        contacts, datas: The constraints.
+        owners: Names of the closures that they state, where it is known.
+    """
 
     step = 1e-3
 
     def __init__(
         self, robot: HybridRobot, model: pin.Model, contacts: pin.StdVec_RigidConstraintModel, way: str,
-        notes: tuple[str, ...] = (),
+        notes: tuple[str, ...] = (), owners: Sequence[str] = (),
     ) -> None:  # fmt: skip
-        self.robot, self.model, self.way, self.notes = robot, model, way, notes
+        self.robot, self.model, self.way, self.notes, self.owners = robot, model, way, notes, owners
         model.gravity.linear = np.array(robot.gravity)
         model.armature[:] = 0.0
         self.data, self.contacts = model.createData(), contacts
@@ -63,6 +69,12 @@ class PinocchioEngine:
             own = np.zeros(self.model.nv)
             own[self.v_at] = x
             out.append(own)
+        return out
+
+    def efforts(self, tau: Array) -> Array:
+        """Spread the motors' efforts over the joints, shape (nv,)."""
+        out = np.zeros(self.robot.nv)
+        out[self.robot.motor_v] = tau
         return out
 
     def forward(self, q: Array, v: Array, force: Array) -> Array:
@@ -120,7 +132,7 @@ def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
     """Yield the ways into Pinocchio: by its reader, and by constraint models."""
     if own.format in ("URDF", "MJCF"):
         yield f"its {own.format} reader", lambda: _read(robot, own)
-    yield "rigid constraints", lambda: _with_constraints(robot)
+    yield "rigid constraints", lambda: with_constraints(robot)
 
 
 def _read(robot: HybridRobot, own: OwnFile) -> Engine:
@@ -147,18 +159,19 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
     return PinocchioEngine(robot, model, contacts, f"its {own.format} reader")
 
 
-def _with_constraints(robot: HybridRobot) -> Engine:
-    """Add a rigid constraint for each closure that Pinocchio has."""
+def with_constraints(robot: HybridRobot) -> PinocchioEngine:
+    """Add a rigid constraint for each closure that Pinocchio has; a note names what it has none for."""
     model = robot.unchanged_model.copy()
-    contacts, left_out = pin.StdVec_RigidConstraintModel(), []
+    contacts, left_out, owners = pin.StdVec_RigidConstraintModel(), list[str](), list[str]()
     for closure in robot.description.closures:
         found = list(_contacts(robot, model, closure))
         left_out += [] if found else [closure.name]
+        owners += len(found) * [closure.name]
         for contact in found:
             contacts.append(contact)
     left_out += [coupling.name for coupling in robot.description.couplings]
     note = (f"Pinocchio has no constraint for {', '.join(left_out)}",) if left_out else ()
-    return PinocchioEngine(robot, model, contacts, "rigid constraints", note)
+    return PinocchioEngine(robot, model, contacts, "rigid constraints", note, owners)
 
 
 def _contacts(robot: HybridRobot, model: pin.Model, closure: Closure) -> Iterator[pin.RigidConstraintModel]:

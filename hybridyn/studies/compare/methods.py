@@ -1,4 +1,7 @@
-"""One interface for everything that is compared: a method is set up for a robot, then called at a setting."""
+"""One interface for whatever computes a model, here or in an engine: set up for a robot, called at a setting.
+
+`hybridyn cost` and the benchmarks sweep the settings.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from hybridyn import HybridRobot
-from hybridyn.spatial import Array
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from .engine import NotComparableError
 
 Model = Literal["ddm", "idm"]
 MODELS: tuple[Model, ...] = get_args(Model)
@@ -16,10 +20,6 @@ Setting = Mapping[str, float]
 
 #: (q, v, tau) -> a for a direct model, (q, v, a) -> tau for an inverse one: one sample (n,), or (T, n).
 Solver = Callable[[Array, Array, Array], Array]
-
-
-class NotMeasuredError(Exception):
-    """A method cannot do a robot, or its package is absent; the message says which."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Method:
         name: Its name in tables and figures.
         model: Which model.
         setup: Prepares a robot and gives the solver at a setting; what it prepares is shared by settings.
-            Raises `NotMeasuredError`.
+            Raises `NotComparableError`.
         settings: The settings that are swept.
         batches: True where one call takes many samples, (T, n); others are called in a loop.
         threads: True where `setup` takes a number of threads, `setup(robot, threads=2)`.
@@ -53,7 +53,7 @@ class Method:
         """Set up the method for a robot.
 
         Raises:
-            NotMeasuredError: It cannot do this robot, or is not here.
+            NotComparableError: It cannot do this robot, or is not here.
         """
         self.check_size(robot.nv)
         return self.setup(robot, threads=threads) if self.threads else self.setup(robot)
@@ -62,10 +62,10 @@ class Method:
         """Refuse a robot that is too large.
 
         Raises:
-            NotMeasuredError: It has too many velocities.
+            NotComparableError: It has too many velocities.
         """
         if nv > self.most:
-            raise NotMeasuredError(f"not tried above {self.most:,.0f} velocities: {self.beyond}")
+            raise NotComparableError(f"not tried above {self.most:,.0f} velocities: {self.beyond}")
 
 
 def written(setting: Setting) -> str:
