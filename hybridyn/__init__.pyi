@@ -35,6 +35,7 @@ from .studies.assemblies import Assemblies, assemblies
 from .studies.check.check import check
 from .studies.sweep.sweep import sweep
 from .view.geometry_model import geometry_model
+from .warp_batch.creating import warp
 
 __version__: str
 
@@ -93,5 +94,6 @@ __all__ = [
     "regressor",
     "simulate",
     "sweep",
+    "warp",
     "with_effects",
 ]

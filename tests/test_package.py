@@ -22,7 +22,7 @@ FLOORS = (
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
     {"compiled", "conversion"},
-    {"simulation", "streams"},
+    {"simulation", "streams", "warp_batch"},
     {"scenes", "view"},
     {"studies", "identification"},
     {"figures"},

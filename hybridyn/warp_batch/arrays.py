@@ -1,0 +1,141 @@
+"""Arrays that come from Warp, NumPy, or any library with DLPack, and results of the same kind."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError, TrajectoryError
+from .functions import wp
+
+
+def device_of(name: Any) -> Any:
+    """Return a device of Warp by its name; None for the one that Warp prefers.
+
+    Raises:
+        ModelError: There is no such device.
+    """
+    wp.init()
+    try:
+        return wp.get_device(name)
+    except (ValueError, RuntimeError) as error:
+        known = ", ".join(str(device) for device in wp.get_devices())
+        hint = "" if wp.is_cuda_available() else "; Warp finds no driver of CUDA"
+        raise ModelError(f"there is no device {name!r}: Warp has {known}{hint}") from error
+
+
+class Arrays:
+    """Arrays on one device with one number type.
+
+    Attributes:
+        device: The device of Warp.
+        dtype: Type of the numbers, "float64" or "float32".
+    """
+
+    def __init__(self, device: Any, dtype: str) -> None:
+        self.device, self.dtype = device, dtype
+        self._number = wp.float64 if dtype == "float64" else wp.float32
+
+    def given(self, name: str, x: Any, width: int) -> Any:
+        """Return an array as one of Warp: without a copy but for NumPy and what else is no array of a device.
+
+        Args:
+            x: Shape (N, width), or (width,) for the same numbers at every sample.
+
+        Raises:
+            TrajectoryError: Its shape, type or device is wrong.
+        """
+        if not _has_dlpack(x):
+            try:
+                numbers = np.asarray(x, dtype=self.dtype)
+                numbers = np.full(width, numbers) if numbers.ndim == 0 else numbers
+                found = wp.array(numbers, dtype=self._number, device=self.device)
+            except (TypeError, ValueError) as error:
+                raise TrajectoryError(f"{name} is no array of numbers ({_line(error)})") from error
+        else:
+            found = self._shared(name, x)
+        if found.ndim not in (1, 2) or found.shape[-1] != width:
+            raise TrajectoryError(f"{name} has shape {tuple(found.shape)}; wanted (N, {width})")
+        return found
+
+    def _shared(self, name: str, x: Any) -> Any:
+        """Return an array of a device as one of Warp."""
+        try:
+            found = x if isinstance(x, wp.array) else wp.from_dlpack(x)
+        except Exception as error:
+            raise TrajectoryError(f"{name} cannot be read through DLPack: {_line(error)}") from error
+        if found.device != self.device:
+            raise TrajectoryError(
+                f"{name} is on the device '{found.device}', the batch on '{self.device}': move it there"
+            )
+        if found.dtype != self._number:
+            raise TrajectoryError(
+                f"{name} has numbers of type {found.dtype.__name__}, the batch has {self.dtype}: convert it"
+            )
+        return found
+
+    def rows(self, name: str, x: Any, count: int) -> Any:
+        """Return an array of some samples; one row stands for all.
+
+        Raises:
+            TrajectoryError: It has another number of rows.
+        """
+        if x.ndim == 2 and x.shape[0] == count:
+            return x
+        if x.ndim == 2:
+            raise TrajectoryError(f"{name} has {x.shape[0]} samples; wanted {count}")
+        strides = (0, x.strides[0])
+        shape = (count, x.shape[0])
+        row = wp.array(ptr=x.ptr, dtype=x.dtype, shape=shape, strides=strides, device=x.device)
+        row.kept = x  # the memory is its own
+        return row
+
+    def empty(self, *shape: int, number: Any = None) -> Any:
+        """Return new memory, which is zero for counters.
+
+        Raises:
+            TrajectoryError: The device is full.
+        """
+        try:
+            make = wp.empty if number is None else wp.zeros
+            return make(shape, dtype=number or self._number, device=self.device)
+        except (RuntimeError, MemoryError) as error:
+            size = np.prod(shape, dtype=float) * np.dtype(self.dtype).itemsize
+            raise TrajectoryError(
+                f"the device '{self.device}' is full: an array of {size / 1e9:.3g} GB does not fit; "
+                "take fewer samples at once"
+            ) from error
+
+    def back(self, like: Any) -> Callable[[Any], Any]:
+        """Return the function that gives results the kind of an array."""
+        if isinstance(like, wp.array):
+            return lambda x: x
+        if not _has_dlpack(like):
+            return lambda x: x.numpy()
+        space = getattr(like, "__array_namespace__", None)
+        module = space() if space else sys.modules[type(like).__module__.split(".")[0]]
+        return module.from_dlpack  # type: ignore[no-any-return]
+
+    def stream(self, like: Any) -> AbstractContextManager[Any]:
+        """Return the context in which kernels run on the stream of the library of an array."""
+        torch = sys.modules.get("torch")
+        if self.device.is_cuda and torch is not None and isinstance(like, torch.Tensor):
+            own: AbstractContextManager[Any] = wp.ScopedStream(wp.stream_from_torch(like.device))
+            return own
+        return nullcontext()
+
+
+def _has_dlpack(x: Any) -> bool:
+    """Return whether an array is read through DLPack; those of NumPy are copied to the device."""
+    return isinstance(x, wp.array) or (
+        hasattr(x, "__dlpack__") and not isinstance(x, np.ndarray | np.generic)
+    )
+
+
+def _line(error: BaseException) -> str:
+    """Return the first line of what an error says."""
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,444 @@
+"""`Batch`, the result of `hybridyn.warp`: the models of one robot for many samples on a device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from ..compiled.failures import as_compile_error
+from ..compiled.programs.designs import DesignsInSlots
+from ..description.names import did_you_mean
+from ..effects.choice import Effects
+from ..errors import ModelError, TrajectoryError
+from ..spatial import Array, Index
+from ..structure.parameters.entries import Parameters
+from ..structure.robot import HybridRobot
+from .arrays import Arrays
+from .drawing import Draw
+from .fallback import General
+from .functions import InWarp, in_warp, wp
+from .models import LAWS, Models
+from .native import Native
+
+#: Computes some samples by the general path: numbers of the samples and all inputs, to rows of the outputs.
+Fallback = Callable[[Index, dict[str, Array]], Sequence[Array]]
+
+
+class Functions:
+    """Warp functions for kernels of the user's own, by name.
+
+    Each takes one-dimensional arrays of one sample, inputs first, and returns the guard. Outputs are NaN
+    where the guard is above 1.
+    """
+
+    def __init__(self, names: Sequence[str], make: Callable[[str], InWarp]) -> None:
+        self._names, self._make = tuple(names), make
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a Warp function."""
+        if name.startswith("_") or name not in self._names:
+            raise AttributeError(f"a batch has no function '{name}'{did_you_mean(name, self._names)}")
+        return self._make(name).function
+
+    def __dir__(self) -> list[str]:
+        """List the functions."""
+        return list(self._names)
+
+
+class Batch:
+    """The models of one robot for many samples at once, one thread each.
+
+    Arrays have the shape (N, n), or (n,) for the same numbers at each sample. Warp arrays, tensors of torch
+    and JAX, and all that DLPack exchanges are read without a copy; NumPy's are copied to the device. Results
+    have the kind of the first array. The last result of each call is the guard, shape (N,): samples whose
+    guard is above 1 or NaN are NaN, and are counted in `failed`.
+
+    Attributes:
+        robot: The robot.
+        effects: Effects in the models.
+        parameters: Numbers that calls may change.
+        dtype: Type of all numbers.
+        device: Device of Warp.
+        functions: The models as Warp functions, for kernels of your own.
+    """
+
+    def __init__(
+        self, robot: HybridRobot, effects: Effects, parameters: Parameters, dtype: str, device: Any
+    ) -> None:
+        self.robot, self.effects, self.parameters = robot, effects, parameters
+        self.dtype, self.device = dtype, device
+        self._designs = DesignsInSlots(robot, parameters)
+        self._arrays = Arrays(device, dtype)
+        self._models = Models(robot, effects, parameters.slots, dtype)
+        self._general = General(robot, effects, self._designs)
+        self._made: dict[str, InWarp] = {}
+        self._checked: set[str] = set()
+        self._counters: dict[str, Any] = {}
+        self.functions = Functions(self._models.names, self.made)
+
+    @property
+    def failed(self) -> dict[str, int]:
+        """Number of samples so far whose guard was above 1, by call. Reading it waits for the device."""
+        counts = {name: int(counter.numpy()[0]) for name, counter in self._counters.items()}
+        return {name: count for name, count in counts.items() if count}
+
+    def idm(
+        self, q: Any, v: Any, a: Any, *, parameters: Any = None, fallback: bool = False
+    ) -> tuple[Any, ...]:
+        """Compute motor efforts, like `hybridyn.idm`.
+
+        Args:
+            q: Positions, shape (N, nq).
+            v: Rates, shape (N, nv), [m/s, rad/s].
+            a: Accelerations, shape (N, nv), [m/s^2, rad/s^2].
+            parameters: Numbers in the order of `parameters.labels`, shape (k,) or (N, k), or what `numbers`
+                made of them; None for those of the robot.
+            fallback: Whether the general path computes samples whose guard is above 1.
+
+        Returns:
+            Efforts in the order of `robot.motors`, shape (N, motors), [N or N m], and guards, shape (N,).
+
+        Raises:
+            HybridynError: An array is wrong; or what `hybridyn.idm` raises, with `fallback`.
+        """
+        given = {"q": q, "v": v, "a": a} | self._numbers(parameters)
+        return self._run("idm", given, partial(self._general.model, "idm") if fallback else None)
+
+    def ddm(
+        self,
+        q: Any,
+        v: Any,
+        tau: Any,
+        *,
+        base_acceleration: Any = None,
+        parameters: Any = None,
+        fallback: bool = False,
+    ) -> tuple[Any, ...]:
+        """Compute accelerations, like `hybridyn.ddm`.
+
+        Args:
+            q: Positions, shape (N, nq).
+            v: Rates, shape (N, nv), [m/s, rad/s].
+            tau: Efforts in the order of `robot.motors`, shape (N, motors), [N or N m].
+            base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (N, 6);
+                default zero.
+            parameters: As in `idm`.
+            fallback: As in `idm`.
+
+        Returns:
+            Accelerations of the spanning tree, shape (N, nv), [m/s^2, rad/s^2], and guards, shape (N,).
+
+        Raises:
+            HybridynError: An array is wrong; or what `hybridyn.ddm` raises, with `fallback`.
+        """
+        given = {"q": q, "v": v, "tau": tau} | self._numbers(parameters)
+        if self.robot.base == "moving" or base_acceleration is not None:
+            given["base_acceleration"] = np.zeros(6) if base_acceleration is None else base_acceleration
+        return self._run("ddm", given, partial(self._general.model, "ddm") if fallback else None)
+
+    def kinematics(self, q: Any, v: Any, a: Any, *, parameters: Any = None) -> tuple[Any, ...]:
+        """Compute the motion of every body in the world.
+
+        Args:
+            q: Positions, shape (N, nq).
+            v: Rates, shape (N, nv), [m/s, rad/s].
+            a: Accelerations, shape (N, nv), [m/s^2, rad/s^2].
+            parameters: As in `idm`.
+
+        Returns:
+            24 numbers for each body, shape (N, 24 bodies): axes row by row, origin, velocity, angular
+            velocity, acceleration (classical), angular acceleration; and guards, shape (N,).
+
+        Raises:
+            HybridynError: An array is wrong.
+        """
+        return self._run("kinematics", {"q": q, "v": v, "a": a} | self._numbers(parameters))
+
+    def close(
+        self,
+        position: Any,
+        rate: Any = None,
+        acceleration: Any = None,
+        *,
+        near: Any = None,
+        parameters: Any = None,
+        fallback: bool = False,
+    ) -> tuple[Any, ...]:
+        """Compute the motion of all joints from the motors', like `CompiledRobot.close` for each sample.
+
+        Args:
+            position: Positions in the order of `robot.motors`, shape (N, motors), [m or rad].
+            rate: Their rates, of the same shape; zero by default.
+            acceleration: Their accelerations, of the same shape; zero by default.
+            near: Closed postures, shape (N, nq) or (nq,), from which the motors move straight to `position`,
+                on the same assembly branch; the home posture by default. A base keeps its pose.
+            parameters: As in `idm`.
+            fallback: As in `idm`.
+
+        Returns:
+            q, v, a on the spanning tree, shapes (N, nq), (N, nv), (N, nv), and guards, shape (N,).
+
+        Raises:
+            HybridynError: An array is wrong; or what `hybridyn.assemble` raises, with `fallback`.
+        """
+        given = self._motion(position, rate, acceleration, near, parameters)
+        return self._run("close", given, self._general.close if fallback else None)
+
+    def idm_from_motors(
+        self,
+        position: Any,
+        rate: Any = None,
+        acceleration: Any = None,
+        *,
+        near: Any = None,
+        parameters: Any = None,
+        fallback: bool = False,
+    ) -> tuple[Any, ...]:
+        """Compute the efforts of the motors from what they do: `close`, then `idm`, in one kernel.
+
+        Args:
+            position: As in `close`.
+            rate: As in `close`.
+            acceleration: As in `close`.
+            near: As in `close`.
+            parameters: As in `idm`.
+            fallback: As in `idm`.
+
+        Returns:
+            Efforts, shape (N, motors), then q, v, a and guards as of `close`.
+
+        Raises:
+            HybridynError: As `close` and `idm` raise.
+        """
+        given = self._motion(position, rate, acceleration, near, parameters)
+        q, v, a, tau, guard = self._run("idm_from_motors", given, self._general.control if fallback else None)
+        return tau, q, v, a, guard
+
+    def step(
+        self,
+        q: Any,
+        v: Any,
+        h: float,
+        steps: int = 1,
+        *,
+        law: str = "constant",
+        parameters: Any = None,
+        **reads: Any,
+    ) -> tuple[Any, ...]:
+        """Take time steps of Runge-Kutta's method of order four on the closed loops.
+
+        The law computes the efforts at each stage. Times count from the start of the call.
+
+        Args:
+            q: Assembled positions, shape (N, nq).
+            v: Rates, shape (N, nv), [m/s, rad/s].
+            h: Length of a step [s].
+            steps: Number of steps.
+            law: "constant" reads `tau`; "table" `tau`, `tau_rate` and `tau_bend`, the efforts and their
+                derivatives at the start; "pd" and "torque" (computed torque) `position`, `rate` and
+                `acceleration` that the motors shall have at the start, from where the reference moves at
+                that acceleration, and the gains `kp` and `kd`. Computed torque knows the robot's own numbers,
+                not the samples' parameters.
+            parameters: As in `idm`; none that change the loops.
+            reads: What the law reads, a number, shape (motors,) or (N, motors); zero where left out.
+
+        Returns:
+            q, v and a after the steps, and guards, shape (N,): 0.05 over the smallest pivot of the closures
+            relative to its usual size; infinite if a step could not be taken with certainty.
+
+        Raises:
+            HybridynError: An array or the law is wrong, or the robot has no such steps.
+        """
+        if law not in LAWS:
+            raise ModelError(f"there is no law '{law}'{did_you_mean(law, LAWS)}: {', '.join(LAWS)}")
+        for name in reads:
+            if name not in LAWS[law]:
+                raise ModelError(f"the law '{law}' reads {', '.join(LAWS[law])}, not '{name}'")
+        given = {"q": q, "v": v, "clock": np.array([h, steps])} | self._numbers(parameters)
+        return self._run(f"step_{law}", given | {n: reads.get(n, 0.0) for n in LAWS[law]})
+
+    def joint_map(self, joints: Sequence[str]) -> BatchMap:
+        """Return the map between output joints and motors, as of a parallel ankle, see `hybridyn.joint_map`.
+
+        Args:
+            joints: Names of the output joints.
+
+        Raises:
+            HybridynError: The joints do not fit their modules, or the batch has parameters.
+        """
+        with as_compile_error(self.robot):
+            natives = {native.name: native for native in self._models.maps(joints)}
+        return BatchMap(self, natives, self._run_native)
+
+    def random_states(self, count: int, seed: int = 0, *, tries: int = 64) -> tuple[Any, Any, Any, int]:
+        """Draw closed states within the limits of the joints, on the device.
+
+        The motors' positions are drawn within their limits, and the loops are closed along the way from
+        home. Motors without limits turn by up to half a turn, or move by up to the length of their module.
+        Rates are drawn up to the limits, or 1. A state outside a limit or out of reach is drawn again.
+
+        Args:
+            count: Number of states.
+            seed: Seed of the draws; the same seed gives the same states.
+            tries: Most draws of a state; a state that is not found in as many is the home posture at rest.
+
+        Returns:
+            q, v, a, Warp arrays of shapes (N, nq), (N, nv), (N, nv), where motors have no acceleration, and
+            the number of failed draws.
+
+        Raises:
+            HybridynError: The number of states is not positive, or the device is full.
+        """
+        if count < 1:
+            raise TrajectoryError(f"random_states needs one state at least, not {count}")
+        if self._drawn is None:
+            raise ModelError("parameters change the loops: draw states by a batch without them")
+        return self._drawn.states(count, seed, tries)
+
+    def numbers(self, parameters: Any) -> Any:
+        """Return parameters as the kernels read them, an array of Warp: make it once for many calls.
+
+        Args:
+            parameters: Numbers in the order of `parameters.labels`, shape (k,) or (N, k).
+
+        Raises:
+            HybridynError: As `hybridyn.compile`'s models raise.
+        """
+        if hasattr(parameters, "__dlpack__"):
+            parameters = np.asarray(parameters.cpu() if hasattr(parameters, "cpu") else parameters)
+        slots = np.ascontiguousarray(self._designs.numbers(parameters, np.shape(parameters)[:-1]))
+        return self._arrays.given("parameters", slots, slots.shape[-1])
+
+    def made(self, name: str) -> InWarp:
+        """Return a model in Warp."""
+        if name not in self._made:
+            with as_compile_error(self.robot):
+                self._made[name] = in_warp(self._models.of(name), self.dtype)
+        return self._made[name]
+
+    @cached_property
+    def _drawn(self) -> Draw | None:
+        fixed = self._models.fixed and not self.parameters.size
+        return Draw(self.robot, self.made("close"), self._arrays) if fixed else None
+
+    def _numbers(self, parameters: Any) -> dict[str, Any]:
+        """Return the input "parameters" of the models, or nothing if they have none."""
+        if not self.parameters.size and parameters is None:
+            return {}
+        if isinstance(parameters, wp.array):
+            return {"parameters": parameters}
+        return {"parameters": self.numbers(self.parameters.nominal if parameters is None else parameters)}
+
+    def _motion(
+        self, position: Any, rate: Any, acceleration: Any, near: Any, parameters: Any
+    ) -> dict[str, Any]:
+        """Return the inputs of "close"; the positions decide how many samples there are."""
+        still = np.zeros(len(self.robot.motors))
+        return {
+            "position": position,
+            "near": self.robot.home if near is None else near,
+            "rate": still if rate is None else rate,
+            "acceleration": still if acceleration is None else acceleration,
+        } | self._numbers(parameters)
+
+    def _run(self, name: str, given: dict[str, Any], fallback: Fallback | None = None) -> tuple[Any, ...]:
+        """Run a model, which is compared with the general path before it is first used."""
+        made = self.made(name)
+        if name in ("idm", "ddm") and name not in self._checked:
+            self._checked.add(name)
+            self._general.check(name, self.dtype, partial(self._run_native, made))
+        return self._run_native(made, given, fallback)
+
+    def _run_native(
+        self, made: InWarp, given: dict[str, Any], fallback: Fallback | None = None
+    ) -> tuple[Any, ...]:
+        """Launch a kernel; returns its results and the guards."""
+        native, arrays = made.native, self._arrays
+        like = next(iter(given.values()))
+        if given.keys() != dict(native.inputs).keys():
+            raise ModelError(f"the base does not move: '{native.name}' takes no base_acceleration")
+        with arrays.stream(like):
+            widths = dict(native.inputs)
+            read = {name: arrays.given(name, x, widths[name]) for name, x in given.items()}
+            first = next(iter(read))
+            if read[first].ndim != 2 or not read[first].shape[0]:
+                raise TrajectoryError(
+                    f"{first} has shape {tuple(read[first].shape)}; wanted (N, {widths[first]}), N at least 1"
+                )
+            count = read[first].shape[0]
+            read = {name: arrays.rows(name, read[name], count) for name in widths}
+            results = [arrays.empty(count, width) for _, width in native.outputs]
+            guard, counter = arrays.empty(count), self._counter(native)
+            with as_compile_error(self.robot):
+                inputs = [*read.values(), *results, guard, counter]
+                wp.launch(made.kernel, dim=count, inputs=inputs, device=self.device)
+            if fallback is not None:
+                self._hand_over(read, results, guard, fallback)
+            back = arrays.back(like)
+            return (*(back(x) for x in results), back(guard))
+
+    def _counter(self, native: Native) -> Any:
+        """Return the counter of a model's failed samples."""
+        if native.name not in self._counters:
+            self._counters[native.name] = self._arrays.empty(1, number=wp.int32)
+        return self._counters[native.name]
+
+    def _hand_over(self, read: dict[str, Any], results: list[Any], guard: Any, fallback: Fallback) -> None:
+        """Compute samples whose guard is above 1 by the general path, in the memory of this computer."""
+        rows = np.flatnonzero(~(guard.numpy() <= 1.0))
+        if not len(rows):
+            return
+        found = fallback(rows, {name: np.array(x.numpy(), dtype=float) for name, x in read.items()})
+        for result, part in zip(results, found, strict=True):
+            whole = np.array(result.numpy())
+            whole[rows] = part
+            result.assign(whole)
+
+
+class BatchMap:
+    """The map between output joints and motors of a batch.
+
+    Attributes:
+        functions: "map_to_joints" and "map_to_motors" as Warp functions, for kernels of your own.
+    """
+
+    def __init__(self, batch: Batch, natives: dict[str, Native], run: Callable[..., Any]) -> None:
+        self._batch, self._natives, self._run = batch, natives, run
+        self._made: dict[str, InWarp] = {}
+        self.functions = Functions(tuple(natives), self._in_warp)
+
+    def _in_warp(self, name: str) -> InWarp:
+        if name not in self._made:
+            self._made[name] = in_warp(self._natives[name], self._batch.dtype)
+        return self._made[name]
+
+    def to_joints(self, position: Any, rate: Any = 0.0, effort: Any = 0.0, *, near: Any = None) -> Any:
+        """Compute the output joints from the motors of their modules.
+
+        Args:
+            position: Positions of the motors, shape (N, m), [m or rad].
+            rate: Their rates, of the same shape; zero by default.
+            effort: Their efforts, of the same shape; zero by default.
+            near: As in `Batch.close`.
+
+        Returns:
+            q, positions, rates and efforts of equal power of the joints, shapes (N, nq), (N, k), (N, k),
+            (N, k), the rates' matrix by rows, shape (N, k m), and guards, shape (N,).
+
+        Raises:
+            HybridynError: An array is wrong.
+        """
+        return self._from("motor", position, rate, effort, near)
+
+    def to_motors(self, position: Any, rate: Any = 0.0, effort: Any = 0.0, *, near: Any = None) -> Any:
+        """Compute the motors from the output joints, as `to_joints` the other way."""
+        return self._from("joint", position, rate, effort, near)
+
+    def _from(self, side: str, position: Any, rate: Any, effort: Any, near: Any) -> Any:
+        given = {"position": position, "rate": rate, "effort": effort}
+        named = {f"{side}_{name}": x for name, x in given.items()}
+        named["near"] = self._batch.robot.home if near is None else near
+        return self._run(self._in_warp("map_to_joints" if side == "motor" else "map_to_motors"), named)

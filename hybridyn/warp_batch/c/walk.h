@@ -1,0 +1,59 @@
+/* The loops closed from one side's positions, along the branch of a posture. Needs NQ, NV, SIDE (joints of the side), GIVEN
+   and RESULT of the program, whether their positions are its inputs (POSED), CLOSED, and `at` and `turns`, the places of
+   the side's joints in q. */
+#define FAR 0.1          /* rad, module lengths: a first Newton step beyond is not small enough */
+#define CONTRACTION 0.25 /* a Newton step must be shorter than this part of the last */
+#define NEWTON_STEPS 8
+#define SETTLED 1e-3 /* guard: rates and accelerations belong to the posture before the last step */
+#define SHORTEST_PART 0.00390625 /* of the way */
+
+static S position_of(const S *q, int m) { return turns(m) ? FUNCTION(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
+
+static void place(S *given, int m, S x) {
+    S *q = given + at(m);
+    if (POSED) given[NQ + m] = x;
+    if (turns(m)) q[0] = FUNCTION(cos)(x), q[1] = FUNCTION(sin)(x);
+    else q[0] = x;
+}
+
+/* Newton's method from the posture that `given` begins with; the guard, which measures the last step. */
+static S newton(S *given, S *result) {
+    S guard = 2, before = (S)(FAR / CONTRACTION);
+    for (int n = 0; n < NEWTON_STEPS; n++) {
+        const bool once_more = guard <= 1;
+        guard = close_run(given, result);
+        const S step = guard * (S)CLOSED;
+        if (guard <= (S)SETTLED || (once_more && guard <= 1)) return guard;
+        if (!(step <= (S)CONTRACTION * before || guard <= 1)) return guard;
+        before = step;
+        for (int k = 0; k < NQ; k++) given[k] = result[k];
+    }
+    return guard;
+}
+
+/* Walk to the positions `goal` in steps as long as Newton's method agrees; `given`: the program's, of a closed posture. */
+static S walk(const S *start, const S *goal, S *result) {
+    S given[GIVEN], here[NQ], from[SIDE], way[SIDE], done = 0, part = 1, guard = 0;
+    for (int k = 0; k < GIVEN; k++) given[k] = start[k];
+    for (int k = 0; k < NQ; k++) here[k] = start[k];
+    for (int m = 0; m < SIDE; m++) {
+        from[m] = position_of(here, m);
+        way[m] = goal[m] - from[m];
+        if (turns(m)) way[m] -= (S)6.283185307179586 * FUNCTION(floor)(way[m] / (S)6.283185307179586 + (S)0.5);
+    }
+    for (;;) {
+        const bool last = done + part >= 1;
+        for (int k = 0; k < NQ; k++) given[k] = here[k];
+        for (int m = 0; m < SIDE; m++) place(given, m, last ? goal[m] : from[m] + (done + part) * way[m]);
+        guard = newton(given, result);
+        if (guard <= 1) {
+            if (last) return guard;
+            for (int k = 0; k < NQ; k++) here[k] = result[k];
+            done += part, part *= 2;
+        } else if (part <= (S)SHORTEST_PART || guard != guard) {
+            return guard;
+        } else {
+            part /= 2;
+        }
+    }
+}

@@ -1,0 +1,59 @@
+"""`hybridyn.warp`: the models of a robot for many samples at once, on a GPU."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..compiled.code.plain_c import REAL
+from ..compiled.equations.arguments.coefficients import check_coefficients, with_stated_springs
+from ..compiled.needs import needs_casadi
+from ..effects.choice import Choice, choose
+from ..errors import ModelError
+from ..structure.parameters.entries import Parameters
+from ..structure.parameters.slots import Slot
+from ..structure.robot import HybridRobot
+from .arrays import device_of
+from .batch import Batch
+
+
+def warp(
+    robot: HybridRobot,
+    effects: Choice = None,
+    parameters: Sequence[str | Slot] = (),
+    dtype: str = "float64",
+    device: Any = None,
+) -> Batch:
+    """Prepare a robot's models for many samples at once through Warp, on a GPU or on the processor.
+
+    Each model is built by Warp when it is first called, and kept in Warp's cache.
+
+    Args:
+        robot: The robot.
+        effects: Effects to include, as for `hybridyn.idm`; without "limits".
+        parameters: Numbers of the robot that calls may change, as for `hybridyn.compile`.
+        dtype: "float64" or "float32".
+        device: Device of Warp, such as "cuda:0" or "cpu"; default the one that Warp prefers.
+
+    Returns:
+        The models; see `Batch`.
+
+    Raises:
+        CompileError: Warp or casadi is not installed.
+        ModelError: A parameter is unknown, `dtype` is invalid, there is no such device, no joint moves, or an
+            effect is not available.
+    """
+    needs_casadi()
+    if dtype not in REAL:
+        raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
+    if robot.nv == 0:
+        raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to compute")
+    on = choose(robot, effects)
+    if on.limits is not None:
+        raise ModelError(
+            "the effect 'limits' is not part of batches: clip the efforts yourself", element="limits"
+        )
+    robot = with_stated_springs(robot, on) if parameters else robot
+    chosen = Parameters(robot.description, parameters)
+    check_coefficients(robot, on, chosen.slots)
+    return Batch(robot, on, chosen, dtype, device_of(device))

@@ -1,0 +1,213 @@
+"""What the functions compute: the robot's programs, and the C that walks, controls and steps with them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+
+from ..compiled.code.scalars import text_of
+from ..compiled.equations.guards import GUARD_CLOSED
+from ..compiled.equations.request import Request, request
+from ..compiled.program import Program
+from ..compiled.programs.close import close_program
+from ..compiled.programs.direct import direct_program
+from ..compiled.programs.inverse import inverse_program
+from ..compiled.programs.kinematics import kinematics_program
+from ..compiled.programs.lift import lift_program
+from ..compiled.programs.map_programs import map_programs
+from ..description.names import did_you_mean
+from ..dynamics.quantities.joint_map import motors_beside
+from ..effects.choice import Effects
+from ..errors import ModelError
+from ..structure.parameters.slots import Slot
+from ..structure.robot import HybridRobot
+from .native import Native, native, own_text
+
+#: Fields of numbers on which the closures depend.
+GEOMETRY = ("placement", "frame_a", "frame_b", "offset")
+#: Models that are one program.
+PLAIN = {"idm": inverse_program, "ddm": direct_program, "kinematics": kinematics_program}
+#: What each law of a step reads, one number a motor, and its kind in `laws.h`.
+LAWS = {"constant": ("tau",), "table": ("tau", "tau_rate", "tau_bend")} | dict.fromkeys(
+    ("pd", "torque"), ("position", "rate", "acceleration", "kp", "kd")
+)
+KINDS = {"constant": "CONSTANT", "table": "TABLE", "pd": "PD", "torque": "TORQUE"}
+#: Length of Newton's last step in a time step, by the type of the numbers.
+LAST_STEP = {"float64": "1e-12", "float32": "1e-5"}
+#: C that `laws.h` and `steps.h` need; the direct model reads parameters after its states.
+STEP_HEAD = """#undef ROOM
+#define SCALAR(name) FUNCTION(name)
+typedef long long Long;
+static S none_of(const S *x, int n) {
+    S sum = 0;
+    for (int k = 0; k < n; k++) sum += x[k] * (S)0;
+    return sum;
+}
+static int absent(const S *const *in, S *out) { return !in || !out || 1; }
+static int ddm_with(const S *numbers, const S *const *in, S *out) {
+    const S *all[4] = {in[0], in[1], in[2], numbers};
+    return ddm_single_at(all, out);
+}
+"""
+#: A table of the joints of one side.
+PLACES = "static int {0}(int m) {{\n    static const int table[] = {{{1}}};\n    return table[m];\n}}\n"
+Ends = list[tuple[str, int]]
+
+
+class Models:
+    """Native functions of a robot.
+
+    Attributes:
+        fixed: Whether no parameter changes the closures.
+    """
+
+    def __init__(self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot], dtype: str) -> None:
+        self.robot, self.effects, self.dtype, self._slots = robot, effects, dtype, tuple(slots)
+        self.fixed = all(slot.field not in GEOMETRY for slot in slots)
+        self._makers: dict[str, Callable[[], Native]] = {name: partial(self._plain, name) for name in PLAIN}
+        self._makers |= {"close": self._close, "idm_from_motors": self._control}
+        self._makers |= {f"step_{law}": partial(self.step, law) for law in LAWS}
+
+    def of(self, name: str) -> Native:
+        """Return a native function, one of `names`.
+
+        Raises:
+            ModelError: The robot has no such function.
+        """
+        if name not in self._makers:
+            raise ModelError(
+                f"a batch has no function '{name}'{did_you_mean(name, self.names)}", element=name
+            )
+        return self._makers[name]()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the native functions, but for the maps of output joints."""
+        return tuple(self._makers)
+
+    def _plain(self, name: str) -> Native:
+        program = PLAIN[name](self._request)
+        ends = (program.inputs, program.outputs)
+        return native(name, ends, {name: program}, f"{name}_run(given, result)", self.dtype)
+
+    def maps(self, joints: Sequence[str]) -> list[Native]:
+        """Return the map between output joints and motors, "map_to_joints" and "map_to_motors".
+
+        Raises:
+            ModelError: Some numbers are parameters.
+            HybridynError: As `compiled.programs.map_programs` raises.
+        """
+        if self._slots:
+            raise ModelError("the map of output joints has no parameters: make a batch without them")
+        sides = motors_beside(self.robot, joints), tuple(joints)
+        out = []
+        for program, side in zip(map_programs(self._request, joints), sides, strict=True):
+            walk, ends = self._walk(program, side, posed=True), (program.inputs, program.outputs)
+            run = "walk(given, given + NQ, result)"
+            out.append(native(program.name, ends, {"close": program}, run, self.dtype, walk))
+        return out
+
+    @cached_property
+    def _request(self) -> Request:
+        return request(self.robot, self.effects, parameters=self._slots, dtype=self.dtype)
+
+    @cached_property
+    def _motions(self) -> tuple[Ends, Ends]:
+        """Inputs and outputs of "close"."""
+        robot, motors = self.robot, len(self.robot.motors)
+        given = [(name, motors) for name in ("position", "rate", "acceleration")]
+        return (
+            [("near", robot.nq), *given, *self._request.parameter_inputs],
+            [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)],
+        )
+
+    def _close(self) -> Native:
+        program = close_program(self._request)
+        return native("close", self._motions, {"close": program}, "follow(given, result)", self.dtype,
+                      self._follow(program))  # fmt: skip
+
+    def _control(self) -> Native:
+        """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
+        inputs, outputs = self._motions
+        close, idm = close_program(self._request), inverse_program(replace(self._request, compared=False))
+        more = self._follow(close) + own_text("efforts.h", INVERSE=_size(idm.inputs))
+        ends = inputs, [*outputs, *idm.outputs]
+        called = {"close": close, "idm": idm}
+        return native("idm_from_motors", ends, called, "control(given, result)", self.dtype, more)
+
+    def _follow(self, close: Program) -> str:
+        return self._walk(close, self.robot.motors, posed=False) + own_text("motors.h")
+
+    def _walk(self, program: Program, side: Sequence[str], *, posed: bool) -> str:
+        """Return the C of the walk with a program that closes the loops from the positions of some joints."""
+        sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "SIDE": len(side), "POSED": int(posed)}
+        sizes |= {"GIVEN": _size(program.inputs)}
+        closed = f"#define CLOSED {GUARD_CLOSED[self.dtype]!r}\n"
+        return closed + self._places(side) + own_text("walk.h", **sizes)
+
+    def _places(self, side: Sequence[str]) -> str:
+        """Return the C functions of the places of joints in q and v."""
+        robot = self.robot
+        numbers = [robot.joint_index[name] for name in side]
+        tables = {
+            "at": [robot.q_slices[i].start for i in numbers],
+            "column": [robot.v_slices[i].start for i in numbers],
+            "turns": [int(robot.kinds[i] == "continuous") for i in numbers],
+        }
+        return "".join(PLACES.format(name, ", ".join(map(str, of)) or "0") for name, of in tables.items())
+
+    def step(self, law: str) -> Native:
+        """Return closed time steps under a law, one of `LAWS`.
+
+        Raises:
+            ModelError: The robot has no such steps.
+        """
+        robot, motors = self.robot, len(self.robot.motors)
+        plain = request(robot, self.effects, dtype=self.dtype)
+        lift = lift_program(plain)
+        if lift is None or not self.fixed:
+            why = (
+                "its parameters change the loops" if not self.fixed else "its loops close by more than pivots"
+            )
+            raise ModelError(f"robot '{robot.description.name}' has no closed steps in a batch: {why}")
+        ddm = direct_program(self._request)
+        called, efforts = {"lift": lift, "ddm": ddm}, _own(text_of("laws.h"))
+        if law == "torque":
+            called["following"] = close_program(plain)
+            called["idm"] = inverse_program(replace(plain, compared=False))
+        for name in ("following", "idm"):
+            calls = f"{name}_single_at(" if name in called else "absent("
+            efforts = _replaced(efforts, f"law->{'close' if name == 'following' else name}(", calls)
+        given = [("q", robot.nq), ("v", robot.nv), ("clock", 2), *((name, motors) for name in LAWS[law])]
+        outputs = [("q_next", robot.nq), ("v_next", robot.nv), ("a_next", robot.nv)]
+        text = STEP_HEAD + self._places(robot.motors) + _replaced(efforts, "law->function(t)", "1")
+        text += _steps_text(self.dtype) + f"enum {{ KIND = {KINDS[law]} }};\n" + own_text("step.h")
+        sizes = {"NQ": robot.nq, "NV": robot.nv, "EFFORTS": motors, "MODULES": len(robot.modules)}
+        head = f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};\n"
+        ends = [*given, *self._request.parameter_inputs], outputs
+        return native(f"step_{law}", ends, called, "stepped(given, result)", self.dtype, head + text)
+
+
+def _steps_text(dtype: str) -> str:
+    """Return what `steps.h` needs for one step, with as much memory as the method takes."""
+    text = _replaced(_own(text_of("steps.h")), "#define STAGES 8", "#define STAGES 4")
+    text = _replaced(text, "#define LAST_STEP 1e-12", f"#define LAST_STEP {LAST_STEP[dtype]}")
+    return _replaced(text, "ddm_single_at(in", "ddm_with(law->v, in")
+
+
+def _own(text: str) -> str:
+    """Return C without what it exports, and without pointers to functions."""
+    text = re.sub(r"^EXPORT (?:[^;{]*;|[^{]*\{.*?\n\})\n", "", text, flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"^    int \(\*.*\n", "", text, flags=re.MULTILINE)
+
+
+def _replaced(text: str, old: str, new: str) -> str:
+    """Replace what must be there."""
+    assert old in text
+    return text.replace(old, new)
+
+
+def _size(ends: Sequence[tuple[str, int]]) -> int:
+    return sum(size for _, size in ends)
