@@ -1,0 +1,195 @@
+"""Columns of Y in C: the derivatives of the compiled inverse model over the parameters of bodies.
+
+The efforts are linear in these parameters, so that the derivatives are Y itself, exactly. Equal legs share
+the model's arguments: their derivatives are summed where they arise, and cost little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..compiled.agreement import check_agreement
+from ..compiled.code.library_source import Source, library_source
+from ..compiled.code.scalars import GUARD_LIMIT, Scalar
+from ..compiled.equations.arguments.body_inertias import AS_PINOCCHIO, BodyInertias
+from ..compiled.equations.arguments.module_arguments import ModuleArguments
+from ..compiled.equations.expressions import unpack
+from ..compiled.equations.request import Request, request
+from ..compiled.equations.states import any_accelerations, moving_states
+from ..compiled.failures import as_compile_error
+from ..compiled.library.cache import Built, cached
+from ..compiled.library.calls import Library, loaded
+from ..compiled.library.compilers import best_lanes
+from ..compiled.program import Call, Constants, Program
+from ..compiled.programs.derivatives.columns import collect
+from ..compiled.programs.derivatives.memory import compacted
+from ..compiled.programs.derivatives.nodes import Joiner
+from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Sweep
+from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps
+from ..compiled.programs.sources import robot_key
+from ..compiled.programs.writer import Writer
+from ..effects.choice import DEFAULT
+from ..errors import CompileError
+from ..spatial import Array, Index
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from .inertial import OF_BODY
+from .parameters import StandardParameters
+from .regressor import effort_rows
+
+#: Largest difference from the general path at the states that a new library is compared at, relative to the
+#: largest entry.
+AGREES = 1e-10
+#: Name of the program, and number of states of the comparison.
+NAME, COMPARED = "regressor", 8
+
+
+@dataclass(frozen=True)
+class SharedInertias(BodyInertias):
+    """The standard parameters of bodies as arguments; bodies that share parameters share arguments.
+
+    Attributes:
+        parameters: The standard parameters.
+    """
+
+    parameters: StandardParameters
+
+    @property
+    def size(self) -> int:
+        """Number of arguments: all standard parameters, also those of laws, which are not read."""
+        return len(self.parameters.names)
+
+    @cached_property
+    def of_modules(self) -> tuple[ModuleArguments, ...]:
+        """Arguments of each module."""
+        symbols: dict[int, ca.SX] = {}
+        return tuple(self._shared(module, symbols) for module in self.robot.modules)
+
+    def _shared(self, module: Module, symbols: dict[int, ca.SX]) -> ModuleArguments:
+        """Return the arguments of a module; those of equal modules have the same symbols."""
+        spec, p = module.mechanism.spec, self.parameters
+        bodies = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
+        sums = [[p.bodies[body]] if body in p.bodies else [] for body in bodies]
+        for places, body in zip(sums, bodies, strict=True):
+            places += [at for loaded_body, at in p.payloads if loaded_body == body]
+        index = np.array(list(dict.fromkeys(chain.from_iterable(chain.from_iterable(sums)))), dtype=int)
+        column = symbols.setdefault(id(module.mechanism), ca.SX.sym("parameters", len(index)))
+        number = {int(place): i for i, place in enumerate(index)}
+        entries = unpack(column)
+        zero = np.array([ca.SX(0.0)] * len(OF_BODY), dtype=object)
+        own = tuple(
+            sum((entries[[number[int(i)] for i in at[AS_PINOCCHIO]]] for at in places), zero)
+            for places in sums
+        )
+        return ModuleArguments(column, index, spec, own, False)
+
+
+def regressor_program(asked: Request, columns: Index) -> Program:
+    """Build the program of the columns "Y" of some parameters, row by row.
+
+    The rows of each module's motors are followed outwards on their own: they depend on no module below it.
+
+    Args:
+        asked: The robot with `SharedInertias`.
+        columns: The parameters.
+    """
+    robot, count = asked.robot, len(columns)
+    motors = len(robot.motors)
+    w = Writer(NAME, inverse_inputs(asked), [("tau", motors), ("Y", motors * count)])
+    write_inverse_sweeps(asked, w)
+    nodes = Joiner(w.kernels, w.handed).nodes(step for step in w.steps if isinstance(step, Call))
+    graph = Graph.between(nodes, [w.from_given("parameters", columns)], [w.result("tau", np.arange(motors))])
+    known: dict[Any, Any] = {}
+    for module in robot.modules if count else ():
+        rows = module.motor_index
+        sweep = Sweep(w, len(rows), known, DENSE)
+        sweep.seed(w.result("tau", rows), Constants(np.eye(len(rows))))
+        sweep.backwards(graph)
+        for first in range(0, count if len(rows) else 0, 10):
+            at = np.arange(first, min(first + 10, count))
+            collect(sweep, "parameters", columns[at], w.result("Y", rows[:, None] * count + at))
+    return compacted(w.program())
+
+
+class CompiledRows:
+    """Some columns of Y of one robot, in C where the model can be trusted.
+
+    Attributes:
+        robot: The robot.
+        parameters: Its standard parameters.
+        columns: Parameters whose columns are computed.
+    """
+
+    def __init__(self, robot: HybridRobot, parameters: StandardParameters, columns: Index) -> None:
+        """Load the library from the cache, or build it and compare it with the general path.
+
+        Raises:
+            CompileError: There is no compiler or no CasADi, or a law acts on a joint without a motor.
+            ModelError: An effect is not available in compiled models.
+        """
+        self.robot, self.parameters, self.columns = robot, parameters, np.asarray(columns, dtype=int)
+        inertial = [np.zeros(0), *parameters.bodies.values(), *(at for _, at in parameters.payloads)]
+        self._inertial = np.flatnonzero(np.isin(self.columns, np.concatenate(inertial)))
+        driven = [m.mobility == len(m.motors) == len(m.moving_motors) for m in robot.modules]
+        odd = {joint for term in parameters.terms for joint in term.joints}.difference(robot.motors)
+        if parameters.terms and (odd or not all(driven)):
+            raise CompileError("laws on joints without a motor have no columns in compiled regressors")
+        on = parameters.effects.only(DEFAULT)
+        bodies = [at.tolist() for at in parameters.bodies.values()]
+        key = (NAME, robot_key(robot, on), best_lanes(), self.columns.tolist(), bodies)
+        with as_compile_error(robot):
+            self._library = loaded(lambda: cached(repr(key), self._source, accept=self._accept))
+
+    def _source(self) -> Source:
+        """Write the program."""
+        asked = request(self.robot, self.parameters.effects.only(DEFAULT))
+        asked = replace(asked, arguments=SharedInertias(self.robot, self.parameters))
+        program = regressor_program(asked, self.columns[self._inertial])
+        return library_source([program], Scalar("float64", best_lanes()))
+
+    def _accept(self, built: Built) -> None:
+        """Compare a new library with the general path.
+
+        Raises:
+            CompileError: They differ.
+        """
+        q, v, _ = moving_states(self.robot, COMPARED)
+        a = any_accelerations(self.robot, q, v)
+        Y, guard = self._run(Library(built), q, v, a)
+        wanted = effort_rows(self.robot, self.parameters, q, v, a)[..., self.columns[self._inertial]]
+        sure = guard <= GUARD_LIMIT
+        off = np.abs(Y - wanted)[sure].max(initial=0.0) / np.abs(wanted).max(initial=1e-300)
+        check_agreement(self.robot, "regressor", off, AGREES)
+
+    def _run(self, library: Library, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return the inertial columns, shape (T, motors, k), and the guards, shape (T,)."""
+        values = np.broadcast_to(self.parameters.values, (len(q), len(self.parameters.values)))
+        (_, Y), guard = library.batch(NAME, q, v, a, np.ascontiguousarray(values))
+        return Y.reshape(len(q), len(self.robot.motors), -1), guard
+
+    def __call__(self, q: Array, v: Array, a: Array) -> Array:
+        """Compute the columns, shape (T, motors, k), from checked arrays, (T, nq), (T, nv) and (T, nv).
+
+        Raises:
+            AssemblyError, SingularityError: As `regressor`, for samples that the code hands over.
+        """
+        Y = np.zeros((len(q), len(self.robot.motors), len(self.columns)))
+        Y[..., self._inertial], guard = self._run(self._library, q, v, a)
+        place = {int(column): i for i, column in enumerate(self.columns)}
+        motor = {int(freedom): i for i, freedom in enumerate(self.robot.motor_v)}
+        for term in self.parameters.terms:
+            efforts = term.efforts(q, v, a)
+            for i, (freedom, column) in enumerate(zip(term.freedoms, term.columns, strict=True)):
+                if int(column) in place:
+                    Y[:, motor[int(freedom)], place[int(column)]] += efforts[:, i]
+        doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
+        if len(doubtful):
+            at = q[doubtful], v[doubtful], a[doubtful]
+            Y[doubtful] = effort_rows(self.robot, self.parameters, *at)[..., self.columns]
+        return Y
