@@ -103,7 +103,7 @@ class Arrays:
         try:
             make = wp.empty if number is None else wp.zeros
             return make(shape, dtype=number or self._number, device=self.device)
-        except (RuntimeError, MemoryError) as error:
+        except (RuntimeError, MemoryError, ValueError) as error:  # or longer than an array can be
             size = np.prod(shape, dtype=float) * np.dtype(self.dtype).itemsize
             raise TrajectoryError(
                 f"the device '{self.device}' is full: an array of {size / 1e9:.3g} GB does not fit; "

@@ -105,7 +105,7 @@ class Models:
         out = []
         for program, side in zip(map_programs(self._request, joints), sides, strict=True):
             walk, ends = self._walk(program, side, posed=True), (program.inputs, program.outputs)
-            run = "walk(given, given + NQ, result)"
+            run = f"walk(given, given + {self.robot.nq}, result)"
             out.append(native(program.name, ends, {"close": program}, run, self.dtype, walk))
         return out
 

@@ -1,0 +1,107 @@
+"""Closed steps of a batch are those of `simulate`, under each law."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.scenes.controllers import ComputedTorque, Pd
+from hybridyn.warp_batch.models import LAWS
+from tests.extras import needs
+from tests.samples import slow
+
+wp = needs("gpu")
+wp.config.quiet = True
+
+SAMPLES, STEPS, H = 3, 5, 2e-3
+#: Both take the same steps in the same coordinates; what is left is rounding through five steps.
+SAME = 1e-10
+
+
+def start(robot: hybridyn.HybridRobot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return closed states near home, and what the law reads."""
+    rng = np.random.default_rng(0)
+    position = robot.home[robot.motor_q] * np.ones((SAMPLES, 1))
+    axes = [robot.joint_index[name] for name in robot.motors]
+    turns = np.array([robot.kinds[i] == "continuous" for i in axes])
+    position[:, turns] = np.arctan2(robot.home[robot.motor_q + 1], robot.home[robot.motor_q])[turns]
+    position += 0.02 * rng.normal(size=position.shape)
+    q, v, _, guard = hybridyn.warp(robot, device="cpu").close(position, 0.1 * rng.normal(size=position.shape))
+    assert (guard <= 1).all()
+    return q, v, position
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("five_bar", "torque"), *(slow("five_bar", law) for law in ("constant", "table", "pd")),
+        *(slow(name, law) for name in ("gough_stewart", "lx4", "scara_delta") for law in LAWS),
+    ],
+)  # fmt: skip
+def test_steps_are_those_of_simulate(name: str, law: str, dtype: str) -> None:
+    robot = hybridyn.load(name)
+    batch, compiled = hybridyn.warp(robot, dtype=dtype, device="cpu"), hybridyn.compile(robot)
+    q, v, position = start(robot)
+    rng = np.random.default_rng(1)
+    shape = position.shape
+    weight, _ = hybridyn.warp(robot, device="cpu").idm(q, 0 * v, 0 * v)
+    ones = {"tau": weight, "tau_rate": weight, "tau_bend": rng.normal(size=shape) * weight}
+    ones |= {
+        "position": position + 0.01,
+        "rate": rng.normal(size=shape),
+        "acceleration": rng.normal(size=shape),
+    }
+    ones |= {"kp": np.full(shape, 40.0), "kd": np.full(shape, 4.0)}
+    reads = {key: ones[key] for key in LAWS[law]}
+    *found, guard = batch.step(q, v, H, STEPS, law=law, **reads)
+    assert (guard <= 1).all()
+    within = SAME if dtype == "float64" else 1e-3
+    assert hybridyn.closure_residual(robot, found[0].astype(float)).max() < (
+        1e-12 if dtype == "float64" else 1e-5
+    )
+    for t in range(SAMPLES):
+        effort = effort_of(law, robot, {key: x[t] for key, x in reads.items()})
+        run = hybridyn.simulate(
+            robot, q[t], v[t], (0.0, H * STEPS), effort=effort, method="rk4", step=H, compiled=compiled
+        )
+        for one, other in zip(found, (run.q, run.v, run.a), strict=True):
+            assert np.abs(one[t] - other[-1]).max() <= within * max(np.abs(other[-1]).max(), 1.0)
+
+
+def effort_of(law: str, robot: hybridyn.HybridRobot, reads: dict[str, np.ndarray]) -> Callable[..., Any]:
+    """Return a law as `simulate` takes it."""
+    x = [reads[key] for key in LAWS[law][:3]]
+    if law == "constant":
+        return lambda t, q, v: x[0]
+    at: Callable[[float], Any] = lambda t: (x[0] + t * x[1] + t * t / 2 * x[2], x[1] + t * x[2], x[2])  # noqa: E731
+    if law == "table":
+        return lambda t, q, v: at(t)[0]
+    reference: Any = SimpleNamespace(at=at)
+    gains = (dict(zip(robot.motors, reads[key], strict=True)) for key in ("kp", "kd"))
+    controller = {"pd": Pd, "torque": ComputedTorque}[law](robot, reference, *gains)
+    return lambda t, q, v: controller(t, q, v)  # in Python: a reference in C has pieces
+
+
+def test_steps_that_cannot_be_taken_are_nan_and_laws_that_are_not_there_are_refused() -> None:
+    robot = hybridyn.load("five_bar")
+    batch = hybridyn.warp(robot, device="cpu")
+    q, v, _ = start(robot)
+    v[1] *= 1e6
+    moved, *_, guard = batch.step(q, v, H, tau=0.0)
+    assert np.isnan(moved[1]).all()
+    assert np.isfinite(moved[[0, 2]]).all()
+    assert guard[1] == np.inf
+    assert batch.failed == {"step_constant": 1}
+    with pytest.raises(hybridyn.ModelError, match=r"no law 'torgue' .did you mean 'torque'"):
+        batch.step(q, v, H, law="torgue")
+    with pytest.raises(hybridyn.ModelError, match=r"the law 'pd' reads position, rate, .* not 'tau'"):
+        batch.step(q, v, H, law="pd", tau=0.0)
+    sized = hybridyn.warp(robot, parameters=["position:m1_left_elbow"], device="cpu")
+    with pytest.raises(hybridyn.ModelError, match="its parameters change the loops"):
+        sized.step(q, v, H)
+    with pytest.raises(hybridyn.ModelError, match="parameters change the loops"):
+        sized.random_states(3)
