@@ -5,7 +5,6 @@ Newton problem on its tree after the cuts. The positions of cut wrists follow fr
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -75,7 +74,7 @@ def assemble(
     requests = gather_requests(robot, motors, platforms)
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
-    requests = replace(requests, strict=guess is not None)
+    requests = requests._replace(strict=guess is not None)
     q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 

@@ -138,7 +138,7 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     motion = problem.tree.sweep(start.q)
     targets = [t.from_here(motion, starts) for t in problem.targets]
     known = pairwise(start.q, task.known[starts])
-    way = replace(task, problem=replace(problem, targets=targets), known=known)
+    way = task._replace(problem=replace(problem, targets=targets), known=known)
     steady = _steps_as_predicted(way, pairwise(start.q, found), 2 * np.arange(len(guess)))
     for k in np.flatnonzero(~(steady & task.closed(result))):
         end, whole = _walk(way, start.q[k], 2 * int(k), strict)

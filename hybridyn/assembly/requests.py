@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +18,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT, as_numbers
 
 
-@dataclass(frozen=True, eq=False)
-class PoseRequest:
+class PoseRequest(NamedTuple):
     """A pose of a link relative to another: complete (`motion`) or partial (`coordinates`).
 
     Attributes:
@@ -40,8 +39,7 @@ class PoseRequest:
         return PoseRequest(self.link, self.other, motion, coordinates)
 
 
-@dataclass(frozen=True, eq=False)
-class Requests:
+class Requests(NamedTuple):
     """All requests for a robot.
 
     Attributes:

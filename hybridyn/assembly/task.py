@@ -7,7 +7,8 @@ Read `module_task` first: what is given must determine the posture, and rates mu
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,7 @@ BOUNDED = 1e6
 CONTRADICTING_RANK = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
+class Task(NamedTuple):
     """A problem at every sample of a trajectory.
 
     Attributes:
@@ -81,7 +81,7 @@ class Task:
         known = tree.integrate(start, fractions[:, None] * whole)
         known[fractions == 1.0] = self.known[sample + 1]
         targets = [t.between(sample, fractions) for t in self.problem.targets]
-        return replace(self, problem=replace(self.problem, targets=targets), known=known)
+        return self._replace(problem=replace(self.problem, targets=targets), known=known)
 
 
 def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:

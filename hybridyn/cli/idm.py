@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..streams.reaction_columns import reaction_rows
-from .common.by_effect import tell_effects
 from .common.engine import choose_engine, takes_engine, worth_of
-from .common.loads import Loads, motor_states
-from .common.maps import MapSummary, map_rows
 from .common.options import RobotChoice, split_names, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
 from .common.tables import Observer, Plan, TableCommand, Tables, run
@@ -130,6 +127,8 @@ def command(
     if by_effect:
         if weights or passive != "given" or on_singular != "raise":
             raise click.UsageError("--passive, --on-singular and --weights do not apply to --by-effect")
+        from .common.by_effect import tell_effects
+
         tell_effects(load, tables, wanted, engine, within)
         return 0
 
@@ -161,12 +160,15 @@ def command(
             compiled=chosen.model,
         )
         if loads:
+            from .common.loads import Loads, motor_states
+
             report = Loads(robot, tables, on, chosen)
             return Plan(partial(motor_states, efforts=model), [], [report], False, chosen.assemble)
         columns = [f"{name}/effort" for name in robot.motors]
         observers: list[Observer] = []
         if outputs:
             from ..studies.map_table import map_columns
+            from .common.maps import MapSummary, map_rows
 
             columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
             model = partial(map_rows, joints=outputs, efforts=model if on.names else None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -57,7 +56,7 @@ def _drop_absent_joints(robot: RobotFile, statement: MotorStatement) -> MotorSta
     if not lost:
         return statement
     robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
-    return replace(statement, names=tuple(name for name in statement.names if name not in lost))
+    return statement._replace(names=tuple(name for name in statement.names if name not in lost))
 
 
 def _note_passive(robot: RobotFile, chosen: MotorStatement) -> None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,8 +195,7 @@ class Coupling:
     line: int | None = None
 
 
-@dataclass(frozen=True)
-class ReadFrom:
+class ReadFrom(NamedTuple):
     """The file that a description was read from, and what the reader was told.
 
     Attributes:

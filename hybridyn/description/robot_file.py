@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from .records import Closure, Coupling, Format, Joint, JointKind, Link, StatedBase
 
@@ -31,8 +31,7 @@ ZERO: dict[str, tuple[float, ...]] = {
 }
 
 
-@dataclass(frozen=True)
-class MotorStatement:
+class MotorStatement(NamedTuple):
     """A list of driven joints that some file states.
 
     Attributes:
@@ -52,7 +51,7 @@ class MotorStatement:
     refusal: str = ""
 
 
-@dataclass
+@dataclass(eq=False)
 class RobotFile:
     """The content of a robot file, to which side-cars may still add.
 

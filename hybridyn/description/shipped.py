@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import ModelError
 
@@ -23,8 +22,7 @@ OPENING_COMMENT = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
 OPENING = 4000
 
 
-@dataclass(frozen=True)
-class ShippedRobot:
+class ShippedRobot(NamedTuple):
     """A robot that comes with hybridyn.
 
     Attributes:

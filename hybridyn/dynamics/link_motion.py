@@ -1,7 +1,7 @@
 """Compute poses, twists and accelerations of links in the world."""
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates
 
 
-@dataclass(frozen=True, eq=False)
-class LinkMotion:
+class LinkMotion(NamedTuple):
     """Motion of one link in the world; leading axis T dropped for a single sample.
 
     Attributes:

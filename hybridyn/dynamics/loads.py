@@ -5,6 +5,7 @@ These are wrenches on links, efforts of joint laws, and rotors.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,8 +81,7 @@ class ModuleLoad:
         return out
 
 
-@dataclass(frozen=True, eq=False)
-class LegTerms:
+class LegTerms(NamedTuple):
     """Inertia and forces of a module's legs, including rotors and the loads on the legs.
 
     Attributes:

@@ -7,8 +7,6 @@ these motions. Without a force, the acceleration along a motion without inertia 
 is chosen.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..linkage.elimination import least_squares, null_basis
@@ -64,9 +62,9 @@ def along_motion(state: ModuleState, basis: Basis) -> Basis:
     lost = basis.pivot < LOST_PIVOT
     if not lost.any() or not state.mechanism.reduction.rank:
         return basis
-    branch = along_branch(state, replace(basis, pivot=np.where(lost, basis.pivot, 1.0)))
+    branch = along_branch(state, basis._replace(pivot=np.where(lost, basis.pivot, 1.0)))
     lost &= branch.pivot >= LOST_PIVOT
-    return replace(branch, pivot=np.where(lost, branch.pivot, basis.pivot))
+    return branch._replace(pivot=np.where(lost, branch.pivot, basis.pivot))
 
 
 def possible_motions(module: Module, K: Array) -> Array:

@@ -7,8 +7,7 @@ Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s f
 
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -67,8 +66,7 @@ class JointEffect(ABC):
         return (self.effort(p, x, np.zeros_like(v)) - self.effort(p, x, v)) * v
 
 
-@dataclass(frozen=True, eq=False)
-class OnJoints:
+class OnJoints(NamedTuple):
     """A law applied to joints of one robot.
 
     Attributes:

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,8 +75,7 @@ class TreeClosure:
         return len(self.translations) + len(range(3)[TURNING[self.rotation]])
 
 
-@dataclass(frozen=True)
-class TreeCoupling:
+class TreeCoupling(NamedTuple):
     """A linear relation between joint positions of a tree: sum of coefficient x position = offset.
 
     Attributes:

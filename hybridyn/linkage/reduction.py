@@ -9,6 +9,7 @@ module is eliminated at once with pivots chosen among all columns, which stays b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,7 @@ ROUNDED_ROWS = 1e-12
 LEG_PIVOT = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
-class Basis:
+class Basis(NamedTuple):
     """All motions that keep a module's loops closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
 
     Attributes:
@@ -57,8 +57,7 @@ class Block:
     rank: int = 0
 
 
-@dataclass(frozen=True)
-class RankReport:
+class RankReport(NamedTuple):
     """How the rank of a module's closures was determined.
 
     Attributes:

@@ -6,7 +6,7 @@ Ry(pitch) Rx(roll)) in the base of the tree. Any N of them are the paper's v_r o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from .tree import Motion, Tree
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
-@dataclass(frozen=True, eq=False)
-class PoseTarget:
+class PoseTarget(NamedTuple):
     """A body's complete pose in the base of its tree.
 
     Attributes:
@@ -56,16 +55,15 @@ class PoseTarget:
         (R0, R1), (p0, p1) = self.goal.R[sample : sample + 2], self.goal.p[sample : sample + 2]
         turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
         p = p0 + fractions[:, None] * (p1 - p0)
-        return replace(self, goal=Motion.at_rest(len(p), R0 @ turn, p))
+        return self._replace(goal=Motion.at_rest(len(p), R0 @ turn, p))
 
     def from_here(self, motion: Motion, samples: Index) -> PoseTarget:
         """Return the way from where the body is now to the given samples."""
         here, there = motion.of_body(self.body), self.goal.take(samples)
-        return replace(self, goal=Motion(*map(pairwise, here.arrays, there.arrays)))
+        return self._replace(goal=Motion(*map(pairwise, here.arrays, there.arrays)))
 
 
-@dataclass(frozen=True, eq=False)
-class CoordinateTarget:
+class CoordinateTarget(NamedTuple):
     """Some coordinates of a body's pose in the base of its tree.
 
     Attributes:
@@ -143,12 +141,12 @@ class CoordinateTarget:
         step = self.value[sample + 1] - self.value[sample]
         angle = np.array(self._rows()) >= 3
         step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
-        return replace(self, value=self.value[sample] + fractions[:, None] * step)
+        return self._replace(value=self.value[sample] + fractions[:, None] * step)
 
     def from_here(self, motion: Motion, samples: Index) -> CoordinateTarget:
         """Return the way from where the body is now to the given samples."""
         now = self.residual(motion, samples) + self.value[samples]
-        return replace(self, value=pairwise(now, self.value[samples]))
+        return self._replace(value=pairwise(now, self.value[samples]))
 
 
 #: Rows that prescribe the motion of one body.

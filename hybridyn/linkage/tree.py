@@ -6,7 +6,7 @@ accelerations are classical: those of the origin of each body frame, and the ang
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ from ..spatial import (
 from .joints import NQ, NV, TreeJoint
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """Motion of frames relative to a reference, in whose axes all vectors are.
 
     The frames are one, shapes (T, 3), or the bodies of a tree, shapes (T, bodies, 3), computed by one sweep;

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import HybridynError, TrajectoryError
@@ -98,8 +97,7 @@ class Done(NamedTuple):
     left: tuple[Departure, ...] = ()
 
 
-@dataclass(frozen=True)
-class Work:
+class Work(NamedTuple):
     """The computation for each block; it is pickled for other processes.
 
     Attributes:

@@ -25,7 +25,7 @@ UNITS = {"position": ("m", "rad"), "speed": ("m/s", "rad/s"), "effort": ("N", "N
 MOST_LISTED = 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Departure:
     """Samples at which a joint exceeds one of its limits.
 

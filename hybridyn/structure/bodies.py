@@ -7,7 +7,7 @@ and Pinocchio's joint frame. Joints are numbered as in `pin.buildModelFromXML`: 
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -60,8 +60,7 @@ class Body:
         self.mass = total
 
 
-@dataclass(frozen=True, eq=False)
-class BodyJoint:
+class BodyJoint(NamedTuple):
     """A movable joint between two bodies.
 
     Attributes:

@@ -17,7 +17,7 @@ from ..linkage.closures import TreeClosure, TreeCoupling
 from .bodies import Bodies, merge_fixed_joints
 
 
-@dataclass
+@dataclass(eq=False)
 class ModuleGraph:
     """One module of the kinematic graph; bodies and joints are given by their numbers in `Bodies`.
 

@@ -11,7 +11,6 @@ For an output that is a leg link, a_o = J_o Psi.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -173,7 +172,7 @@ class Mechanism:
             self.postures, self.rank_tolerance = evidence.postures, evidence.tolerance
             self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
             self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
-            self.reduction.report = replace(self.reduction.report, doubted=None)
+            self.reduction.report = self.reduction.report._replace(doubted=None)
         self.rank_decision = evidence.words if evidence else dropped_rows(self.reduction.report, open_by)
 
     @property

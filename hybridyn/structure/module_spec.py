@@ -134,7 +134,7 @@ def _renumbered(closure: TreeClosure, number: Mapping[int, int]) -> TreeClosure:
 
 def _coupled(coupling: TreeCoupling, number: Mapping[int, int]) -> TreeCoupling:
     """Return a coupling of joints of other numbers, without its name."""
-    return replace(coupling, name="", terms=tuple((number[i], k) for i, k in coupling.terms))
+    return coupling._replace(name="", terms=tuple((number[i], k) for i, k in coupling.terms))
 
 
 def _cut_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[int]]:

@@ -11,6 +11,7 @@ move mass. The positions of the cut joints follow from the bodies that the wrist
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +44,7 @@ _SHAPES: dict[str, tuple[tuple[int, ...], RotationKind]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Wrist:
+class Wrist(NamedTuple):
     """A chain of joints that is replaced by one closure.
 
     Attributes:

@@ -68,7 +68,7 @@ RESIDUAL = "residual"
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """The meaning of a table's columns.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..description.records import Joint
 from ..errors import TrajectoryError
@@ -22,8 +22,7 @@ JOINT_COMPONENTS = {
 }
 
 
-@dataclass(frozen=True)
-class Signal:
+class Signal(NamedTuple):
     """A joint or a pose, with the columns of its numbers.
 
     Attributes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import logging
 import warnings
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -83,6 +82,8 @@ def compute(module: str, options: dict[str, Any]) -> Outcome:
     Raises:
         OSError: The disk is full.
     """
+    import logging  # one table alone needs none
+
     from ...description.writing import FULL
     from ...threads import one_thread
 

@@ -141,7 +141,7 @@ def parts_of(
         platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
         closures=core_closures,
         couplings=tuple(
-            replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
+            c._replace(terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
         ),
         checked=len(used) if arguments else sum(i < len(spec.closures) for i in used),
         closure_rows=_rows(mechanism, used),

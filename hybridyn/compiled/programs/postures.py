@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -181,7 +180,7 @@ class Postures:
         parameters: ArrayLike,
     ) -> tuple[Array, Array, Array]:
         """Compute the motion of all joints of one design, or of a design for each sample, see `close`."""
-        requests = replace(requests_of_motors(self.robot, position, rates), strict=last is not None)
+        requests = requests_of_motors(self.robot, position, rates)._replace(strict=last is not None)
         each = np.ndim(parameters) == 2
         numbers = self._designs.numbers(parameters, (requests.samples,) if each else ())
         start = np.zeros(0) if last is None else np.asarray(last, dtype=float)
@@ -220,7 +219,7 @@ class Postures:
         """Assemble postures for requests that have been gathered, by default for `robot`."""
         assembler = assembler or self._assembler
         before = assembler.recomputed
-        requests = replace(requests, strict=guess is not None)
+        requests = requests._replace(strict=guess is not None)
         q, v, a = assembler.assemble(requests, first_guess(assembler.robot, guess))
         self.hand_over("assemble", assembler.recomputed - before)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)

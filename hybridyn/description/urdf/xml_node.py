@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from lxml import etree
@@ -163,8 +162,7 @@ def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{{*}}{name}" for tag in tags for name in {tag, tag.rpartition(":")[2]}) or ("*",)
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(NamedTuple):
     """An element of an XML file, with strict readers of attributes; every error names file and line.
 
     Attributes:

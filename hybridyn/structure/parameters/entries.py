@@ -1,8 +1,7 @@
 """Parameters by name: "mass:LINK", "position:JOINT", ..., and the numbers of a description that they set."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +16,7 @@ from .xacro import XacroArguments
 Numbers = tuple[Array, dict[int, ModelError]]
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """A parameter: one or several numbers that set slots of a description.
 
     Attributes:

@@ -24,8 +24,9 @@ def numbers_of(value: Any) -> Any:
         return float(expression) if expression.is_constant() else expression
     if is_dataclass(value) and not isinstance(value, type):
         return replace(value, **{x.name: numbers_of(getattr(value, x.name)) for x in fields(value)})
-    if type(value) is tuple:
-        return tuple(map(numbers_of, value))
+    if isinstance(value, tuple):
+        parts = map(numbers_of, value)
+        return value._make(parts) if hasattr(value, "_make") else tuple(parts)
     if not isinstance(value, np.ndarray) or value.dtype != object:
         return value
     out = np.empty(value.shape, dtype=object)
@@ -45,7 +46,7 @@ def _parts(value: Any) -> Iterator[Any]:
     """Yield the numbers, arrays and words of a record."""
     if is_dataclass(value):
         value = tuple(getattr(value, x.name) for x in fields(value))
-    if type(value) is not tuple:
+    if not isinstance(value, tuple):
         yield value
         return
     for part in value:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,7 +70,7 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
         own = [pose for pose in poses if _is_own(robot, pose, base)]
         others = tuple(pose for pose in poses if pose not in own)
         # Kernels take the motors' numbers alone, and find what follows by gears among the unknowns.
-        request = module_request(replace(requests, poses=others), robot, k, placed, followers=False)
+        request = module_request(requests._replace(poses=others), robot, k, placed, followers=False)
         for pose in own:
             body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
             request.give_floating(module.mechanism.cut.tree_body(body) - 1, _of_platform(robot, pose))

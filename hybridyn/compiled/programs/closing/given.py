@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,7 +41,7 @@ class Coordinates:
     def of(cls, target: CoordinateTarget) -> Coordinates:
         """Return the coordinates that a target prescribes."""
         zero = np.zeros((1, len(target.names)))
-        at_zero = replace(target, value=zero, rate=zero, acceleration=zero)
+        at_zero = target._replace(value=zero, rate=zero, acceleration=zero)
         return cls(target.body, target.links, target.names, at_zero)
 
     @property

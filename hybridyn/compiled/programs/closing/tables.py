@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -39,7 +38,7 @@ class TableAssembler:
     ) -> tuple[Array, Array, Array]:
         """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
         requests = gather_requests(self._robot, motors, platforms)
-        requests = replace(requests, strict=guess is not None)
+        requests = requests._replace(strict=guess is not None)
         start = first_guess(self._robot, guess)
         self.rows += requests.samples
         if self.rows < LONG_TABLE:
