@@ -26,6 +26,8 @@ from .errors import (
     TrajectoryError,
 )
 from .identification.base_parameters import BaseParameters, base_parameters
+from .identification.excitation import Excitation, excitation
+from .identification.identify import Identification, identify
 from .identification.regressor import Regressor, regressor
 from .loading import from_pinocchio, load
 from .simulation.events import Event, near_singularity
@@ -49,8 +51,10 @@ __all__ = [
     "Conversion",
     "Energy",
     "Event",
+    "Excitation",
     "HybridRobot",
     "HybridynError",
+    "Identification",
     "JointMap",
     "LinkMotion",
     "ModelError",
@@ -76,9 +80,11 @@ __all__ = [
     "ddm_jacobian",
     "delassus",
     "energy",
+    "excitation",
     "from_pinocchio",
     "geometry_model",
     "gravity",
+    "identify",
     "idm",
     "idm_jacobian",
     "joint_map",

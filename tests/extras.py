@@ -12,7 +12,7 @@ import pytest
 MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
     "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
-    "sensitivity": "SALib", "gpu": "warp",
+    "sensitivity": "SALib", "gpu": "warp", "identify": "clarabel",
     "ray": "ray", "search": "optuna",
 }  # fmt: skip
 
