@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..studies.cost.points import ADVISED, SECONDS, Study, advice, cheapest, error_words, front
+from ..studies.cost.points import ADVISED, SECONDS, Study, advice, cheapest, error_words, fronts
 from .common.figures import figure_file, save
 from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
 from .common.options import RobotChoice, RobotCommand
@@ -28,6 +28,9 @@ WIDTH = 120
 
 #: Most rows of the front that are printed.
 MOST_ROWS = 12
+
+#: What is computed along a trajectory, the usual one first.
+QUANTITIES = ("idm", "ddm", "close", "idm_jacobian", "ddm_jacobian")
 
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
@@ -45,6 +48,11 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
+def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+    """Return names that stand between commas."""
+    return tuple(filter(None, (name.strip() for name in value.split(","))))
+
+
 @click.command(
     "cost",
     cls=RobotCommand,
@@ -58,6 +66,14 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     callback=_target,
     help="Print only the fastest setting with this error, as lines for a scene; exit status 1 if none.",
 )
+@click.option(
+    "--quantity", type=click.Choice(QUANTITIES), default=QUANTITIES[0], show_default=True,
+    help="What is computed along a trajectory.",
+)  # fmt: skip
+@click.option(
+    "--with", "engines", metavar="NAMES", default="", callback=_names,
+    help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone.",
+)  # fmt: skip
 @click.option("--all", "every", is_flag=True, help="Print every setting, not only those worth having.")
 @click.option(
     "--seconds", type=click.FloatRange(0, min_open=True), default=SECONDS, show_default=True,
@@ -81,6 +97,8 @@ def command(
     load: RobotChoice,
     trajectory: str | None,
     target: float | None,
+    quantity: str,
+    engines: tuple[str, ...],
     every: bool,
     seconds: float,
     until: float | None,
@@ -115,12 +133,16 @@ def command(
         raise click.UsageError("the robot's options stand in the scene: leave them out")
     if not scene and (until or allow_python):
         raise click.UsageError("--until and --allow-python are for scenes")
+    if scene and (engines or quantity != QUANTITIES[0]):
+        raise click.UsageError(
+            "--with and --quantity are for a robot and a trajectory: 'hybridyn cost ROBOT TRAJECTORY'"
+        )
     study, status, lines = Study("", "per run" if scene else "per sample"), 0, list[str]()
     try:
         if scene:
             lines = _scene(study, source, (until, seconds, target), allow_python, _shown(study))
         else:
-            _robot(study, load, str(trajectory), _shown(study))
+            _robot(study, load, str(trajectory), _shown(study), quantity, engines, target)
     except KeyboardInterrupt:
         status = INTERRUPTED
         study.remarks.append("stopped by Ctrl-C: what follows was not measured")
@@ -149,8 +171,11 @@ def _shown(study: Study) -> Callable[[Point], None]:
     return show
 
 
-def _robot(study: Study, load: RobotChoice, trajectory: str, progress: Callable[[Point], None]) -> None:
-    """Measure a robot on a trajectory, with every effect that its files state."""
+def _robot(
+    study: Study, load: RobotChoice, trajectory: str, progress: Callable[[Point], None], quantity: str,
+    engines: tuple[str, ...], target: float | None,
+) -> None:  # fmt: skip
+    """Measure a robot on a trajectory, with every effect that its files state, or those that engines have."""
     from ..effects import choose
     from ..errors import TrajectoryError
     from ..streams.one_pass import read_postures
@@ -165,7 +190,10 @@ def _robot(study: Study, load: RobotChoice, trajectory: str, progress: Callable[
             file=trajectory,
         )
     table = None if layout.full_state or motion.time is None else motion
-    study_models(robot, Trajectory(q, v, a, motion.time, table), choose(robot, "model"), progress, study)
+    study_models(
+        robot, Trajectory(q, v, a, motion.time, table), choose(robot, None if engines else "model"), progress,
+        study, quantity=quantity, engines=engines, target=target or ADVISED,
+    )  # fmt: skip
 
 
 def _scene(
@@ -185,7 +213,7 @@ def _scene(
         )
     until, seconds, target = bounds
     duration = ready.source.scene.duration
-    study_runs(ready, min(duration, until or duration), progress, seconds, study)
+    study_runs(ready, min(duration, until or duration), progress, seconds, study, target or ADVISED)
     return needed_effects(study, ready, target or ADVISED)
 
 
@@ -205,12 +233,13 @@ def _tell(study: Study, target: float | None, lines: list[str], *, every: bool) 
 
 def _report(study: Study, needed: list[str], *, every: bool) -> list[str]:
     """Return the advice, the settings worth having, and what effects are worth."""
-    worth = front(study.points, study.own_error)[-MOST_ROWS:]
+    own, others = fronts(study)
+    worth = [*own[len(others) - MOST_ROWS :], *others]
     per_sample = study.time_unit == "per sample"
     shown = [p for p in study.points if not p.failure and (every or p in worth or p.use == "usual")]
     rows = [["", "choice", "setting", "error", f"time {study.time_unit}", ""]]
     for p in sorted(shown, key=lambda p: p.seconds):
-        mark = "*" if p in worth else "-" if p.use == "comparison" else ""
+        mark = "-" if p.use == "comparison" else "*" if p in own else ""
         rows.append([mark, p.line, p.setting, error_words(p, study), _time(p.seconds), p.how])
     lines = [advice(study, ADVISED), "", study.question, *aligned_rows(rows, right=(3, 4))]
     if every:
@@ -258,7 +287,7 @@ def _time(seconds: float) -> str:
 
 def _rows(study: Study) -> list[dict[str, Any]]:
     """Return the settings, and what each effect is worth, as rows of a report."""
-    worth = front(study.points, study.own_error)
+    worth = fronts(study)[0]
     rows = [asdict(p) | {"on_front": p in worth} for p in study.points]
     rows += [{"line": "effect", "setting": one.effect, **one._asdict()} for one in study.worth]
     return [

@@ -14,6 +14,7 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .engine import NotComparableError
 
+#: Models that the benchmarks compare.
 Model = Literal["ddm", "idm"]
 MODELS: tuple[Model, ...] = get_args(Model)
 Setting = Mapping[str, float]
@@ -28,7 +29,7 @@ class Method:
 
     Attributes:
         name: Its name in tables and figures.
-        model: Which model.
+        model: Which model: "ddm", "idm" or another quantity.
         setup: Prepares a robot and gives the solver at a setting; what it prepares is shared by settings.
             Raises `NotComparableError`.
         settings: The settings that are swept.
@@ -40,7 +41,7 @@ class Method:
     """
 
     name: str
-    model: Model
+    model: str
     setup: Callable[..., Callable[[Setting], Solver]]
     settings: tuple[Setting, ...] = ({},)
     batches: bool = False

@@ -39,9 +39,9 @@ def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
     return "\n".join([_used(use), *(f"# without the table [effects.{name}]" for name in gone)])
 
 
-def model_fragment(names: Sequence[str], engine: str) -> str:
-    """Write the table [effects] of some effects, and the options of `hybridyn idm` that request them."""
-    return f"{_used(names)}\n# hybridyn idm --engine {engine} --effects {','.join(names)}"
+def model_fragment(names: Sequence[str], engine: str, command: str = "idm") -> str:
+    """Write the table [effects] of some effects, and the options of a command that request them."""
+    return f"{_used(names)}\n# hybridyn {command} --engine {engine} --effects {','.join(names)}"
 
 
 def _used(names: Sequence[str]) -> str:

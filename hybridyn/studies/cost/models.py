@@ -1,51 +1,67 @@
-"""Measure error and time of motor efforts along a trajectory: closing, effects, arithmetic, calls, rates.
+"""Measure error and time of a quantity along a trajectory: effects, arithmetic, calls, rates, engines.
 
 The time of a sample is the sum of its stages: closing its loops from the sample before, and the model; a
-setting replaces one of them. Compiled ways come first, since they are the ones to take.
+setting replaces one of them. Compiled ways come early, since they are the ones to take.
 """
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...assembly.assemble import assemble
-from ...description.names import listed
+from ...description.names import did_you_mean, listed
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
-from ...errors import HybridynError
+from ...errors import HybridynError, ModelError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from ..compare.engine import NotComparableError
+from ..compare.methods import Method, written
 from .fragments import model_fragment
-from .generated import exact_efforts
 from .operations import operations
-from .points import Point, Study, Worth, timed
+from .points import ADVISED, NOISE, Point, Study, Worth, cheapest, timed
+from .quantities import (
+    DIFFERENCES,
+    GENERAL,
+    IN_C,
+    QUANTITIES,
+    SLOWER,
+    Models,
+    State,
+    Task,
+    Way,
+    blocks,
+    exact,
+    general,
+    motors_of,
+    ways,
+)
 from .rates import by_rates
 
 if TYPE_CHECKING:
-    from ...compiled.model import CompiledRobot
     from ...tables.trajectory import Motion
 
-#: Rows of the trajectory on which models are compared, evenly spread; and consecutive rows that are closed in
-#: C, and by the general path, which takes a hundred times as long.
-SAMPLES, CLOSED, CLOSED_SLOWLY = 400, 400, 40
+#: Rows of the trajectory on which models are compared, evenly spread; of these, how many are computed one by
+#: one; and consecutive rows that are closed in C, and by the general path, a hundred times as slow.
+SAMPLES, ONE_BY_ONE, CLOSED, CLOSED_SLOWLY = 400, 20, 400, 40
 #: Rows of the batch that threads share.
 THREADED = 20_000
-#: Calls for one sample each that are timed.
-CALLS = 100
 #: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
 #: Effects that are never omitted: those of platforms and serial links.
 KEPT = ("gravity", "inertia")
-#: Speed of the second motion, relative to the first, on the same path.
-SLOWER = 0.7
-
-GENERAL, IN_C, SINGLE = "general path", "compiled", "compiled, float32"
+#: The usual setting in words, where no effects are in question.
+USUAL = {"close": "the general path", "idm_jacobian": "all of them in C", "ddm_jacobian": "all of them in C"}
+#: Part of the time of the whole by which that of its stages together may differ.
+ADDS_UP = 0.15
+#: Engines, and where what they compute at settings is listed.
+ENGINES = {"pinocchio": "pinocchio_methods", "mujoco": "mujoco_engine"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +83,14 @@ class Trajectory:
     motion: Motion | None = None
 
     @property
-    def state(self) -> tuple[Array, Array, Array]:
+    def state(self) -> State:
         """Positions, rates and accelerations."""
         return self.q, self.v, self.a
 
-    def thinned(self, samples: int = SAMPLES) -> Trajectory:
+    def thinned(self, samples: int = SAMPLES) -> State:
         """Return at most `samples` of its rows, evenly spread."""
         at = np.unique(np.linspace(0, len(self.q) - 1, min(samples, len(self.q))).round().astype(int))
-        return Trajectory(self.q[at], self.v[at], self.a[at], None if self.time is None else self.time[at])
-
-    def slower(self) -> Trajectory:
-        """Return the motion at `SLOWER` times its speed: it closes the loops, too."""
-        return Trajectory(self.q, SLOWER * self.v, SLOWER**2 * self.a, None)
+        return self.q[at], self.v[at], self.a[at]
 
 
 def study_models(
@@ -87,210 +99,285 @@ def study_models(
     effects: Effects,
     progress: Callable[[Point], None] = lambda point: None,
     study: Study | None = None,
+    *,
+    quantity: str = "idm",
+    engines: Sequence[str] = (),
+    target: float = ADVISED,
 ) -> Study:
-    """Measure the settings of the inverse model along a trajectory.
+    """Measure the settings of a model along a trajectory.
 
-    The error of a setting is the largest difference of any effort from the reference, relative to the motor's
-    largest effort. The reference is the model with all of `effects` in 113-bit arithmetic.
+    The error of a setting is the largest difference from the reference: of an effort, relative to the motor's
+    largest effort; of another quantity, relative to its largest number. The reference is the model with all
+    of `effects` in 113-bit arithmetic.
 
     Args:
         progress: Called with each point when it is measured.
         study: Filled as points are measured; a new one by default.
+        quantity: One of `QUANTITIES`.
+        engines: Names of `ENGINES`, whose settings are swept, too; they compute rigid bodies alone.
+        target: Error for which a set of effects is built and run.
 
     Raises:
+        ModelError: An engine is unknown.
         HybridynError: The model cannot follow the trajectory.
     """
+    for name in engines:
+        if name not in ENGINES:
+            known = listed(ENGINES)
+            raise ModelError(f"engine '{name}' is not swept{did_you_mean(name, ENGINES)}; known: {known}")
     study = Study("", "per sample") if study is None else study
-    study.question = f"error of motor efforts against time per sample, {len(trajectory.q):,} rows"
+    study.subject, study.usual = QUANTITIES[quantity], USUAL.get(quantity, study.usual)
+    study.question = f"error of {study.subject} against time per sample, {len(trajectory.q):,} rows"
     study.second = f"the same path at {SLOWER:g} times the speed"
-    for point in _points(study, robot, trajectory, effects):
+    for point in _points(study, _Run(robot, trajectory, effects, quantity), engines, target):
         study.points.append(point)
         progress(point)
     return study
 
 
-def _points(study: Study, robot: HybridRobot, trajectory: Trajectory, effects: Effects) -> Iterator[Point]:
+class _Run:
+    """A robot on a trajectory, and what is measured of it.
+
+    Attributes:
+        robot, trajectory, effects, quantity: As `study_models` takes them.
+        task: The quantity at states of both motions.
+        closing: Time to close the loops of a sample, by the general path and in C [s].
+        whole: Time of the quantity with every effect, in C where it can be [s].
+    """
+
+    def __init__(self, robot: HybridRobot, trajectory: Trajectory, effects: Effects, quantity: str) -> None:
+        self.robot, self.trajectory, self.effects, self.quantity = robot, trajectory, effects, quantity
+        self.models = Models(robot)
+        self.closing, self.whole = dict.fromkeys((GENERAL, IN_C), 0.0), 0.0
+
+    @property
+    def stages(self) -> bool:
+        """Whether loops are closed before: a row states its motion, which efforts follow."""
+        return self.quantity == "idm" and self.trajectory.motion is not None
+
+    def begin(self, study: Study) -> None:
+        """Compute the states and the reference."""
+        q, v, a = self.trajectory.thinned()
+        motions = [(q, v, a), (q, SLOWER * v, SLOWER**2 * a)]
+        if self.quantity.startswith("ddm"):
+            motions = [(*state[:2], idm(self.robot, *state, effects=self.effects)) for state in motions]
+        try:
+            found = [exact(self.quantity, self.robot, self.effects, state) for state in motions]
+            study.reference, study.own_error = "the same model in 113-bit arithmetic", 2.0**-53
+        except (HybridynError, ImportError) as error:
+            if self.quantity.endswith("jacobian"):
+                raise
+            call = general(self.quantity, self.robot, self.effects)
+            found = [blocks(call(*state)) for state in motions]
+            study.reference, study.own_error = f"the general path (no C code: {error})", UNJUDGED
+        self.task = Task(motions, found)
+
+    def close(self, line: str, count: int) -> tuple[Any, int]:
+        """Return the call that closes the loops of the first rows, and their number."""
+        assert self.trajectory.motion is not None
+        part = self.trajectory.motion.part(0, count)
+        with_model = line != GENERAL
+        call = self.models.compiled(self.effects).assemble if with_model else None
+        options = {"motors": part.joints, "platforms": part.platforms, "guess": self.trajectory.q[0]}
+        return partial(call or partial(assemble, self.robot), **options), part.size
+
+
+def _points(study: Study, run: _Run, engines: Sequence[str], target: float) -> Iterator[Point]:
     """Yield the points of a study as they are measured, and fill in the rest of it."""
-    if not robot.motors:
-        raise HybridynError(f"robot '{robot.name}' has no motors, and so no efforts: name some (--motors)")
-    some = trajectory.thinned()
-    models = {dtype: compiled_model(robot, effects, dtype) for dtype in ("float64", "float32")}
-    fast = models["float64"]
-    general, seconds = timed(partial(idm, robot, *some.state, effects=effects), 2)
-    seconds /= len(some.q)
-    exact = exact_efforts(robot, effects, some.q, some.v, some.a)
-    known = isinstance(exact, np.ndarray)
-    study.reference = "the same model in 113-bit arithmetic" if known else f"the general path ({exact})"
-    study.own_error = 2.0**-53 if known else UNJUDGED
-    error = _errors(exact if isinstance(exact, np.ndarray) else general)
-    closing = _closing(robot, trajectory, partial(assemble, robot), CLOSED_SLOWLY)
-    yield Point(
-        GENERAL, "every effect (usual)", error(general), closing + seconds,
-        model_fragment(effects.names, "general"), use="usual",
-        what="keep the general path and every effect", own=seconds,
+    if not run.robot.motors:
+        raise HybridynError(
+            f"robot '{run.robot.name}' has no motors, and so no {study.subject}: name some (--motors)"
+        )
+    run.begin(study)
+    for way in ways(run.models, run.quantity, run.effects):
+        try:
+            yield from _by_way(study, run, way)
+        except (HybridynError, ImportError) as error:
+            said = f"no compiled models: {error}"
+            study.remarks += [said] * (said not in study.remarks)
+    if run.quantity in ("idm", "ddm"):
+        yield from _by_effects(study, run, target)
+    if run.quantity == "idm":
+        close = partial(assemble, run.robot)
+        for point in by_rates(run.robot, run.trajectory.time, *run.trajectory.state, run.effects, close):
+            yield replace(point, seconds=point.seconds + run.closing[IN_C] + run.whole)
+    for name in engines:
+        yield from _by_engine(study, run, name)
+
+
+def _by_way(study: Study, run: _Run, way: Way) -> Iterator[Point]:
+    """Measure one of our own ways: a batch; and in C one call a sample."""
+    line = way.method.name
+    if line == DIFFERENCES:
+        yield from _one_by_one(run, way.method, way)
+        return
+    solve, states = way.method.prepare(run.robot, way.threads)({}), run.task.motions[0]
+    error, elsewhere = run.task.errors(solve)
+    copies = -(-THREADED // len(states[0])) if way.threads > 1 else 1
+    batch = [np.tile(x, (copies, 1)) for x in states]
+    own = timed(partial(solve, *batch), 2 if line == GENERAL else 3)[1] / len(batch[0])
+    stage = GENERAL if line == GENERAL else IN_C
+    if run.stages and not run.closing[stage]:
+        call, count = run.close(line, CLOSED_SLOWLY if line == GENERAL else CLOSED)
+        call()  # builds what it needs
+        run.closing[stage] = timed(call, 3)[1] / count
+        _check_sum(study, run, line, own, lambda: solve(*call()), count)
+    run.whole = own if way.threads == 1 and line in (GENERAL, IN_C) else run.whole
+    point = Point(
+        line, way.setting, error, run.closing[stage] + own, way.fragment, use=way.use, what=way.what, own=own,
+        elsewhere=elsewhere,
     )  # fmt: skip
-    close: Callable[..., tuple[Array, Array, Array]] = partial(assemble, robot)
-    whole = seconds
-    if isinstance(fast, str):
-        study.remarks.append(f"no compiled models: {fast}")
-    else:
-        close = fast.assemble
-        closing = _closing(robot, trajectory, close, CLOSED)
-        for dtype, model in models.items():
-            if isinstance(model, str):
-                continue
-            tau, seconds = timed(partial(model.idm, *some.state))
-            point = _in_c(dtype, error(tau), seconds / len(some.q), closing, effects.names)
-            whole = point.own if dtype == "float64" else whole
-            yield point
-        yield from _by_calls(fast, some, trajectory.motion, closing, error)
-        yield from _in_threads(robot, effects, some, closing, error)
-    yield from _by_effects(study, robot, effects, some, error, (closing, whole))
-    for point in by_rates(robot, trajectory.time, *trajectory.state, effects, close):
-        yield replace(point, seconds=point.seconds + closing + whole)
+    yield point
+    if line == IN_C and way.threads == 1:
+        yield _in_single_calls(run, point, solve)
 
 
-def compiled_model(robot: HybridRobot, effects: Effects, dtype: str) -> CompiledRobot | str:
-    """Build the compiled models, without their warnings, or return why they cannot be built."""
-    from ...compiled.compiling import compile
-
-    log = logging.getLogger("hybridyn.compiled")
-    before = log.level
-    log.setLevel(logging.ERROR)  # without its legs' inertia, a robot may have massless motions
-    try:
-        return compile(robot, effects, dtype=dtype)
-    except HybridynError as error:
-        return str(error)
-    finally:
-        log.setLevel(before)
+def _check_sum(
+    study: Study, run: _Run, line: str, own: float, whole: Callable[[], object], count: int
+) -> None:
+    """Run closing and model together, and remark if the stages do not add up."""
+    together = timed(whole, 3)[1] / count
+    parts = run.closing[GENERAL if line == GENERAL else IN_C] + own
+    if abs(parts - together) > ADDS_UP * together:
+        study.remarks.append(
+            f"{line}: closing and model take {1e6 * together:.3g} us together, {1e6 * parts:.3g} us apart: "
+            "the machine is busy, or the caches are"
+        )
 
 
-def _errors(reference: Array) -> Callable[[Array], float]:
-    """Return a function that computes the largest error over a motor's peak effort."""
-    peak = np.abs(reference).max(axis=0)
-    unit = np.where(peak > 0, peak, 1.0)
-    return lambda tau: float((np.abs(np.asarray(tau, dtype=float) - reference) / unit).max(initial=0.0))
-
-
-def _closing(
-    robot: HybridRobot, trajectory: Trajectory, close: Callable[..., tuple[Array, Array, Array]], most: int
-) -> float:
-    """Measure the time in which loops close, from row to row, for at most so many rows [s per row]."""
-    if trajectory.motion is None:
-        return 0.0
-    part = trajectory.motion.part(0, most)
-    call = partial(close, motors=part.joints, platforms=part.platforms, guess=trajectory.q[0])
-    call()  # builds what it needs
-    return timed(call, 2)[1] / part.size
-
-
-def _in_c(dtype: str, error: float, own: float, closing: float, names: Sequence[str]) -> Point:
-    """Return the point of the compiled model with every effect, many samples at once."""
-    if dtype == "float64":
-        what, fragment = "keep every effect and compute in C", model_fragment(names, "compiled")
-        return Point(IN_C, "every effect", error, closing + own, fragment, what=what, own=own)
-    call = 'hybridyn.compile(robot, effects, dtype="float32").idm'
-    return Point(
-        SINGLE, "every effect", error, closing + own, f"# {call}", use="program",
-        what="compute in C (float32)", own=own,
-    )  # fmt: skip
-
-
-def _by_calls(
-    model: CompiledRobot, some: Trajectory, motion: Motion | None, closing: float,
-    error: Callable[[Array], float],
-) -> Iterator[Point]:  # fmt: skip
+def _in_single_calls(run: _Run, batch: Point, solve: Any) -> Point:
     """Measure calls for one sample each, as a controller makes them: from the motors where they are given."""
-    calls: Callable[[], None]
-    line, states = "compiled, one call a sample", list(zip(*some.state, strict=True))
-    if motion is not None and {*motion.joints} == {*model.robot.motors} and not motion.platforms:
-        given = np.array([motion.joints[name] for name in model.robot.motors])[:, :, :CALLS]
-        ticks = np.ascontiguousarray(given.transpose(2, 1, 0))
-        rows, before, words = len(ticks), 0.0, "every effect, from the motors"
-        fragment = "# hybridyn.compile(robot, effects).idm_from_motors"
+    motion, robot, words, before = run.trajectory.motion, run.robot, batch.setting, run.closing[IN_C]
+    model = None if batch.use == "usual" else run.models.compiled(run.effects)
+    from_motors = run.stages and motion and {*motion.joints} == {*robot.motors} and not motion.platforms
+    states = [
+        state for state, _ in zip(zip(*run.task.motions[0], strict=True), range(ONE_BY_ONE), strict=False)
+    ]
+    step: Any = None
+    if from_motors and model:
+        step, words, before = model.idm_from_motors, f"{words}, from the motors", 0.0
+    elif run.quantity == "close" and model:
+        step = model.close
+    if step:
+        rows = zip(*motors_of(robot, *(x[: 5 * ONE_BY_ONE] for x in run.trajectory.state)), strict=True)
+        states = list(rows)
 
-        def calls() -> None:
-            """Close and compute sample after sample."""
-            last = some.q[0]
-            for tick in ticks:
-                last = model.idm_from_motors(*tick, last=last)[1]
-
-    else:
-        rows, before, words = len(states[:CALLS]), closing, "every effect"
-        fragment = "# hybridyn.compile(robot, effects).idm"
-
-        def calls() -> None:
-            """Compute sample after sample."""
-            for state in states[:CALLS]:
-                model.idm(*state)
+    def calls() -> None:
+        """Compute sample after sample."""
+        last = run.trajectory.q[0]
+        for state in states:
+            if step is None:
+                solve(*state)
+            else:
+                last = step(*state, last=last)[-3]
 
     calls()
-    seconds = timed(calls)[1] / rows
-    tau = np.array([model.idm(*state) for state in states])
-    yield Point(
-        line, words, error(tau), before + seconds, fragment, use="program", what="call it sample by sample",
-        own=seconds, one_call=True,
+    own = timed(calls)[1] / len(states)
+    name = run.quantity if step is None else step.__name__
+    return replace(
+        batch, line=f"{batch.line}, one call a sample", setting=words, seconds=before + own, own=own,
+        use="program", what="call it sample by sample", one_call=True,
+        fragment=f"# hybridyn.compile(robot, effects).{name}" if model else batch.fragment,
     )  # fmt: skip
 
 
-def _in_threads(
-    robot: HybridRobot, effects: Effects, some: Trajectory, closing: float, error: Callable[[Array], float]
-) -> Iterator[Point]:
-    """Measure a batch that two threads share."""
-    from ...compiled.compiling import compile
+def _one_by_one(run: _Run, method: Method, way: Way | None = None) -> Iterator[Point]:
+    """Sweep a method that computes one sample at a time; without a way it is another engine's."""
+    at = method.prepare(run.robot)
+    count = len(run.task.motions[0][0])
+    rows = np.unique(np.linspace(0, count - 1, min(count, ONE_BY_ONE)).astype(int))
+    states = [*zip(*(np.ascontiguousarray(x[rows]) for x in run.task.motions[0]), strict=True)]
+    for setting in method.settings:
+        solve = at(setting)
+        error, elsewhere = run.task.errors(solve, batches=False, rows=rows)
 
-    model = compile(robot, effects, threads=2)
-    copies = -(-THREADED // len(some.q))
-    batch = [np.tile(x, (copies, 1)) for x in some.state]
-    tau, seconds = timed(partial(model.idm, *batch), 3)
-    own = seconds / len(batch[0])
-    yield Point(
-        IN_C, "every effect, 2 threads", error(tau[: len(some.q)]), closing + own,
-        "# hybridyn.compile(robot, effects, threads=2).idm", use="program",
-        what="let two threads share a batch", own=own,
-    )  # fmt: skip
+        def calls(solve: Any = solve) -> None:
+            """Compute every sample."""
+            for state in states:
+                solve(*state)
+
+        own = timed(calls, 3)[1] / len(states)
+        yield Point(
+            method.name, written(setting), error if np.isfinite(error) else np.inf, run.closing[IN_C] + own,
+            way.fragment if way else "", use=way.use if way else "comparison", what=way.what if way else "",
+            own=own, one_call=True, elsewhere=elsewhere,
+        )  # fmt: skip
 
 
-def _by_effects(
-    study: Study,
-    robot: HybridRobot,
-    effects: Effects,
-    some: Trajectory,
-    error: Callable[[Array], float],
-    times: tuple[float, float],
-) -> Iterator[Point]:
+def _by_engine(study: Study, run: _Run, name: str) -> Iterator[Point]:
+    """Sweep what an engine has for the quantity, where it holds the robot's closures."""
+    place = f"{__package__.rpartition('.')[0]}.compare.engines.{ENGINES[name]}"
+    methods: list[Method] = [one for one in import_module(place).METHODS if one.model == run.quantity]
+    refusals = []
+    for method in methods:
+        try:
+            yield from _one_by_one(run, method)
+        except NotComparableError as error:
+            refusals.append(str(error))
+    if not methods:
+        refusals = [f"has none of {study.subject} of robots with loops"]
+    if len(refusals) >= len(methods):
+        study.remarks += [f"{name}: {why}" for why in dict.fromkeys(refusals)]
+
+
+def _by_effects(study: Study, run: _Run, target: float) -> Iterator[Point]:
     """Measure sets of effects: without each, then without the least important ones together.
 
-    Errors are those of the general path; times follow from the operations of the compiled model.
-
-    Args:
-        some: The motion.
-        error: Computes the error of efforts on it.
-        times: Seconds per sample of closing, and of the compiled model with every effect.
+    Errors are those of the general path; times follow from the operations of the compiled model, until the
+    set that is worth advising is built and run.
     """
-    (closing, whole), slower = times, some.slower()
+    robot, effects = run.robot, run.effects
     optional = [name for name in effects.names if name not in KEPT]
-    every = operations(robot, effects, "idm")
-    again = _errors(idm(robot, *slower.state, effects=effects))
+    every = operations(robot, effects, run.quantity)
 
     def measured(out: Sequence[str]) -> Point:
         """Measure the model without some effects."""
         names = tuple(name for name in effects.names if name not in out)
         on = effects.only(names)
         words = "without " + listed([name.replace("_", " ") for name in out])
-        part = operations(robot, on, "idm") / every
-        own = whole * (part if np.isfinite(part) else 1.0)
+        part = operations(robot, on, run.quantity) / every
+        own = run.whole * (part if np.isfinite(part) else 1.0)
+        error, elsewhere = run.task.errors(general(run.quantity, robot, on))
         return Point(
-            IN_C, words, error(idm(robot, *some.state, effects=on)), closing + own,
-            model_fragment(names, "compiled"), what=words.replace("without", "drop", 1) + " and compute in C",
-            own=own, elsewhere=again(idm(robot, *slower.state, effects=on)), how="time by operations",
+            IN_C, words, error, run.closing[IN_C] + own, model_fragment(names, "compiled", run.quantity),
+            what=words.replace("without", "drop", 1) + " and compute in C", own=own, elsewhere=elsewhere,
+            how="time by operations",
         )  # fmt: skip
 
-    alone = {name: measured([name]) for name in optional}
+    alone: dict[str, Point] = {}
+    for name in optional:
+        try:
+            alone[name] = measured([name])
+        except HybridynError as error:  # a massless motion, without the inertia of a leg
+            study.remarks.append(f"without {name}: {error}")
     for name, point in alone.items():
-        share = 1.0 - point.own / whole
+        share = 1.0 - point.own / run.whole
         study.worth.append(Worth(name, point.error, share, computed=True))
         yield point
+    optional = [*alone]
     order = sorted(optional, key=lambda name: alone[name].error)
+    sets = {point.setting: [name] for name, point in alone.items()}
     for count in range(2, len(order) + 1):
-        yield measured(order[:count])
+        try:
+            point = measured(order[:count])
+        except HybridynError:
+            break
+        sets[point.setting] = order[:count]
+        yield point
+    yield from _built(study, run, sets, target)
+
+
+def _built(study: Study, run: _Run, sets: dict[str, list[str]], target: float) -> Iterator[Point]:
+    """Build and run the fastest set of effects that is exact enough, if it is faster than every effect."""
+    known, best = cheapest(study, target), None
+    for point in study.points:
+        if point.setting in sets and point.error <= target and (not best or point.seconds < best.seconds):
+            best = point
+    if best is None or known is None or best.seconds * NOISE > known.seconds:
+        return
+    on = run.effects.only([name for name in run.effects.names if name not in sets[best.setting]])
+    solve = getattr(run.models.compiled(on), run.quantity)
+    error, elsewhere = run.task.errors(solve)
+    own = timed(partial(solve, *run.task.motions[0]), 3)[1] / len(run.task.motions[0][0])
+    study.points.remove(best)
+    yield replace(best, error=error, elsewhere=elsewhere, own=own, seconds=run.closing[IN_C] + own, how="")

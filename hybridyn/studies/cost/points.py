@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 #: The error that an advice is about where none is asked for.
 ADVISED = 1e-3
@@ -20,6 +20,10 @@ ROUNDS = 5
 NOISE = 1.05
 
 Use = Literal["usual", "command", "program", "comparison"]
+#: Uses of our own settings.
+OURS: tuple[Use, ...] = ("usual", "command", "program")
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,9 @@ class Point:
         own: The part of `seconds` that the setting affects [s].
         one_call: Whether it is the time of one sample at a time; else that of a batch or a run.
         elsewhere: Error on a second motion; nan if there is none.
+        path: Of a run, the largest error of any of its outputs; nan if there is none, as below.
+        energy: Its largest error of the energy, relative to the largest kinetic energy.
+        closure: Its largest closure residual, relative to the module's length.
         part: Part of the scene that was run; the time is extrapolated if it is not 1.
         how: How error or time was found if not by a complete run, in words.
     """
@@ -54,6 +61,9 @@ class Point:
     own: float = 0.0
     one_call: bool = False
     elsewhere: float = float("nan")
+    path: float = float("nan")
+    energy: float = float("nan")
+    closure: float = float("nan")
     part: float = 1.0
     how: str = ""
 
@@ -102,6 +112,10 @@ class Study:
     worth: list[Worth] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
+    def chosen(self, uses: Sequence[Use]) -> list[Point]:
+        """Return the points of some uses that were run as a whole."""
+        return [p for p in self.points if p.use in uses and not (p.failure or p.how)]
+
 
 def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float]:
     """Return a function's result and the least of its times [s]; a call longer than 1 s is not repeated."""
@@ -115,32 +129,54 @@ def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float
     return result, best
 
 
-def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
-    """Return the Pareto front: the points for which no other is both faster and more accurate, fastest first.
+def pareto(
+    items: Iterable[Item], cost: Callable[[Item], float], error: Callable[[Item], float]
+) -> list[Item]:
+    """Return the items that no other beats in both cost and error, cheapest first."""
+    out: list[Item] = []
+    for one in sorted(items, key=lambda item: (cost(item), error(item))):
+        if error(one) < (error(out[-1]) if out else float("inf")):
+            out.append(one)
+    return out
+
+
+def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
+    """Return the Pareto front of points that were run as a whole, fastest first.
 
     A point that saves less than `NOISE` of a more accurate one's time is left out.
 
     Args:
-        points: The points; comparisons and failures are ignored.
+        points: The points.
         own_error: Error of the reference; errors below it count as equal.
     """
-    good = [(p.seconds, max(p.error, own_error), p) for p in points if _counts(p)]
-    out: list[Point] = []
-    least = float("inf")
-    for _, error, point in sorted(good, key=lambda x: x[:2]):
-        if error < least:
-            least = error
-            out.append(point)
+    good = [p for p in points if not (p.failure or p.how)]
     kept: list[Point] = []
-    for point in reversed(out):
+    for point in reversed(pareto(good, lambda p: p.seconds, lambda p: max(p.error, own_error))):
         if not kept or point.seconds * NOISE <= kept[-1].seconds:
             kept.append(point)
     return kept[::-1]
 
 
-def cheapest(study: Study, target: float) -> Point | None:
-    """Return the fastest point with an error of at most `target` that a command offers, or None."""
-    return _cheapest(study, target, ("usual", "command"))
+def fronts(study: Study) -> tuple[list[Point], list[Point]]:
+    """Return our own front, and of each engine's method the ends and the middle of its front."""
+    own = front(study.chosen(OURS), study.own_error)
+    others: dict[str, list[Point]] = {}
+    for point in study.chosen(("comparison",)):
+        others.setdefault(point.line, []).append(point)
+    each = [front(line, study.own_error) for line in others.values()]
+    return own, [p for line in each for p in dict.fromkeys((line[0], line[len(line) // 2], line[-1]))]
+
+
+def cheapest(study: Study, target: float, uses: Sequence[Use] = ("usual", "command")) -> Point | None:
+    """Return the fastest point within the target, by default of those that a command offers, or None.
+
+    Among equal times it is the most accurate.
+    """
+    good = [p for p in study.chosen(uses) if p.error <= target]
+    if target < study.own_error or not good:
+        return None
+    least = min(p.seconds for p in good)
+    return min((p for p in good if p.seconds <= NOISE * least), key=lambda p: (p.error, p.seconds))
 
 
 def advice(study: Study, target: float) -> str:
@@ -149,45 +185,25 @@ def advice(study: Study, target: float) -> str:
     wanted = f"For {portion} on {study.subject}"
     best = cheapest(study, target)
     if best is None:
-        reached = min((p.error for p in study.points if _counts(p)), default=float("inf"))
-        best_known = max(reached, study.own_error)
-        return f"{wanted} no configuration that was tried suffices: the least error is {best_known:.1e}."
-    usual = next((p for p in study.points if p.use == "usual" and not p.failure), None)
-    own = _cheapest(study, target, ("usual", "command", "program"))
-    more = ""
-    if own is not None and own.use == "program" and best.seconds > NOISE * own.seconds:
-        ratio = _speed(own, usual or best)
-        more = (
-            f"; in a program of your own, {own.what}: {_times(ratio)} times (error {error_words(own, study)})"
-        )
-    if best.elsewhere > target:
-        more += f"; it does not carry over to {study.second}, where its error is {best.elsewhere:.1e}"
-    if usual is None or best is usual:
-        kept = "" if usual is None else ": nothing cheaper suffices"
-        return f"{wanted}, {best.what} (error {error_words(best, study)}){kept}{more}."
-    return f"{wanted}, {best.what}: {_against(best, usual, study)} (error {error_words(best, study)}){more}."
-
-
-def _counts(point: Point) -> bool:
-    return not point.failure and point.use != "comparison" and point.part == 1.0
-
-
-def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
-    """Return the fastest point within the target; among equal times the most accurate."""
-    if target < study.own_error:
-        return None
-    good = [p for p in study.points if _counts(p) and p.use in uses and p.error <= target]
-    if not good:
-        return None
-    least = min(p.seconds for p in good)
-    return min((p for p in good if p.seconds <= NOISE * least), key=lambda p: (p.error, p.seconds))
-
-
-def _against(point: Point, usual: Point, study: Study) -> str:
-    """Compare a point's time with the usual one's, in words."""
-    ratio = _speed(point, usual)
+        reached = min((p.error for p in study.chosen(OURS)), default=float("inf"))
+        least = max(reached, study.own_error)
+        return f"{wanted} no configuration that was tried suffices: the least error is {least:.1e}."
+    usual = next((p for p in study.points if p.use == "usual" and not p.failure), best)
+    ratio, error = _speed(best, usual), f"(error {error_words(best, study)})"
     faster = f"{_times(ratio)} times as fast as" if ratio >= NOISE else "no faster than"
-    return f"{faster} {study.usual}"
+    said = [f"{wanted}, {best.what}: {faster} {study.usual} {error}"]
+    if best is usual:
+        said = [f"{wanted}, {best.what} {error}: nothing cheaper suffices"]
+    own, peer = cheapest(study, target, OURS), cheapest(study, target, ("comparison",))
+    if own is not None and own.use == "program" and best.seconds > NOISE * own.seconds:
+        times = _times(_speed(own, usual))
+        said.append(f"in a program of your own, {own.what}: {times} times (error {error_words(own, study)})")
+    if best.elsewhere > target:
+        said.append(f"it does not carry over to {study.second}, where its error is {best.elsewhere:.1e}")
+    if peer is not None:
+        how = f"{peer.line}, {peer.setting}".removesuffix(", ")
+        said.append(f"{how} takes {_times(peer.seconds / best.seconds)} times as long")
+    return "; ".join(said) + "."
 
 
 def _times(ratio: float) -> str:

@@ -2,29 +2,31 @@
 
 Accelerations are compiled where they can be. The general path takes a hundred times as long: it runs for a
 short time only, and its time is extrapolated. So is that of any run that takes too long; its error is then
-that at the posture it came to.
+that up to the posture it came to.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ...effects.choice import UNITS, Effects, choose
 from ...errors import HybridynError
 from ...scenes.stage import Stage
+from ...simulation.result import Result
 from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .fragments import effects_fragment, solver_fragment
-from .models import compiled_model
 from .operations import operations
-from .points import SECONDS, Point, Study, Worth
-from .settings import FACTORS, Setting, families, own_options, usual_setting
+from .points import ADVISED, SECONDS, Point, Study, Worth, cheapest
+from .quantities import SLOWER, Models
+from .settings import FACTORS, Setting, families, setting_of, usual_setting
 
 #: Parts of `SECONDS`: for one family of settings, for the general path, and for the effects together.
 ONE_RUN, SLOW_RUN, FOR_EFFECTS = 1 / 12, 1 / 20, 1 / 4
@@ -34,6 +36,8 @@ LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
 OF_EFFECTS, SLOWLY = 1e-8, 1e-5
 #: Number of measurements of a short run, and the longest time of such a run [s].
 ROUNDS, SHORT = 3, 0.3
+#: Postures of a run that are compared.
+OUTPUTS = 50
 #: Effects that can be left out without changing the task of a scene.
 DROPPABLE = (
     "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
@@ -41,20 +45,11 @@ DROPPABLE = (
 
 
 class Run(NamedTuple):
-    """Result of a run.
+    """A run: its outputs so far, computing time [s], time reached [s], and whether it came to the end."""
 
-    Attributes:
-        q: The last posture, shape (nq,).
-        seconds: Computing time [s].
-        t: Time reached in the scene [s].
-        steps: Steps taken.
-        whole: Whether the run came to the end of the scene; else it was stopped for its time.
-    """
-
-    q: Array
+    result: Result
     seconds: float
     t: float
-    steps: int
     whole: bool
 
 
@@ -64,39 +59,33 @@ class Runner:
     Attributes:
         ready: The scene.
         duration: Time to simulate [s].
+        start: Positions and rates at the start.
+        reference, exact: The setting of the reference, and its run.
+        tried: Settings that were run, by line and words.
     """
 
-    def __init__(self, ready: Stage, duration: float) -> None:
-        self.ready, self.duration = ready, duration
-        self._compiled: dict[tuple[Any, ...], Any] = {}
+    reference: Setting
+    exact: Result
 
-    def compiled(self, dtype: str, effects: Effects | None = None) -> Any:
-        """Return the scene's compiled model, or why there is none; None for the general path (`dtype` "")."""
-        on = self.ready.effects if effects is None else effects
-        key = dtype, on.names
-        if dtype and key not in self._compiled:
-            self._compiled[key] = compiled_model(self.ready.robot, on, dtype)
-        return self._compiled.get(key)
+    def __init__(self, ready: Stage, duration: float) -> None:
+        self.ready, self.duration, self.start = ready, duration, (ready.q0, ready.v0)
+        self.models, self.tried = Models(ready.robot), dict[tuple[str, str], Setting]()
 
     def run(
-        self, setting: Setting, limit: float, *, effects: Effects | None = None, until: float | None = None,
-        watch: bool = False,
-    ) -> Run:  # fmt: skip
+        self, setting: Setting, limit: float, *, effects: Effects | None = None, watch: bool = False
+    ) -> Run:
         """Run once.
 
         Args:
             limit: Time after which the run is stopped [s].
             effects: The effects; those of the scene by default.
-            until: End [s]; that of the scene by default.
             watch: Whether the scene's events may end the run.
 
         Raises:
             HybridynError: The run fails.
         """
-        ready, end = self.ready, self.duration if until is None else until
-        model = self.compiled(setting.dtype, effects)
-        if isinstance(model, str):
-            raise HybridynError(model)
+        ready, on = self.ready, self.ready.effects if effects is None else effects
+        model = self.models.compiled(on, setting.dtype) if setting.dtype else None
         stopped = False
         start = clock.perf_counter()
 
@@ -108,18 +97,18 @@ class Runner:
                 raise KeyboardInterrupt
 
         result = simulate(
-            ready.robot, ready.q0, ready.v0, np.array([0.0, end]), effort=ready.effort,
-            effects=ready.effects if effects is None else effects, compiled=model,
-            events=ready.events if watch else (), output_times=None if watch else np.array([end]),
-            progress=after_step, **setting.options,
+            ready.robot, *self.start, (0.0, self.duration), effort=ready.effort, effects=on, compiled=model,
+            events=ready.events if watch else (), progress=after_step,
+            output_times=None if watch else np.linspace(0.0, self.duration, OUTPUTS + 1), **setting.options,
         )  # fmt: skip
         seconds = clock.perf_counter() - start
         if result.status == "interrupted" and not stopped:
             raise KeyboardInterrupt
         if result.status not in ("finished", "event", "interrupted"):
             raise HybridynError(f"the run ended: {result.status} {result.message}".strip())
-        state = result.state
-        return Run(np.array(state.q), seconds, float(state.t), result.counters.steps, not stopped)
+        if len(result.t) < 2:
+            raise HybridynError("it took too long for any posture to compare: --seconds gives more time")
+        return Run(result, seconds, float(result.state.t), not stopped)
 
     def measured(self, setting: Setting, limit: float) -> Run:
         """Run, several times if a run is quick, and return the least time.
@@ -139,6 +128,7 @@ def study_runs(
     progress: Callable[[Point], None] = lambda point: None,
     seconds: float = SECONDS,
     study: Study | None = None,
+    target: float = ADVISED,
 ) -> Study:
     """Measure integrators on a scene.
 
@@ -151,26 +141,32 @@ def study_runs(
         progress: Called with each point when it is measured.
         seconds: Time that the measurements take [s], besides building C.
         study: Filled as points are measured; a new one by default.
+        target: Error for which the advised setting is run on a second motion, too.
 
     Raises:
         HybridynError: The scene cannot be simulated at all.
     """
     study = Study("", "per run") if study is None else study
     study.subject, study.usual = "the last posture", "what the scene says"
-    for point in _points(study, Runner(ready, duration), seconds):
+    study.second = f"a motion that begins where this one ends, at {SLOWER:g} times the rates"
+    runner = Runner(ready, duration)
+    for point in _points(study, runner, seconds):
         study.points.append(point)
         progress(point)
+    _elsewhere(study, runner, target)
     return study
 
 
 def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
     """Yield the points of a study as they are measured, and fill in the rest of it."""
     ready, one = runner.ready, seconds * ONE_RUN
-    why = runner.compiled("float64")
-    engines = ("",) if isinstance(why, str) else ("float64", "float32")
-    if isinstance(why, str):
-        study.remarks.append(f"no compiled models: {why}")
-    usual = usual_setting(own_options(ready), engines[0])
+    engines: tuple[str, ...] = ("float64", "float32")
+    try:
+        runner.models.compiled(ready.effects)
+    except HybridynError as error:
+        engines = ("",)
+        study.remarks.append(f"no compiled models: {error}")
+    usual = usual_setting(ready, engines[0])
     first = _first(runner, engines[0], usual, 2 * one)
     ended = "" if first.t >= runner.duration * (1 - 1e-12) or not first.whole else ", where an event ends it"
     if not first.whole:
@@ -181,38 +177,48 @@ def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
     study.question = (
         f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
     )
-    reference, end, study.own_error, study.reference = _reference(runner, engines[0], seconds)
-    exact = {runner.duration: end}
+    runner.reference, runner.exact, study.own_error = _reference(runner, engines[0], seconds)
+    tolerance = runner.reference.options["rtol"]
+    study.reference = f"{runner.reference.line} at a relative tolerance of {tolerance:g}"
 
-    def judged(run: Run, setting: Setting) -> Point:
-        """Return the point of a run; one that was stopped is judged where it came to."""
-        point = _point_of(ready, setting)
-        if run.t not in exact:
-            exact[run.t] = runner.run(reference, np.inf, until=run.t).q
-        part = run.t / runner.duration
+    def judged(setting: Setting, run: Run) -> Point:
+        """Return the point of a run; one that was stopped is judged up to where it came to."""
+        part, took = run.t / runner.duration, run.seconds * runner.duration / run.t
         how = "" if run.whole else f"the first {100 * part:.2g} % of the scene, time extrapolated"
-        error = distance(ready.robot, run.q, exact[run.t])
-        took = run.seconds / part
-        return replace(point, error=error, seconds=took, own=took, part=part, how=how)
+        runner.tried[setting.line, setting.words] = setting
+        return replace(
+            _point_of(ready, setting), seconds=took, own=took, part=part, how=how,
+            **errors(ready.robot, run.result, runner.exact),
+        )  # fmt: skip
 
     step = usual.options.get("step") if usual.options["method"] != "dopri5" else None
-    quick, *others = families(step or typical_step(first.steps, first.t), engines)
-    bounds = one, study.own_error
-    yield from _family(runner, quick, judged, bounds)
-    yield judged(runner.measured(usual, one), usual)
+    quick, *others = families(step or typical_step(first.result.counters.steps, first.t), engines)
+    yield from _family(runner, quick, judged, one, study.own_error)
+    yield judged(usual, runner.measured(usual, one))
     if engines[0]:
         general = usual._replace(line="general path", dtype="", use="command")
-        yield judged(runner.run(general, seconds * SLOW_RUN), general)
-    _worth(study, runner, reference, seconds * FOR_EFFECTS)
+        yield judged(general, runner.run(general, seconds * SLOW_RUN))
+    _worth(study, runner, seconds * FOR_EFFECTS)
     for family in others:
-        yield from _family(runner, family, judged, bounds)
+        yield from _family(runner, family, judged, one, study.own_error)
+
+
+def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:
+    """Return the errors of a run as far as it came: of its last posture, path, energy, and its closures."""
+    count = min(len(found.t), len(exact.t))
+    away = [distance(robot, *pair) for pair in zip(found.q[:count], exact.q[:count], strict=True)]
+    lost = (found.kinetic + found.potential)[:count] - (exact.kinetic + exact.potential)[:count]
+    energy = float(np.abs(lost).max() / (exact.kinetic.max() or 1.0))
+    return {
+        "error": away[-1], "path": max(away), "energy": energy,
+        "closure": float(found.residual[:count].max()),
+    }  # fmt: skip
 
 
 def _first(runner: Runner, dtype: str, usual: Setting, limit: float) -> Run:
     """Run the scene once, to see where an event or its time ends it and how long its steps are."""
-    quick = Setting("", "", {"method": "dopri5", "rtol": OF_EFFECTS, "atol": OF_EFFECTS * 1e-2}, dtype)
     try:
-        return runner.run(quick, limit, watch=bool(runner.ready.events))
+        return runner.run(setting_of("dopri5", OF_EFFECTS, dtype), limit, watch=bool(runner.ready.events))
     except HybridynError:
         return runner.run(usual, np.inf, watch=True)
 
@@ -223,22 +229,21 @@ def typical_step(steps: int, duration: float) -> float:
 
 
 def _family(
-    runner: Runner, family: Sequence[Setting], judged: Callable[[Run, Setting], Point],
-    bounds: tuple[float, float],
-) -> Iterator[Point]:  # fmt: skip
+    runner: Runner, family: list[Setting], judged: Callable[[Setting, Run], Point], left: float, least: float
+) -> Iterator[Point]:
     """Measure settings from coarse to fine, until one takes too long or is as exact as the reference.
 
     Args:
-        bounds: Time of the family [s], and the error of the reference.
+        left: Time of the family [s].
+        least: Error of the reference.
     """
-    left, least = bounds
     for setting in family:
         try:
             run = runner.measured(setting, left)
         except HybridynError as failure:
             yield replace(_point_of(runner.ready, setting), failure=str(failure))
             return
-        point = judged(run, setting)
+        point = judged(setting, run)
         yield point
         left -= run.seconds
         if not run.whole or left <= 0 or point.error <= least:
@@ -254,19 +259,16 @@ def _point_of(ready: Stage, setting: Setting) -> Point:
     return Point(setting.line, setting.words, np.inf, np.inf, fragment, use=setting.use, what=what)
 
 
-def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, Array, float, str]:
-    """Find the reference: the tightest tolerance of `LADDER` that finishes in time.
+def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, Result, float]:
+    """Find the reference: the tightest tolerance of `LADDER` that finishes in time, and its own error.
 
     dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish.
-
-    Returns:
-        The setting, its last posture, its own error, and a description of it.
     """
     for method in ("dopri5", "implicit"):
-        found: list[tuple[Setting, Array]] = []
+        found: list[tuple[Setting, Result]] = []
         left = seconds / 3
         for rtol in LADDER:
-            setting = Setting("", "", {"method": method, "rtol": rtol, "atol": rtol * 1e-2}, dtype)
+            setting = setting_of(method, rtol, dtype)
             try:
                 run = runner.run(setting, left)
             except HybridynError:
@@ -274,24 +276,40 @@ def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, Arr
             if not run.whole:
                 break
             left -= run.seconds
-            found.append((setting, run.q))
+            found.append((setting, run.result))
         if len(found) > 1:
-            own = max(distance(runner.ready.robot, found[-2][1], found[-1][1]), 2.0**-53)
-            words = f"{method} at a relative tolerance of {found[-1][0].options['rtol']:g}"
-            return *found[-1], own, words
+            own = errors(runner.ready.robot, found[-2][1], found[-1][1])["error"]
+            return *found[-1], max(own, 2.0**-53)
     raise HybridynError(
         "no reference: two runs by dopri5 or the implicit method must finish. Simulate only the beginning "
         "(--until), or give more time (--seconds)"
     )
 
 
-def _worth(study: Study, runner: Runner, reference: Setting, seconds: float) -> None:
+def _elsewhere(study: Study, runner: Runner, target: float) -> None:
+    """Run the advised setting on a second motion, and fill in its error there."""
+    best = cheapest(study, target)
+    if best is None:
+        return
+    end = runner.exact.state
+    runner.start = end.q, SLOWER * end.v
+    try:
+        exact, run = (
+            runner.run(one, np.inf).result
+            for one in (runner.reference, runner.tried[best.line, best.setting])
+        )
+        error = errors(runner.ready.robot, run, exact)["error"]
+    except HybridynError as failure:
+        study.remarks.append(f"{study.second}: {failure}")
+        return
+    study.points[study.points.index(best)] = replace(best, elsewhere=error)
+
+
+def _worth(study: Study, runner: Runner, seconds: float) -> None:
     """Measure what each effect changes: those of the scene if left out, those of the files if added."""
-    robot, on = runner.ready.robot, runner.ready.effects
-    stated = choose(robot, "model")
-    rtol = OF_EFFECTS if reference.dtype else SLOWLY
-    options = {**reference.options, "rtol": rtol, "atol": rtol * 1e-2}
-    setting, every = reference._replace(options=options), operations(robot, on, "ddm")
+    robot, on, dtype = runner.ready.robot, runner.ready.effects, runner.reference.dtype
+    stated, every = choose(robot, "model"), operations(robot, on, "ddm")
+    setting = setting_of(runner.reference.options["method"], OF_EFFECTS if dtype else SLOWLY, dtype)
     own = runner.run(setting, seconds)
     left = seconds - own.seconds
     for name in DROPPABLE:
@@ -310,7 +328,7 @@ def _worth(study: Study, runner: Runner, reference: Setting, seconds: float) -> 
         left -= run.seconds
         if run.whole:
             share = operations(robot, other, "ddm") / every - 1.0
-            change = distance(robot, run.q, own.q)
+            change = errors(robot, run.result, own.result)["error"]
             study.worth.append(Worth(name, change, -share if computed else share, computed))
 
 
@@ -343,7 +361,5 @@ def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
 
 def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
     """Return the largest displacement of a joint between two postures, in radians or module lengths."""
-    import pinocchio as pin
-
     move = pin.difference(robot.unchanged_model, q0, q1)
     return float(np.abs(move / robot.unit).max(initial=0.0))
