@@ -1,6 +1,7 @@
 """The fenced blocks of the Markdown pages, for the tests that run them."""
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,5 +55,7 @@ def run_python(page: Path) -> dict[str, object]:
     """Run a page's Python blocks one after the other in one namespace, lines numbered as on the page."""
     names: dict[str, object] = {"__name__": "__page__"}
     for block in blocks(page, "python"):
+        if (module := block.facts.get("needs")) and find_spec(module) is None:
+            continue
         exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
     return names

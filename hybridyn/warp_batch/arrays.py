@@ -38,7 +38,7 @@ class Arrays:
 
     def __init__(self, device: Any, dtype: str) -> None:
         self.device, self.dtype = device, dtype
-        self._number = wp.float64 if dtype == "float64" else wp.float32
+        self._number = getattr(wp, dtype)
 
     def given(self, name: str, x: Any, width: int) -> Any:
         """Return an array as one of Warp: without a copy but for NumPy and what else is no array of a device.

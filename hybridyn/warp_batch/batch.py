@@ -350,6 +350,7 @@ class Batch:
         if name in ("idm", "ddm") and name not in self._checked:
             self._checked.add(name)
             self._general.check(name, self.dtype, partial(self._run_native, made))
+            self._counters.pop(name, None)  # its samples are not the user's
         return self._run_native(made, given, fallback)
 
     def _run_native(

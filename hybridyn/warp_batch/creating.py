@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
 from ..compiled.code.plain_c import REAL
 from ..compiled.equations.arguments.coefficients import check_coefficients, with_stated_springs
 from ..compiled.needs import needs_casadi
 from ..effects.choice import Choice, choose
-from ..errors import ModelError
+from ..errors import CompileError, ModelError, install_advice
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from .arrays import device_of
-from .batch import Batch
+
+if TYPE_CHECKING:
+    from .batch import Batch
 
 
 def warp(
@@ -44,6 +46,11 @@ def warp(
             effect is not available.
     """
     needs_casadi()
+    if find_spec("warp") is None:
+        raise CompileError(f"batches need Warp: {install_advice('gpu')}")
+    from .arrays import device_of  # they import Warp, which takes half a second
+    from .batch import Batch
+
     if dtype not in REAL:
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
     if robot.nv == 0:

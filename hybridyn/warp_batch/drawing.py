@@ -9,7 +9,7 @@ import numpy as np
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .arrays import Arrays
-from .functions import NUMBER, InWarp, defined, wp
+from .functions import InWarp, defined, wp
 
 #: Python of the kernel. The last try is the home posture at rest.
 DRAW = """@wp.kernel(module="unique", enable_backward=False)
@@ -58,7 +58,7 @@ class Draw:
             close: The model "close".
         """
         self._robot, self._arrays = robot, arrays
-        number = NUMBER[arrays.dtype]
+        number = getattr(wp, arrays.dtype)
         row, rows = wp.array(dtype=number), wp.array(dtype=number, ndim=2)
         scope = {"S": number, "row": row, "rows": rows, "close": close.function}
         self._kernel = defined(DRAW, "draw", scope)

@@ -1,4 +1,4 @@
-"""Make Warp functions and kernels of native functions. Warp itself is first imported here."""
+"""Make Warp functions and kernels of native functions. Only this file imports Warp."""
 
 from __future__ import annotations
 
@@ -6,21 +6,16 @@ import hashlib
 import itertools
 import linecache
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from ..compiled.code.scalars import GUARD_LIMIT
-from ..errors import CompileError, install_advice
 from .native import Native
 
-try:
-    import warp
-except ModuleNotFoundError as error:
-    raise CompileError(f"batches on the GPU need Warp: {install_advice('gpu')}") from error
+#: Warp; None where it is not installed, as where the pages are built.
+wp: Any = import_module("warp") if find_spec("warp") else None
 
-wp: Any = warp
-
-#: Number type of Warp, by that of the models.
-NUMBER = {"float64": wp.float64, "float32": wp.float32}
 #: Python of the function and of the kernel that calls it for each sample.
 STUB = "@wp.func_native(text)\ndef {name}({arguments}) -> S:\n    ...\n"
 KERNEL = """@wp.kernel(module="unique", enable_backward=False)
@@ -56,7 +51,7 @@ def in_warp(native: Native, dtype: str) -> InWarp:
     key = hashlib.sha256(native.text.encode()).hexdigest()[:12]
     called = f"{native.name}_{key}"  # Warp knows functions by their names
     names = [name for name, _ in (*native.inputs, *native.outputs)]
-    scope = {"S": NUMBER[dtype]}
+    scope = {"S": getattr(wp, dtype)}
     row, rows = (f"wp.array(dtype=S{ndim})" for ndim in ("", ", ndim=2"))
     stub = STUB.format(name=called, arguments=", ".join(f"{name}: {row}" for name in names))
     function = defined(stub, called, scope | {"text": native.text})

@@ -38,10 +38,10 @@ TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: 
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
-    "quantities.md", "optimisation.md",
+    "quantities.md", "optimisation.md", "batches.md",
 }  # fmt: skip
 #: Extras that the Python of a page needs.
-EXTRAS = {"optimisation.md": "search"}
+EXTRAS = {"optimisation.md": "search", "batches.md": "gpu"}
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 
 

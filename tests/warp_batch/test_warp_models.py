@@ -78,8 +78,9 @@ def test_loops_close_along_the_way_and_efforts_follow(name: str) -> None:
     q, v = (x.numpy() for x in drawn[:2])
     assert hybridyn.closure_residual(robot, q).max() < CLOSED
     position, rate = (x.copy() for x in (q[:, robot.motor_q], v[:, robot.motor_v]))
-    turned = [robot.kinds[robot.joint_index[name]] == "continuous" for name in robot.motors]
-    position[:, turned] = np.arctan2(q[:, robot.motor_q + 1], position)[:, turned]
+    for i, name in enumerate(robot.motors):
+        if robot.kinds[robot.joint_index[name]] == "continuous":
+            position[:, i] = np.arctan2(q[:, robot.motor_q[i] + 1], position[:, i])
     acceleration = np.random.default_rng(0).normal(size=rate.shape)
     *found, guard = batch.close(position, rate, acceleration)
     assert (guard <= 1).all()
