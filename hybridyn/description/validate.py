@@ -127,12 +127,10 @@ def _drop_crossed(robot: RobotFile) -> None:
 
 def _note_unphysical(robot: RobotFile) -> None:
     """Note the links whose inertia no distribution of mass can have; the dynamics is still defined."""
-    unphysical = []
-    for link in robot.links:
-        moments = np.linalg.eigvalsh(link.inertia)
-        slack = INERTIA_SLACK * float(np.abs(moments).max())
-        if moments[0] < -slack or moments[2] > moments[0] + moments[1] + slack:
-            unphysical.append(link.name)
+    moments = np.linalg.eigvalsh([link.inertia for link in robot.links])
+    slack = INERTIA_SLACK * np.abs(moments).max(axis=1)
+    wrong = (moments[:, 0] < -slack) | (moments[:, 2] > moments[:, 0] + moments[:, 1] + slack)
+    unphysical = [link.name for link, one in zip(robot.links, wrong, strict=True) if one]
     if unphysical:
         robot.notes.append(
             f"{len(unphysical)} of {len(robot.links)} links have an unphysical inertia "
