@@ -25,7 +25,7 @@ from ..threads import start_none
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
     "idm", "ddm", "simulate", "cost", "convert", "plot", "view", "info",
-    "home", "compare", "workspace", "sweep",
+    "home", "compare", "workspace", "sweep", "identify",
 )  # fmt: skip
 
 #: What stands in the place of commands that were.

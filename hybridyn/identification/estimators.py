@@ -1,7 +1,7 @@
 """Estimators of x in tau = Y x + noise: weighted, robust, and by instruments; by QR, never normal equations.
 
 Columns are scaled to length one before each factorisation. The rank is that of the scaled columns, by QR with
-pivots: a diagonal entry below `RANK` times the first is none, and what it belongs to is named.
+pivots: a diagonal entry below `DATA_RANK` times the first is none, and what it belongs to is named.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..errors import TrajectoryError
 from ..spatial import Array, Index
 
 #: Least diagonal entry of R that counts, of the first; columns have length one.
-RANK = 1e-8
+DATA_RANK = 1e-8
 #: Huber's constant: 95 % efficiency for normal noise.
 HUBER = 1.345
 #: Weights agree when the parameters move by less than this part of a standard deviation.
@@ -132,11 +132,11 @@ def check_rank(R: Array, order: Index, names: Sequence[str]) -> None:
         TrajectoryError: The columns lose rank in the data; the message names those that depend on others.
     """
     diagonal = np.abs(np.diag(R))
-    rank = int(np.sum(diagonal > RANK * diagonal[0]))
+    rank = int(np.sum(diagonal > DATA_RANK * diagonal[0]))
     if rank < len(names):
         lost = [names[i] for i in order[rank:]]
         raise TrajectoryError(
             f"the motion does not tell {listed(lost)}: the regressor has rank {rank} of {len(names)} "
-            f"(pivot {diagonal[rank]:.1e} against {RANK * diagonal[0]:.1e}); record a richer motion "
+            f"(pivot {diagonal[rank]:.1e} against {DATA_RANK * diagonal[0]:.1e}); record a richer motion "
             "(hybridyn.excitation), or leave effects out"
         )

@@ -80,6 +80,12 @@ class Identification:
         """Standard deviation of each base parameter over its magnitude, shape (rank,)."""
         return self.deviation / np.maximum(np.abs(self.values), np.finfo(float).tiny)
 
+    def report(self) -> str:
+        """Return a report in Markdown: residuals, parameters with their deviations, what is not known."""
+        from .report import report
+
+        return report(self)
+
 
 @one_thread()
 def identify(

@@ -37,7 +37,7 @@ SPIKE, SPIKE_PART = 20.0, 1e-3
 #: Largest variation of the time step.
 UNEVEN = 0.01
 #: A motor moves if its travel is above this part of that of the motor of its kind that moves most.
-STILL = 1e-4
+MOVES = 1e-4
 #: Fewest samples: the filter swings in and out, and a spectrum needs some.
 FEWEST = 50
 
@@ -158,7 +158,7 @@ def _check(robot: HybridRobot, log: Log) -> None:
     travel = np.ptp(log.position, axis=0)
     linear = np.array([robot.records[name].kind == "prismatic" for name in robot.motors])
     most = np.array([travel[linear == kind].max() for kind in linear])
-    still = [name for name, x, y in zip(robot.motors, travel, most, strict=True) if x <= STILL * y]
+    still = [name for name, x, y in zip(robot.motors, travel, most, strict=True) if x <= MOVES * y]
     if still:
         raise TrajectoryError(
             f"{listed(still)} never moves: move every motor (hybridyn.excitation computes such a motion)",

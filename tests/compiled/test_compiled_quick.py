@@ -7,11 +7,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -97,6 +98,26 @@ class Model:
 def answers(library: Library) -> list[np.ndarray]:
     parts, guard = library.batch(TOY.name, *inputs(TOY, 7))
     return [*parts, guard]
+
+
+class Witness:
+    """What is asked for; it notes the thread in which it is pickled."""
+
+    threads: ClassVar[list[str]] = []
+
+    def __reduce__(self) -> tuple[type, tuple[()]]:
+        """Note the thread."""
+        self.threads.append(threading.current_thread().name)
+        return Witness, ()
+
+
+def test_what_is_asked_for_is_pickled_before_the_caller_goes_on() -> None:
+    """A robot fills its caches while a thread would pickle it: its dictionary changes size."""
+    model = Model(find(quick=True))
+    replacement = Replacement(build_toy, Witness(), kept, model.use)
+    assert Witness.threads == [threading.current_thread().name]
+    replacement.stop()
+    model.replacement.stop()
 
 
 def test_the_optimised_library_takes_over_with_the_same_bits() -> None:

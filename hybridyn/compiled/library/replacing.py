@@ -74,8 +74,9 @@ class Replacement:
             )
         except OSError as error:
             raise CompileError(f"no process can be started for the optimised build: {error}") from error
+        words = pickle.dumps(request)  # here: the caller may change the robot's caches while the thread runs
         self._thread = threading.Thread(
-            target=self._replace, args=[request], name="hybridyn-build", daemon=True
+            target=self._replace, args=[words], name="hybridyn-build", daemon=True
         )
         atexit.register(self.stop)
         self._thread.start()
@@ -96,14 +97,14 @@ class Replacement:
             if not self._thread.is_alive():
                 return
 
-    def _replace(self, request: Any) -> None:
+    def _replace(self, request: bytes) -> None:
         """Wait for the library and use it; the quick one stays in use where there is none."""
         process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
         with process.stdout, contextlib.suppress(BrokenPipeError), process.stdin:
             with contextlib.suppress(BrokenPipeError):  # it ended: its output says why
-                process.stdin.write(pickle.dumps(request))
+                process.stdin.write(request)
                 process.stdin.flush()
             said = process.stdout.read().decode(errors="replace").strip()
             process.wait()
