@@ -10,7 +10,7 @@ are those of `hybridyn compare`), `reference` (answers with their own error; are
 (one row for everything that is measured, CSV), `timing` (calls and processes). What is measured: `accuracy`
 (models, batches, threads, cold calls), `scaling`, `flights` with `simulation`, `derivatives`, `singular`,
 `studies` (effects, sweeps), `operations`, `callgrind`, `closing` and `programs`, `quantities`; `plan` (all
-jobs, and what is remembered). What is said of it: `fronts`, `goals`, `curves` and `figures` (SVG), `texts`
+jobs, and what is remembered). What is said of it: `fronts`, `goals`, `figures` (SVG), `texts`
 and `report` (Markdown, from the results alone). `hard` has pages of tests.
 
 Optional: the packages of the extra `bench`, and valgrind (`apt-get install valgrind`) for counting

@@ -9,9 +9,10 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from benchmarks.curves import Curve, Panel, draw
-from benchmarks.fronts import chosen, front, grouped, jacobians, ratios
+from benchmarks.fronts import chosen, grouped, jacobians, ratios
 from benchmarks.results import Row
+from hybridyn.figures.fronts import LOOK, Curve, Panel, draw
+from hybridyn.studies.cost.points import pareto_front
 
 Results = dict[str, list[Row]]
 COLOURS = {
@@ -67,6 +68,8 @@ AXES = {
 MODELS = {"ddm": "direct model", "idm": "inverse model"}
 #: Robots whose errors and times are drawn; others are in the tables.
 DRAWN = ("five_bar", "lx4", "stack 16")
+#: Of the names inside an SVG, so that equal figures are equal files.
+SEED = "hybridyn"
 #: Beyond, an error says that there is no answer.
 NO_ANSWER = 3.0
 
@@ -105,7 +108,7 @@ def panel(
     for group in grouped(shown, *names).values():
         group = sorted(group, key=lambda row: (across(row), up(row)))
         swept = pareto and len({row.setting for row in group}) > 1
-        best = front(group, across, up) if swept else group
+        best = pareto_front(group, across, up) if swept else group
         shade = THREADS.get(group[0].threads, "") if "threads" in names and group[0].method == OURS else ""
         behind = group if swept else []
         curve = Curve(
@@ -286,11 +289,16 @@ def write_figures(folder: Path, results: Results, suffix: str = ".svg") -> list[
     Raises:
         ImportError: matplotlib is not installed.
     """
+    from matplotlib import rc_context
+
     folder.mkdir(parents=True, exist_ok=True)
     drawn = []
     for name, title, remark, make in FIGURES:
         rows = [[panel for panel in row if panel.curves] for row in make(results)]
         if any(rows):
-            draw(title, remark, [row for row in rows if row], folder / f"{name}{suffix}")
+            figure = draw(title, remark, [row for row in rows if row])
+            metadata = {"Date": None} if suffix == ".svg" else None
+            with rc_context({"svg.hashsalt": SEED, **LOOK}):
+                figure.savefig(folder / f"{name}{suffix}", metadata=metadata, dpi=100)
             drawn.append(name)
     return drawn

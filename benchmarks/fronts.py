@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -20,17 +20,6 @@ MODELS = ("ddm", "idm", "ddm_jacobian", "idm_jacobian")
 
 Item = TypeVar("Item")
 Results = Mapping[str, list[Row]]
-
-
-def front(
-    points: Iterable[Item], cost: Callable[[Item], float], error: Callable[[Item], float]
-) -> list[Item]:
-    """Return the points that no other beats in both cost and error, cheapest first."""
-    out: list[Item] = []
-    for one in sorted(points, key=lambda p: (cost(p), error(p))):
-        if math.isfinite(error(one)) and (not out or error(one) < error(out[-1])):
-            out.append(one)
-    return out
 
 
 def cheapest(rows: Iterable[Row], error: float = GOOD) -> Row | None:

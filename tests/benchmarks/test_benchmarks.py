@@ -18,8 +18,7 @@ from benchmarks import accuracy, callgrind, derivatives, operations, peers, simu
 from benchmarks.__main__ import COMMITTED, collect, store
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
-from benchmarks.curves import Curve, Panel, draw
-from benchmarks.fronts import cheapest, front
+from benchmarks.fronts import cheapest
 from benchmarks.goals import reached
 from benchmarks.hard import page
 from benchmarks.peers import rk4
@@ -42,8 +41,10 @@ from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
+from hybridyn.figures.fronts import Curve, Panel, draw
 from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines import mujoco_engine
+from hybridyn.studies.cost.points import pareto_front
 from tests import ROOT
 from tests.clocks import Clock
 from tests.comparing import refused
@@ -313,7 +314,7 @@ def points(*pairs: tuple[float, float]) -> list[Row]:
 
 def test_front_and_cheapest() -> None:
     swept = points((1, 1e-3), (2, 1e-2), (3, 1e-11), (4, math.inf), (5, 1e-12), (6, 1e-11), (NAN, 0.0))
-    assert [p.us for p in front(swept, lambda p: p.us, lambda p: p.error)][:3] == [1, 3, 5]
+    assert [p.us for p in pareto_front(swept, lambda p: p.us, lambda p: p.error)][:3] == [1, 3, 5]
     best, most = cheapest(swept), cheapest(swept, 1e-13)
     assert (best.us, most.us) == (3, 5)
     assert cheapest([]) is None
@@ -396,7 +397,7 @@ def test_a_panel_of_rounding_says_zero(tmp_path: Path) -> None:
 
     for number, (tops, zeros) in enumerate((((1.0, 1e-13), 1), ((1e-13, 1e-14), 0))):
         path = tmp_path / f"{number}.svg"
-        draw("t", "r", [panels(*tops)], path)
+        draw("t", "r", [panels(*tops)]).savefig(path)
         assert path.read_text().count("<!-- zero -->") == zeros
 
 

@@ -129,7 +129,7 @@ def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float
     return result, best
 
 
-def pareto(
+def pareto_front(
     items: Iterable[Item], cost: Callable[[Item], float], error: Callable[[Item], float]
 ) -> list[Item]:
     """Return the items that no other beats in both cost and error, cheapest first."""
@@ -151,7 +151,7 @@ def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
     """
     good = [p for p in points if not (p.failure or p.how)]
     kept: list[Point] = []
-    for point in reversed(pareto(good, lambda p: p.seconds, lambda p: max(p.error, own_error))):
+    for point in reversed(pareto_front(good, lambda p: p.seconds, lambda p: max(p.error, own_error))):
         if not kept or point.seconds * NOISE <= kept[-1].seconds:
             kept.append(point)
     return kept[::-1]

@@ -311,8 +311,9 @@ def _worth(study: Study, runner: Runner, seconds: float) -> None:
     stated, every = choose(robot, "model"), operations(robot, on, "ddm")
     setting = setting_of(runner.reference.options["method"], OF_EFFECTS if dtype else SLOWLY, dtype)
     own = runner.run(setting, seconds)
-    left = seconds - own.seconds
+    end = clock.perf_counter() + seconds - own.seconds
     for name in DROPPABLE:
+        left = end - clock.perf_counter()  # of a first run, building C takes most
         if name not in {*on.names, *stated.names}:
             continue
         if left <= 0 or not own.whole:
@@ -325,7 +326,6 @@ def _worth(study: Study, runner: Runner, seconds: float) -> None:
         except HybridynError as error:
             study.remarks.append(f"{name}: {error}")
             continue
-        left -= run.seconds
         if run.whole:
             share = operations(robot, other, "ddm") / every - 1.0
             change = errors(robot, run.result, own.result)["error"]

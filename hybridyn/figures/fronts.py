@@ -1,27 +1,29 @@
-"""Panels of log-log curves with one legend."""
+"""Panels of log-log curves with one legend: those of `hybridyn cost`, and of the benchmarks' report."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .blank import empty_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INK, GRID, PALE = "#222222", "#e4e4e4", 0.16
 #: Width and height of a panel, width of the legend [inch].
 PANEL, LEGEND = (3.6, 2.9), 3.2
+#: Sizes of text.
+LOOK: Any = {"font.size": 9, "axes.titlesize": 10, "legend.fontsize": 8}
 #: Least range of an axis.
 DECADES = 2.2
 #: Of what other panels show of the same quantity: below, a panel would show rounding alone.
 ROUNDING = 1e-12
 #: What nothing is drawn at.
 LEAST = 1e-17
-#: Of the names inside an SVG, so that equal figures are equal files.
-SEED = "hybridyn"
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Panel:
         curves: The curves.
         reverse: True where x falls to the right.
         counts: True where x counts something: every number that occurs is written.
+        notes: Words at points, x and y first.
     """
 
     title: str
@@ -65,6 +68,7 @@ class Panel:
     curves: list[Curve] = field(default_factory=list)
     reverse: bool = False
     counts: bool = False
+    notes: Sequence[tuple[float, float, str]] = ()
 
     @property
     def top(self) -> float:
@@ -72,16 +76,19 @@ class Panel:
         return max((y for curve in self.curves for y in curve.y), default=0.0)
 
 
-def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]], path: Path) -> None:
-    """Draw rows of panels into a file, by its suffix."""
+def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]]) -> Figure:
+    """Draw rows of panels.
+
+    Raises:
+        HybridynError: matplotlib is missing.
+    """
+    figure = empty_figure(1.0, 1.0)
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     columns = max(len(row) for row in rows)
     size = (PANEL[0] * columns + LEGEND, PANEL[1] * len(rows) + 0.6)
-    settings: Any = {"svg.hashsalt": SEED, "font.size": 9, "axes.titlesize": 10, "legend.fontsize": 8}
-    with mpl.rc_context(settings):
-        figure = Figure(figsize=size, facecolor="white", layout="constrained")
+    with mpl.rc_context(LOOK):
+        figure.set_size_inches(*size)
         figure.suptitle(f"{title}\n{remark}", fontsize=11, color=INK, x=0.01, ha="left")
         axes, every = figure.subplots(len(rows), columns, squeeze=False), [p for row in rows for p in row]
         for ax in axes.flat:
@@ -92,7 +99,7 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]], path: Path) -
         named = {line.get_label(): line for ax in axes.flat for line in ax.get_lines()}
         named = {name: line for name, line in named.items() if not str(name).startswith("_")}
         figure.legend(list(named.values()), list(named), loc="outside right upper", frameon=False)
-        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None, dpi=100)
+        return figure
 
 
 def _panel(ax: Axes, panel: Panel, most: float) -> None:
@@ -106,6 +113,8 @@ def _panel(ax: Axes, panel: Panel, most: float) -> None:
     ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y)
     for curve in panel.curves:
         _curve(ax, curve)
+    for x, y, words in panel.notes:
+        ax.annotate(words, (x, max(y, LEAST)), (6, 6), textcoords="offset points", weight="bold")
     ax.grid(True, which="major", color=GRID, lw=0.7, zorder=0)
     if panel.counts:
         counted = sorted({int(x) for curve in panel.curves for x in curve.x})
