@@ -204,7 +204,8 @@ def test_a_film_knows_how_many_pictures_it_has(monkeypatch: pytest.MonkeyPatch) 
     run = Run(np.linspace(0.0, 2.5, 11), np.zeros((11, 1)), None, "")
     count, speed = film.pictures_of(run)
     assert (count, speed) == (round(2.5 * film.RATE), 1.0)
-    assert len([*film.frames_of_run(hybridyn.load("five_bar"), None, run, (2, 2))]) == count  # type: ignore[arg-type]
+    shot = film.Shot(hybridyn.load("five_bar"), None, (2, 2))  # type: ignore[arg-type]
+    assert len([*film.frames_of_run(shot, run)]) == count
     assert film.pictures_of(None) == (round(film.AROUND * film.RATE), 1.0)
 
 

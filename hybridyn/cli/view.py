@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..description.records import Array
     from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
+    from ..view.film import Shot
     from ..view.picture import Picture
     from ..view.render import Image
     from ..view.run import Run
@@ -98,7 +99,9 @@ def command(
     picture = _picture(robot, load)
     run = None if motion is None else _run(robot, motion, effects)
     if plot:
-        _write(robot, picture, run, at, size, colours == "file", plot)
+        from ..view.film import Shot
+
+        _write(Shot(robot, picture, size, colours == "file"), run, at, plot)
         return
     _serve(robot, picture, run, host, port, browser=not no_browser)
 
@@ -166,18 +169,10 @@ def _efforts(
     return tau, "of the inverse model"
 
 
-def _write(
-    robot: HybridRobot,
-    picture: Picture,
-    run: Run | None,
-    at: float | None,
-    size: tuple[int, int],
-    own_colours: bool,
-    target: str,
-) -> None:
+def _write(shot: Shot, run: Run | None, at: float | None, target: str) -> None:
     """Write a picture or a film, as the ending of the file says."""
     from ..description.writing import appearing
-    from ..view.film import frames_around, frames_of_run, pictures_of, save_mp4
+    from ..view.film import frames_around, frames_of_run, pictures_of, save_mp4, still
     from ..view.render import save_png
 
     if at is not None and run is None:
@@ -186,12 +181,9 @@ def _write(
         raise click.UsageError(f"--time {at:g}: the motion goes from {run.begin:g} to {run.end:g}")
     with appearing(target) as draft, Progress("pictures") as progress:
         if target.lower().endswith(".png"):
-            save_png(_image(robot, picture, run, at, size, own_colours), str(draft))
+            save_png(still(shot, run, at), str(draft))
             return
-        if run is None:
-            frames = frames_around(robot, picture, robot.home, size, own_colours=own_colours)
-        else:
-            frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
+        frames = frames_around(shot, shot.robot.home) if run is None else frames_of_run(shot, run)
         whole, _ = pictures_of(run)
 
         def told() -> Iterator[Image]:
@@ -200,27 +192,7 @@ def _write(
                 progress.show(count + 1, (count + 1) / whole)
                 yield frame
 
-        save_mp4(told(), size, str(draft))
-
-
-def _image(
-    robot: HybridRobot,
-    picture: Picture,
-    run: Run | None,
-    at: float | None,
-    size: tuple[int, int],
-    own_colours: bool,
-) -> Image:
-    """Draw the robot at a time of its motion, or at home."""
-    from ..view.camera import camera_around
-    from ..view.placing import extent, place_bodies
-    from ..view.render import labelled, render
-
-    number = 0 if run is None or at is None else run.index(at)
-    placement = place_bodies(robot, robot.home if run is None else run.q[number])
-    camera = camera_around(extent(picture, placement), *size)
-    when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
-    return labelled(render(picture, placement, camera, own_colours=own_colours), f"{robot.name}{when}")
+        save_mp4(told(), shot.size, str(draft))
 
 
 def _serve(

@@ -8,6 +8,9 @@ import numpy as np
 
 from ..spatial import Array
 
+#: Azimuth from which a robot is seen [rad].
+FRONT = -0.9
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -54,7 +57,7 @@ class Camera:
 
 
 def camera_around(
-    corners: Array, width: int, height: int, *, turn: float = -0.9, lift: float = 0.38, room: float = 1.04
+    corners: Array, width: int, height: int, *, turn: float = FRONT, lift: float = 0.38, room: float = 1.04
 ) -> Camera:
     """Build a camera that sees a whole box.
 

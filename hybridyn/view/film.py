@@ -1,19 +1,20 @@
-"""Write MP4 videos without a screen: of a motion, or of a camera orbit around a robot at rest."""
+"""Render pictures and MP4 videos without a screen: of a motion, or around a robot at rest."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import TrajectoryError, install_advice
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .camera import camera_around
+from .camera import FRONT, camera_around
 from .picture import Picture
-from .placing import extent, place_bodies
+from .placing import Placement, extent, place_bodies
 from .render import Image, labelled, render
 from .run import Run
 
@@ -36,27 +37,69 @@ def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
-def frames_of_run(
-    robot: HybridRobot, picture: Picture, run: Run, size: tuple[int, int], *, own_colours: bool = False
-) -> Iterator[Image]:
-    """Render the frames of a motion in real time, or faster if it is longer than `LONGEST`.
+class Shot(NamedTuple):
+    """A robot as pictures and films show it.
 
-    Args:
-        picture: The robot's shapes.
+    Attributes:
+        robot: The robot.
+        picture: Its shapes.
         size: Width and height [pixels].
         own_colours: Whether shapes keep the colours of their files.
+    """
+
+    robot: HybridRobot
+    picture: Picture
+    size: tuple[int, int]
+    own_colours: bool = False
+
+    def image(self, placement: Placement, corners: Array, text: str, turn: float = FRONT) -> Image:
+        """Render the robot at a posture.
+
+        Args:
+            placement: Poses of its bodies.
+            corners: Box that the camera sees, shape (2, 3), [m].
+            text: Label after the robot's name.
+            turn: Azimuth of the camera about the vertical [rad].
+        """
+        camera = camera_around(corners, *self.size, turn=turn)
+        image = render(self.picture, placement, camera, own_colours=self.own_colours)
+        return labelled(image, f"{self.robot.name}{text}")
+
+
+def still(shot: Shot, run: Run | None, at: float | None) -> Image:
+    """Render the robot at a time of a motion, or at its start; at home without one."""
+    number = 0 if run is None or at is None else run.index(at)
+    placement = place_bodies(shot.robot, shot.robot.home if run is None else run.q[number])
+    when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
+    return shot.image(placement, extent(shot.picture, placement), when)
+
+
+def frames_of_run(shot: Shot, run: Run) -> Iterator[Image]:
+    """Render the frames of a motion in real time, or faster if it is longer than `LONGEST`.
 
     Yields:
         Images, `RATE` of them per second.
     """
-    camera = camera_around(corners_of(robot, picture, run), *size)
+    corners = corners_of(shot.robot, shot.picture, run)
     count, speed = pictures_of(run)
     faster = f", shown {speed:.3g} times as fast" if speed > 1 and run.timed else ""
     for at in np.linspace(run.begin, run.end, count):
         number = run.index(float(at))
-        image = render(picture, place_bodies(robot, run.q[number]), camera, own_colours=own_colours)
-        text = f"{robot.name}   {at:.2f} s{faster}" if run.timed else f"{robot.name}   row {number + 1}"
-        yield labelled(image, text)
+        text = f"   {at:.2f} s{faster}" if run.timed else f"   row {number + 1}"
+        yield shot.image(place_bodies(shot.robot, run.q[number]), corners, text)
+
+
+def frames_around(shot: Shot, q: Array) -> Iterator[Image]:
+    """Render the frames of an orbit around a robot at rest, positions of shape (nq,)."""
+    placement = place_bodies(shot.robot, q)
+    count, _ = pictures_of(None)
+    corners = extent(shot.picture, placement)
+    middle, reach = corners.mean(axis=0), float(np.linalg.norm(np.ptp(corners, axis=0)[:2])) / 2
+    # A box that has the same extent from every side stays in view during the orbit.
+    around = np.array([middle - reach, middle + reach])
+    around[:, 2] = corners[:, 2]
+    for turn in np.linspace(0, 2 * np.pi, count, endpoint=False):
+        yield shot.image(placement, around, "", float(turn) + FRONT)
 
 
 def pictures_of(run: Run | None) -> tuple[int, float]:
@@ -70,22 +113,6 @@ def pictures_of(run: Run | None) -> tuple[int, float]:
     span = run.end - run.begin if run.timed else len(run.q) / RATE
     speed = max(span / LONGEST, 1.0)
     return max(2, round(RATE * span / speed)), speed
-
-
-def frames_around(
-    robot: HybridRobot, picture: Picture, q: Array, size: tuple[int, int], *, own_colours: bool = False
-) -> Iterator[Image]:
-    """Render the frames of an orbit around a robot at rest; arguments as for `frames_of_run`."""
-    placement = place_bodies(robot, q)
-    count, _ = pictures_of(None)
-    corners = extent(picture, placement)
-    middle, reach = corners.mean(axis=0), float(np.linalg.norm(np.ptp(corners, axis=0)[:2])) / 2
-    # A box that has the same extent from every side stays in view during the orbit.
-    around = np.array([middle - reach, middle + reach])
-    around[:, 2] = corners[:, 2]
-    for turn in np.linspace(0, 2 * np.pi, count, endpoint=False):
-        camera = camera_around(around, *size, turn=float(turn) - 0.9)
-        yield labelled(render(picture, placement, camera, own_colours=own_colours), robot.name)
 
 
 def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
