@@ -35,7 +35,7 @@ LAWS = {"constant": ("tau",), "table": ("tau", "tau_rate", "tau_bend")} | dict.f
 )
 KINDS = {"constant": "CONSTANT", "table": "TABLE", "pd": "PD", "torque": "TORQUE"}
 #: Length of Newton's last step in a time step, by the type of the numbers.
-LAST_STEP = {"float64": "1e-12", "float32": "1e-5"}
+LAST_NEWTON_STEP = {"float64": "1e-12", "float32": "1e-5"}
 #: C that `laws.h` and `steps.h` need; the direct model reads parameters after its states.
 STEP_HEAD = """#undef ROOM
 #define SCALAR(name) FUNCTION(name)
@@ -193,7 +193,7 @@ class Models:
 def _steps_text(dtype: str) -> str:
     """Return what `steps.h` needs for one step, with as much memory as the method takes."""
     text = _replaced(_own(text_of("steps.h")), "#define STAGES 8", "#define STAGES 4")
-    text = _replaced(text, "#define LAST_STEP 1e-12", f"#define LAST_STEP {LAST_STEP[dtype]}")
+    text = _replaced(text, "#define LAST_STEP 1e-12", f"#define LAST_STEP {LAST_NEWTON_STEP[dtype]}")
     return _replaced(text, "ddm_single_at(in", "ddm_with(law->v, in")
 
 

@@ -1,0 +1,140 @@
+"""Batches on a GPU: samples a second of `hybridyn.warp`, beside compiled models on all cores and MuJoCo Warp.
+
+    python -m benchmarks.batches                 writes benchmarks/results/batches.csv where there is a GPU
+    python -m benchmarks.batches cpu             tries every row once, of few samples, and writes nothing
+
+Each row has the share of the device's limits: bytes that a sample reads and writes, at the speed of a copy;
+and operations of its kernels (a fused product counts as one), at the speed of a kernel of such products. Rows
+of `close` and `step` count no operations, as the number of Newton steps is not known. MuJoCo Warp steps the
+converted robot with its default solver; its error is the largest opening of a loop after the steps [m].
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from timeit import repeat
+from typing import Any
+
+import numpy as np
+
+import hybridyn
+from benchmarks.cases import ROOT
+from hybridyn.compiled.code.kernels import kernel_graph
+from hybridyn.compiled.program import Call
+from hybridyn.warp_batch.functions import wp
+
+ROBOTS = ("five_bar", "gough_stewart", "lx4")
+FIELDS = (
+    "device", "engine", "robot", "model", "dtype", "samples", "per_second", "of_memory", "of_arithmetic",
+    "error",
+)  # fmt: skip
+
+
+def main() -> int:
+    """Measure, or say that nothing was measured."""
+    device = ["cuda:0", *sys.argv[1:]][-1]
+    if wp is None or (device != "cpu" and not wp.is_cuda_available()):
+        print("not measured: there is no GPU, or no Warp")
+        return 0
+    on, rows = wp.get_device(device), []
+    sizes = (64,) if on.is_cpu else tuple(2**k for k in range(10, 21, 2))
+    for name in ROBOTS:
+        for one in (*models(on, name, sizes), *mujoco_warp(on, name, sizes)):
+            rows.append({"device": on.name} | one)
+            print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+    if on.is_cuda:
+        with (ROOT / "benchmarks/results/batches.csv").open("w", newline="") as file:
+            table = csv.DictWriter(file, FIELDS)
+            table.writeheader()
+            table.writerows(rows)
+    return 0
+
+
+def best(call: Callable[..., Any], *given: Any, **more: Any) -> float:
+    """Return the shortest of some times of a call [s], after a first one that builds."""
+    return min(repeat(lambda: (call(*given, **more), wp.synchronize()), number=1, repeat=6)[1:])
+
+
+def row(engine: str, robot: str, model: str, dtype: str, samples: int, seconds: float) -> dict[str, Any]:
+    """Return a row of the table, of the time of all samples."""
+    return dict(zip(FIELDS[1:7], (engine, robot, model, dtype, samples, samples / seconds), strict=True))
+
+
+def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any]]:
+    """Measure the models of a robot in both precisions, and compiled ones on all cores."""
+    robot = hybridyn.load(name)
+    for dtype in ("float64", "float32"):
+        batch = hybridyn.warp(robot, dtype=dtype, device=on)
+        threaded = hybridyn.compile(robot, threads=os.cpu_count() or 1, dtype=dtype)
+        copied, fused = limits(on, dtype)
+        for count in sizes:
+            q, v, a, _ = batch.random_states(count)
+            tau, _ = batch.idm(q, v, a)
+            x = wp.array(q.numpy()[:, robot.motor_q], dtype=q.dtype, device=on)
+            given = {"idm": (q, v, a), "ddm": (q, v, tau), "close": (x,), "step": (q, v, 1e-3)}
+            for model, arrays in given.items():
+                more = {"tau": tau} if model == "step" else {}
+                seconds = best(getattr(batch, model), *arrays, **more)
+                native = batch.made("step_constant" if more else model).native
+                width = sum(size for _, size in (*native.inputs, *native.outputs)) + 1
+                found = row("hybridyn.warp", name, model, dtype, count, seconds)
+                found["of_memory"] = count * width * np.dtype(dtype).itemsize / seconds / copied
+                if model in ("idm", "ddm"):
+                    found["of_arithmetic"] = count * operations(threaded, model) / seconds / fused
+                    host = best(getattr(threaded, model), *(x.numpy() for x in arrays))
+                    yield row("compile", name, model, dtype, count, host)
+                yield found
+
+
+def operations(compiled: hybridyn.CompiledRobot, model: str) -> int:
+    """Return the number of operations of a sample."""
+    program = compiled.programs[model]
+    counts = [len(kernel_graph(kernel).nodes) for kernel in program.kernels]
+    return sum(counts[step.kernel] * step.copies for step in program.steps if isinstance(step, Call))
+
+
+def limits(on: Any, dtype: str) -> tuple[float, float]:
+    """Measure bytes that are copied, and fused products that are computed, in a second."""
+    number, count, length = getattr(wp, dtype), 2**14 if on.is_cpu else 2**22, 4096
+
+    def products(x: wp.array(dtype=number)):  # type: ignore[no-untyped-def, valid-type]
+        i = wp.tid()
+        y = x[i] * number(0.5)
+        for _ in range(length):
+            y = y * number(0.5) + number(1.0)
+        x[i] = y
+
+    kernel = wp.kernel(products, module="unique", enable_backward=False)
+    x, y = (wp.zeros(count, dtype=number, device=on) for _ in range(2))
+    copied = 2 * count * np.dtype(dtype).itemsize / best(wp.copy, x, y)
+    return copied, count * length / best(wp.launch, kernel, dim=count, inputs=[x], device=on)
+
+
+def mujoco_warp(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any]]:
+    """Measure steps of MuJoCo Warp, where it is installed, on the robot that `convert` writes for it."""
+    if find_spec("mujoco_warp") is None:
+        return
+    import mujoco
+    import mujoco_warp as mjw  # type: ignore[import-not-found, unused-ignore]
+
+    file = ROOT / "build" / "batches" / f"{name}.xml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.unlink(missing_ok=True)
+    hybridyn.convert(hybridyn.load(name), file)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    with wp.ScopedDevice(on):
+        there = mjw.put_model(model)
+        for count in sizes:
+            most = 6 * model.neq + 2 * model.nv
+            data = mjw.put_data(model, mujoco.MjData(model), nworld=count, njmax=most)
+            seconds = best(mjw.step, there, data)
+            error = float(np.abs(data.efc.pos.numpy()).max(initial=0.0))
+            yield row("mujoco_warp", name, "step", "float32", count, seconds) | {"error": error}
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
