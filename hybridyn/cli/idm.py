@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -25,6 +25,19 @@ if TYPE_CHECKING:
 
 #: Exit status where the motion exceeds a limit.
 EXCEEDED = 1
+
+
+class Asked(NamedTuple):
+    """What the user asks of a table: the options of the command."""
+
+    tables: Tables
+    loads: bool
+    outputs: list[str] | None
+    effects: tuple[str, ...]
+    passive: str
+    on_singular: str
+    weights: tuple[str, ...]
+    engine: str | None
 
 
 def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
@@ -132,56 +145,56 @@ def command(
         tell_effects(load, tables, wanted, engine, within)
         return 0
 
-    def plan(given: Pass) -> Plan:
-        """Build the plan for a robot and a table."""
-        from ..effects import choose
-
-        robot, layout = given.robot, given.layout
-        shares, on = read_weights(weights, robot.motors), choose(robot, wanted)
-        if loads:  # the report names the limits
-            on = on.only([name for name in on.names if name != "limits"])
-        if not outputs or on.names:
-            check_has_mass(robot, on, layout)
-        obstacles = {
-            "--reactions": tables.reactions is not None,
-            "--passive solved": passive != "given",
-            "--on-singular least-norm": on_singular != "raise",
-            "--weights": shares is not None,
-            "wrenches in the table": bool(layout.wrenches),
-        }
-        chosen = choose_engine(engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
-        model = partial(
-            efforts,
-            passive=passive,
-            on_singular=on_singular,
-            weights=shares,
-            effects=on,
-            reactions=tables.reactions is not None,
-            compiled=chosen.model,
-        )
-        if loads:
-            from .common.loads import Loads, motor_states
-
-            report = Loads(robot, tables, on, chosen)
-            return Plan(partial(motor_states, efforts=model), [], [report], False, chosen.assemble)
-        columns = [f"{name}/effort" for name in robot.motors]
-        observers: list[Observer] = []
-        if outputs:
-            from ..studies.map_table import map_columns
-            from .common.maps import MapSummary, map_rows
-
-            columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
-            model = partial(map_rows, joints=outputs, efforts=model if on.names else None)
-            observers.append(MapSummary(robot, outputs))
-        remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
-        observers.append(
-            Summary(robot, "effort", robot.effort_units, columns, remarks=remarks, engine=chosen)
-        )
-        return Plan(model, columns, observers, assemble=chosen.assemble)
-
-    planned = run(tables, load, plan, outputs=outputs or ())
+    asked = Asked(tables, loads, outputs, wanted, passive, on_singular, weights, engine)
+    planned = run(tables, load, partial(_plan, asked), outputs=outputs or ())
     fails = (fail_on or ("limit" if loads else "never")) == "limit"
     return EXCEEDED if fails and any(one.exceeded for one in planned.observers) else 0
+
+
+def _plan(asked: Asked, given: Pass) -> Plan:
+    """Build the plan for a robot and a table."""
+    from ..effects import choose
+
+    robot, layout = given.robot, given.layout
+    shares, on = read_weights(asked.weights, robot.motors), choose(robot, asked.effects)
+    if asked.loads:  # the report names the limits
+        on = on.only([name for name in on.names if name != "limits"])
+    if not asked.outputs or on.names:
+        check_has_mass(robot, on, layout)
+    obstacles = {
+        "--reactions": asked.tables.reactions is not None,
+        "--passive solved": asked.passive != "given",
+        "--on-singular least-norm": asked.on_singular != "raise",
+        "--weights": shares is not None,
+        "wrenches in the table": bool(layout.wrenches),
+    }
+    chosen = choose_engine(asked.engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
+    model = partial(
+        efforts,
+        passive=asked.passive,
+        on_singular=asked.on_singular,
+        weights=shares,
+        effects=on,
+        reactions=asked.tables.reactions is not None,
+        compiled=chosen.model,
+    )
+    if asked.loads:
+        from .common.loads import Loads, motor_states
+
+        report = Loads(robot, asked.tables, on, chosen)
+        return Plan(partial(motor_states, efforts=model), [], [report], False, chosen.assemble)
+    columns = [f"{name}/effort" for name in robot.motors]
+    observers: list[Observer] = []
+    if asked.outputs:
+        from ..studies.map_table import map_columns
+        from .common.maps import MapSummary, map_rows
+
+        columns = map_columns(robot, asked.outputs, motion=True, efforts=bool(on.names))
+        model = partial(map_rows, joints=asked.outputs, efforts=model if on.names else None)
+        observers.append(MapSummary(robot, asked.outputs))
+    remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
+    observers.append(Summary(robot, "effort", robot.effort_units, columns, remarks=remarks, engine=chosen))
+    return Plan(model, columns, observers, assemble=chosen.assemble)
 
 
 def efforts(
