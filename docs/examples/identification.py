@@ -115,19 +115,19 @@ def main(words: list[str] | None = None) -> None:
         empty, parameters, motors = row(picture, 3, low, 0.34)
         for axis in (*unused, empty):
             axis.remove()
-        known = np.abs(one.true) > 1e-5 * np.abs(one.true).max()
-        order = np.argsort(np.abs(one.found.of_file - one.true)[known] / np.abs(one.true[known]))
-        for values, label, colour in (
-            (one.found.of_file, "file", "#b8bec6"),
-            (one.found.values, "identified", COLOURS[1]),
+        size = np.maximum(np.abs(one.true), 1e-6 * np.abs(one.true).max())
+        claimed, made = 100 * one.found.deviation / size, 100 * np.abs(one.found.values - one.true) / size
+        parameters.loglog(claimed, made, ".", color=COLOURS[1])
+        ends = np.array([claimed.min(), claimed.max()])
+        parameters.loglog(ends, ends, "--", color="#b8bec6", lw=1)
+        plain(parameters, "errors of base parameters", "made [%]", "standard deviation claimed [%]")
+        for errors, colour, label in zip(
+            one.errors, ("#b8bec6", COLOURS[1]), ("file", "identified"), strict=True
         ):
-            off = np.abs(values - one.true)[known] / np.abs(one.true[known])
-            parameters.semilogy(100 * off[order], ".", color=colour, label=label)
-        plain(parameters, "errors of base parameters", "[%]", "parameter")
-        parameters.legend(fontsize=7, frameon=False)
-        for errors, colour in zip(one.errors, ("#b8bec6", COLOURS[1]), strict=True):
-            motors.semilogy(np.arange(1, len(errors) + 1), 100 * errors, "o-", ms=3, lw=0.8, color=colour)
-        plain(motors, "errors of efforts, another motion", "[%]", "motor")
+            at = np.arange(1, len(errors) + 1)
+            motors.semilogy(at, 100 * errors, "o-", ms=3, lw=0.8, color=colour, label=label)
+        motors.legend(fontsize=7, frameon=False)
+        plain(motors, "errors of efforts, other motion", "[%]", "motor")
         view.set_title(one.robot.name, fontsize=9, color=INK)
     print(save(picture, asked, "identification"))
 
