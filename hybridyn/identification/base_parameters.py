@@ -14,10 +14,15 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+from ..assembly.assemble import spanning_positions
 from ..compiled.equations.states import any_accelerations, moving_states
 from ..effects.choice import Choice
+from ..linkage.generic_postures import CLOSED
+from ..linkage.newton import LoopProblem, close
 from ..spatial import Array, Index
+from ..structure.module import Module
 from ..structure.robot import HybridRobot
+from ..threads import one_thread
 from .parameters import StandardParameters, standard_parameters
 from .regressor import effort_rows
 
@@ -26,6 +31,8 @@ from .regressor import effort_rows
 RANK = 1e-9
 #: Random states: so many, and so many equations for each parameter.
 STATES, EQUATIONS = 40, 3
+#: Random postures lie so far from generic ones [rad, module lengths], with loops and without.
+FAR_WITH_LOOPS, FAR = 0.3, 2.5
 #: Entries of Y that are held at once.
 ENTRIES = 4_000_000
 #: Terms that the name of a base parameter shows.
@@ -74,6 +81,7 @@ class BaseParameters:
         return {self.names[i]: float(column[i]) for i in np.flatnonzero(column)}
 
 
+@one_thread()
 def base_parameters(robot: HybridRobot, *, effects: Choice = None, symmetric: bool = False) -> BaseParameters:
     """Compute the base parameters of a robot from Y at random assembled states.
 
@@ -121,8 +129,10 @@ def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -
     """Yield triangular factors of Y in scaled parameters and efforts, over random states."""
     p, motors = len(scale), len(robot.motors)
     count = STATES + EQUATIONS * p // max(motors, 1)
-    q, v, _ = moving_states(robot, count)
-    a = any_accelerations(robot, q, v)
+    q, v, _ = moving_states(robot, count, positions=_spread)
+    a = any_accelerations(robot, q, v, seed=1)  # of another seed: v must not be a
+    if robot.base == "moving":
+        a[:, :6] = np.random.default_rng(2).normal(size=(count, 6))
     effort = np.where(np.array(robot.effort_units) == "N", 1.0, robot.bodies.size)
     step = max(1, ENTRIES // max(p * motors, 1))
     yield np.zeros((0, p))
@@ -130,6 +140,23 @@ def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -
         part = slice(first, first + step)
         Y = effort_rows(robot, parameters, q[part], v[part], a[part]) * scale / effort[:, None]
         yield triangular(Y.reshape(-1, p))
+
+
+def _spread(module: Module, count: int, rng: np.random.Generator) -> Array:
+    """Draw assembled positions of a module's spanning tree far from each other, shape (count, nq)."""
+    m = module.mechanism
+    start = m.postures[rng.integers(len(m.postures), size=count)]
+    Psi = m.basis(m.closures.matrix(m.tree.sweep(start))).Psi / m.reduction.col_scale[:, None]
+    along, _ = np.linalg.qr(Psi)
+    step = np.einsum("tij,tj->ti", along, rng.uniform(-1, 1, along.shape[::2]))
+    x = m.tree.integrate(start, step * m.reduction.col_scale * (FAR_WITH_LOOPS if m.closures.rows else FAR))
+    if m.closures.rows:
+        every = np.ones(m.tree.nv, dtype=bool)
+        found = close(LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, every), x)
+        closed = found.residual <= CLOSED + m.rounding
+        x = np.where(closed[:, None], found.q, start)
+    home = np.tile(m.spec.home, (count, 1))
+    return spanning_positions(module, x, m.tree.sweep(x), home)
 
 
 def triangular(A: Array) -> Array:

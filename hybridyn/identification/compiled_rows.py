@@ -160,7 +160,7 @@ class CompiledRows:
             CompileError: They differ.
         """
         q, v, _ = moving_states(self.robot, COMPARED)
-        a = any_accelerations(self.robot, q, v)
+        a = any_accelerations(self.robot, q, v, seed=1)
         Y, guard = self._run(Library(built), q, v, a)
         wanted = effort_rows(self.robot, self.parameters, q, v, a)[..., self.columns[self._inertial]]
         sure = guard <= GUARD_LIMIT

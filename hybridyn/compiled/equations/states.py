@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ...assembly.assemble import spanning_positions
@@ -42,8 +44,22 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
     return q, v, ddm(robot, q, v, tau), tau
 
 
-def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
+def seen_positions(module: Module, count: int, rng: np.random.Generator) -> Array:
+    """Choose among the generic positions of a module's spanning tree, shape (count, nq)."""
+    postures = len(module.mechanism.postures)
+    return generic_positions(module)[-postures:][rng.integers(postures, size=count)]
+
+
+def moving_states(
+    robot: HybridRobot,
+    count: int,
+    seed: int = 0,
+    positions: Callable[[Module, int, np.random.Generator], Array] = seen_positions,
+) -> tuple[Array, Array, Array]:
     """Draw assembled states with rates and efforts.
+
+    Args:
+        positions: Draws positions of a module's spanning tree.
 
     Returns:
         q, v, tau, shapes (count, nq), (count, nv), (count, motors).
@@ -56,8 +72,7 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         v[:, :6] = rng.normal(size=(count, 6))
     for module in robot.modules[robot.base == "floating" :]:
         m = module.mechanism
-        own = generic_positions(module)[-len(m.postures) :][rng.integers(len(m.postures), size=count)]
-        q[:, module.q_index] = own
+        own = q[:, module.q_index] = positions(module, count, rng)
         x = m.cut.positions(own)
         motion = m.tree.sweep(x)
         basis = m.basis(m.closures.matrix(motion))
