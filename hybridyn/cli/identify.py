@@ -55,11 +55,16 @@ METHODS = ("wls", "irls", "iv")
     "--excite", metavar="FILE", callback=result_file,
     help="Instead of all this: compute a motion to measure, and write it.",
 )  # fmt: skip
+@click.option(
+    "--evaluations", type=click.IntRange(1), metavar="N", default=50, show_default=True,
+    help="With --excite: candidates that are tried.",
+)  # fmt: skip
 @takes_engine
 def command(
     load: RobotChoice,
     log: str | None,
     excite: str | None,
+    evaluations: int,
     effects: list[str],
     symmetric: bool,
     period: float | None,
@@ -92,7 +97,7 @@ def command(
     if excite is not None:
         from ..identification.excitation import excitation
 
-        motion = excitation(robot, period=period or 10.0, **shared)
+        motion = excitation(robot, period=period or 10.0, evaluations=evaluations, **shared)
         motion.write(excite)
         click.echo(f"a period of {motion.period:g} s, condition {motion.condition:.3g}: {excite}", err=True)
         return

@@ -27,7 +27,7 @@ from ..threads import one_thread
 from .base_parameters import base_parameters, units
 from .parameters import standard_parameters
 from .regressor import motions_of_motors
-from .rows import Source, Triple, linear_model
+from .rows import Source, Triple, check_robot, linear_model
 
 #: Samples of a period for each harmonic: the limits are checked there while searching, and finer at the end.
 COARSE, FINE = 30, 60
@@ -129,10 +129,12 @@ def excitation(
         compiled: The robot's compiled models, which close loops faster.
 
     Raises:
-        ModelError: There are too few harmonics, or no motion around home is within the limits.
+        ModelError: There are too few harmonics, no motion is within the limits, or the robot's base is
+            not fixed.
     """
     if harmonics < 3 or not period > 0 or evaluations < 1:
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")
+    check_robot(robot)
     search = _Search.of(robot, effects, symmetric, period, harmonics, gain, compiled)
     rng = np.random.default_rng(seed)
     shape = 2, harmonics, len(robot.motors)

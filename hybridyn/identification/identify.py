@@ -20,7 +20,7 @@ from .consistent import consistent
 from .estimators import METHODS, Fit, estimate
 from .judging import Residuals, residuals
 from .parameters import StandardParameters, standard_parameters, with_parameters
-from .rows import LinearModel, Rows, Source, check_scales, linear_model
+from .rows import LinearModel, Rows, Source, check_robot, check_scales, linear_model
 from .signals import read_log
 
 #: Least radius of gyration of a body about its frame that is thought of, of the robot's size.
@@ -132,7 +132,7 @@ def identify(
 
     Raises:
         TrajectoryError: The log is too short or too poor, or a column is missing or in another unit.
-        ModelError: Effects or names are unknown.
+        ModelError: Effects or names are unknown, or the robot's base is not fixed.
         AssemblyError: The loops cannot be closed at some sample.
     """
     if method not in METHODS:
@@ -143,6 +143,7 @@ def identify(
         raise ModelError(
             "the method 'iv' takes a reference, the commanded motion, and other methods take none"
         )
+    check_robot(robot)
     base = base_parameters(robot, effects=effects, symmetric=symmetric)
     standard = standard_parameters(robot, effects=effects, symmetric=symmetric)
     model = linear_model(base, units(robot, standard), known, only)

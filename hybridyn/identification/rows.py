@@ -204,6 +204,24 @@ class Source:
         return self.regress(motion, self.every_of(data.log))[0]
 
 
+def check_robot(robot: HybridRobot) -> None:
+    """Check that motors alone say how a robot moves.
+
+    Raises:
+        ModelError: Its base moves, it has no motors, or one has several freedoms.
+    """
+    if robot.base != "fixed":
+        raise ModelError(
+            f"the base is {robot.base}: how it moved is not in a log of the motors; identify the robot on a "
+            "fixed base (base='fixed')"
+        )
+    if not robot.motors:
+        raise ModelError("the robot has no motors: name them (motors=[...])")
+    for name in robot.motors:
+        if robot.records[name].kind not in ("revolute", "continuous", "prismatic"):
+            raise ModelError(f"motor '{name}' has several freedoms: no log has columns for it", element=name)
+
+
 def _ask_units(robot: HybridRobot, log: Log) -> None:
     """Check that positions are in metres and radians, as far as limits tell.
 

@@ -56,7 +56,7 @@ def test_the_command_excites_identifies_and_reports(
 ) -> None:
     """Excite, record (here: compute), identify, report, draw, write the robot, and load it again."""
     monkeypatch.chdir(tmp_path)
-    call(capsys, "identify", "five_bar", "--excite", "motion.csv", "--period", "4")
+    call(capsys, "identify", "five_bar", "--excite", "motion.csv", "--period", "4", "--evaluations", "5")
     call(capsys, "idm", "five_bar", "motion.csv", "--effects", "model", "-o", "efforts.csv")
     table: dict[str, np.ndarray] = {}
     for file, kind in (("motion.csv", ("time", "position")), ("efforts.csv", ("effort",))):
