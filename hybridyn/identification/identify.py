@@ -121,7 +121,7 @@ def identify(
             "iv": instrumental variables, against the bias by noise of positions.
         reference: For "iv": the commanded motion, a table with time and positions, on the log's clock.
         validate: A log of a second motion, on which the result is tested.
-        known: Parameters whose numbers in the robot's file are right: names, or patterns such as "m of *".
+        known: Parameters whose numbers in the robot's file are right: names, or patterns as of files.
         only: Parameters to be identified, in the same way; all others are known.
         prior: How far the file's numbers may be wrong, as a part of them: what the efforts do not tell stays
             near them.
