@@ -119,24 +119,26 @@ def command(
     scene = source.endswith(".toml")
     if not scene and trajectory is None:
         trajectory = own_trajectory(source)
-    if trajectory is not None and trajectory.lower().endswith(".toml"):
-        raise click.UsageError(
-            f"'{trajectory}' is a scene, which names its robot: 'hybridyn cost {trajectory}'"
-        )
-    if scene and trajectory is not None:
-        raise click.UsageError(
-            f"a scene has its own motion: 'hybridyn cost {source}', without '{trajectory}'"
-        )
-    if not scene and trajectory is None:
-        raise click.UsageError("give a robot and a trajectory, or a scene alone (a .toml file)")
-    if scene and load != RobotChoice(source):
-        raise click.UsageError("the robot's options stand in the scene: leave them out")
-    if not scene and (until or allow_python):
-        raise click.UsageError("--until and --allow-python are for scenes")
-    if scene and (engines or quantity != QUANTITIES[0]):
-        raise click.UsageError(
-            "--with and --quantity are for a robot and a trajectory: 'hybridyn cost ROBOT TRAJECTORY'"
-        )
+    given = trajectory is not None and trajectory.lower().endswith(".toml")
+    for wrong, said in (
+        (given, f"'{trajectory}' is a scene, which names its robot: 'hybridyn cost {trajectory}'"),
+        (
+            scene and trajectory is not None,
+            f"a scene has its own motion: 'hybridyn cost {source}', without '{trajectory}'",
+        ),
+        (
+            not scene and trajectory is None,
+            "give a robot and a trajectory, or a scene alone (a .toml file)",
+        ),
+        (scene and load != RobotChoice(source), "the robot's options stand in the scene: leave them out"),
+        (not scene and (until or allow_python), "--until and --allow-python are for scenes"),
+        (
+            scene and (engines or quantity != QUANTITIES[0]),
+            "--with and --quantity are for a robot and a trajectory: 'hybridyn cost ROBOT TRAJECTORY'",
+        ),
+    ):
+        if wrong:
+            raise click.UsageError(said)
     study, status, lines = Study("", "per run" if scene else "per sample"), 0, list[str]()
     try:
         if scene:
@@ -252,7 +254,7 @@ def _report(study: Study, needed: list[str], *, every: bool) -> list[str]:
     lines += [
         "",
         f"errors are against {study.reference} (its own error: {study.own_error:.0e})",
-        *study.remarks,
+        *(textwrap.shorten(remark, 2 * WIDTH, placeholder=" ...") for remark in study.remarks),
     ]
     left = len(study.points) - len(shown)
     return [*lines, f"{left} more settings were measured: --all shows them"] if left else lines
@@ -270,14 +272,9 @@ def _effects(study: Study, where: str) -> list[str]:
 
 
 def _failures(study: Study) -> list[str]:
-    """Return lines that name settings without a result and the reason, grouped by reason."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for p in study.points:
-        if p.failure:
-            why = textwrap.shorten(p.failure, WIDTH, placeholder=" ...")
-            found.setdefault((p.line, why), []).append(p.setting)
-    lines = [f"no result: {line}, {'; '.join(settings)}: {why}" for (line, why), settings in found.items()]
-    return [*lines, ""] if lines else []
+    """Return lines that name settings without a result and the reason."""
+    found = (f"{p.line}, {p.setting}: {p.failure}" for p in study.points if p.failure)
+    return [f"no result: {textwrap.shorten(line, WIDTH, placeholder=' ...')}" for line in found]
 
 
 def _time(seconds: float) -> str:

@@ -24,7 +24,6 @@ from ...structure.robot import HybridRobot
 from ..compare.engine import NotComparableError
 from ..compare.methods import Method, written
 from .fragments import model_fragment
-from .operations import operations
 from .points import ADVISED, NOISE, Point, Study, Worth, cheapest, timed
 from .quantities import (
     DIFFERENCES,
@@ -38,8 +37,10 @@ from .quantities import (
     Way,
     blocks,
     exact,
+    extrapolated,
     general,
     motors_of,
+    operations,
     ways,
 )
 from .rates import by_rates
@@ -50,8 +51,10 @@ if TYPE_CHECKING:
 #: Rows of the trajectory on which models are compared, evenly spread; of these, how many are computed one by
 #: one; and consecutive rows that are closed in C, and by the general path, a hundred times as slow.
 SAMPLES, ONE_BY_ONE, CLOSED, CLOSED_SLOWLY = 400, 20, 400, 40
-#: Rows of the batch that threads share.
-THREADED = 20_000
+#: Rows at which derivatives are compared, whose reference takes long.
+DERIVED = 8
+#: Rows of a batch of derivatives, and of that which threads share.
+MANY, THREADED = 400, 20_000
 #: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
 #: Effects that are never omitted: those of platforms and serial links.
@@ -157,16 +160,20 @@ class _Run:
 
     def begin(self, study: Study) -> None:
         """Compute the states and the reference."""
-        q, v, a = self.trajectory.thinned()
+        derived = self.quantity.endswith("jacobian")
+        q, v, a = self.trajectory.thinned(DERIVED if derived else SAMPLES)
         motions = [(q, v, a), (q, SLOWER * v, SLOWER**2 * a)]
         if self.quantity.startswith("ddm"):
             motions = [(*state[:2], idm(self.robot, *state, effects=self.effects)) for state in motions]
+        if derived:
+            both = [extrapolated(self.models, self.quantity, self.effects, state) for state in motions]
+            study.reference, study.own_error = "extrapolated central differences", max(x[1] for x in both)
+            self.task = Task(motions, [x[0] for x in both])
+            return
         try:
             found = [exact(self.quantity, self.robot, self.effects, state) for state in motions]
             study.reference, study.own_error = "the same model in 113-bit arithmetic", 2.0**-53
         except (HybridynError, ImportError) as error:
-            if self.quantity.endswith("jacobian"):
-                raise
             call = general(self.quantity, self.robot, self.effects)
             found = [blocks(call(*state)) for state in motions]
             study.reference, study.own_error = f"the general path (no C code: {error})", UNJUDGED
@@ -213,7 +220,8 @@ def _by_way(study: Study, run: _Run, way: Way) -> Iterator[Point]:
         return
     solve, states = way.method.prepare(run.robot, way.threads)({}), run.task.motions[0]
     error, elsewhere = run.task.errors(solve)
-    copies = -(-THREADED // len(states[0])) if way.threads > 1 else 1
+    least = THREADED if way.threads > 1 else MANY if run.quantity.endswith("jacobian") else 1
+    copies = -(-least // len(states[0]))
     batch = [np.tile(x, (copies, 1)) for x in states]
     own = timed(partial(solve, *batch), 2 if line == GENERAL else 3)[1] / len(batch[0])
     stage = GENERAL if line == GENERAL else IN_C
@@ -249,30 +257,27 @@ def _in_single_calls(run: _Run, batch: Point, solve: Any) -> Point:
     """Measure calls for one sample each, as a controller makes them: from the motors where they are given."""
     motion, robot, words, before = run.trajectory.motion, run.robot, batch.setting, run.closing[IN_C]
     model = None if batch.use == "usual" else run.models.compiled(run.effects)
-    from_motors = run.stages and motion and {*motion.joints} == {*robot.motors} and not motion.platforms
-    states = [
-        state for state, _ in zip(zip(*run.task.motions[0], strict=True), range(ONE_BY_ONE), strict=False)
-    ]
     step: Any = None
-    if from_motors and model:
+    if run.stages and model and motion and {*motion.joints} == {*robot.motors} and not motion.platforms:
         step, words, before = model.idm_from_motors, f"{words}, from the motors", 0.0
     elif run.quantity == "close" and model:
-        step = model.close
+        step, words = model.close, "tick after tick"
+    states = [x[:ONE_BY_ONE] for x in run.task.motions[0]]
     if step:
-        rows = zip(*motors_of(robot, *(x[: 5 * ONE_BY_ONE] for x in run.trajectory.state)), strict=True)
-        states = list(rows)
+        states = [*motors_of(robot, *(x[: 5 * ONE_BY_ONE] for x in run.trajectory.state))]
+    samples = [*zip(*states, strict=True)]
 
     def calls() -> None:
         """Compute sample after sample."""
         last = run.trajectory.q[0]
-        for state in states:
+        for sample in samples:
             if step is None:
-                solve(*state)
+                solve(*sample)
             else:
-                last = step(*state, last=last)[-3]
+                last = step(*sample, last=last)[-3]
 
     calls()
-    own = timed(calls)[1] / len(states)
+    own = timed(calls)[1] / len(samples)
     name = run.quantity if step is None else step.__name__
     return replace(
         batch, line=f"{batch.line}, one call a sample", setting=words, seconds=before + own, own=own,

@@ -36,6 +36,8 @@ QUANTITIES = {
 GENERAL, IN_C, SINGLE, DIFFERENCES = "general path", "compiled", "compiled, float32", "central differences"
 #: Steps of differences of the motors' positions, rates, and accelerations or efforts.
 STEPS = tuple(10.0**-k for k in range(1, 8))
+#: Step of the differences that are extrapolated.
+EXTRAPOLATED = 1e-4
 
 #: Speed of the second motion, relative to the first, on the same path.
 SLOWER = 0.7
@@ -240,7 +242,7 @@ def _differences(models: Models, quantity: str, effects: Effects, robot: HybridR
 
 
 def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> list[Array]:
-    """Compute a quantity in 113-bit arithmetic, rounded at the end, as blocks of shape (T, ...).
+    """Compute a quantity in 113-bit arithmetic, rounded at the end, as blocks of shape (T, n).
 
     Raises:
         HybridynError: The C code cannot be built, or it is not certain of every sample.
@@ -249,15 +251,41 @@ def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> 
     from ...compiled.library.calls import load
     from ...compiled.programs.whole_robot import programs
 
-    derived = quantity.endswith("jacobian")
-    if derived:
-        program = _derivatives(quantity, effects, robot)({}).program
-    else:
-        program = programs(robot, effects, models=(quantity,))[quantity]
+    program = programs(robot, effects, models=(quantity,))[quantity]
     base = [np.zeros((len(state[0]), size)) for _, size in program.inputs[3:]]  # that of a moving base
     found, guard = load([program], dtype="float128").batch(program.name, *state, *base)
     if not np.all(guard <= 1.0):
         raise HybridynError("the compiled model is not certain of every sample")
-    out = [np.asarray(x, dtype=float) for x in found]
-    motors = len(robot.motors)
-    return [x.reshape(len(x), motors, -1) for x in out[1:]] if derived else out
+    return [np.asarray(x, dtype=float) for x in found]
+
+
+def extrapolated(models: Models, quantity: str, effects: Effects, state: State) -> tuple[list[Array], float]:
+    """Compute derivatives by central differences, extrapolated to a step of zero.
+
+    Code of derivatives in 113 bits takes minutes to build.
+
+    Returns:
+        Blocks of shape (T, motors, motors), and their own error, relative to the largest number of each.
+    """
+    at = _differences(models, quantity, effects, models.robot)
+    samples = [*zip(*state, strict=True)]
+    coarse, middle, fine = (
+        np.array([at({"step": factor * EXTRAPOLATED})(*sample) for sample in samples]) for factor in (4, 2, 1)
+    )
+    less, best = ((4.0 * x - y) / 3.0 for x, y in ((middle, coarse), (fine, middle)))
+    found = [*np.moveaxis(best, 1, 0)]
+    own = max(map(_error, np.moveaxis(less, 1, 0), found, len(found) * [slice(None)]))
+    return found, own
+
+
+def operations(robot: HybridRobot, effects: Effects, model: str) -> float:
+    """Count the operations of a model without building code; nan where no program can be written."""
+    try:
+        from ...compiled.program import Call
+        from ...compiled.programs.whole_robot import programs
+
+        program = programs(robot, effects, models=(model,))[model]
+    except (HybridynError, ImportError):
+        return float("nan")
+    calls = (step for step in program.steps if isinstance(step, Call))
+    return float(sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -38,50 +39,45 @@ def by_rates(
         close: Closes the loops like `hybridyn.assemble`, but for the robot.
     """
     kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
-    obstacle = _obstacle(time, kinds - {"revolute", "prismatic"}, robot)
+    obstacle = ""
+    if time is None or len(time) < 3 * EDGE:
+        obstacle = f"not measured: needs times and {3 * EDGE} rows or more"
+    elif robot.base != "fixed" or kinds - {"revolute", "prismatic"}:
+        obstacle = "not measured: needs a fixed base and motors on revolute and prismatic joints"
     if obstacle or time is None:
         yield Point(LINE, "spline, differences", np.inf, np.inf, "", obstacle)
         return
-    p = q[:, robot.motor_q]
-    inner = slice(EDGE, len(time) - EDGE)
+    x, inner = q[:, robot.motor_q], slice(EDGE, len(time) - EDGE)
     wanted = idm(robot, q[inner], v[inner], a[inner], effects=effects)
     peak = np.abs(wanted).max(axis=0)
-    peak = np.where(peak > 0, peak, 1.0)
-
-    spline = partial(derivatives, time, p, slice(0, len(time)))
-
-    def differences() -> tuple[Array, Array]:
-        """Fit rates by central differences."""
-        rate = np.gradient(p, time, axis=0)
-        return rate, np.gradient(rate, time, axis=0)
-
+    rules: dict[str, Callable[[], tuple[Array, Array]]] = {
+        "quintic spline": partial(derivatives, time, x, slice(0, len(time))),
+        "central differences": partial(_differences, time, x),
+    }
     against = ""
-    for words, rule in (("quintic spline", spline), ("central differences", differences)):
-        (rate, acceleration), seconds = timed(rule)
+    for words, rule in rules.items():
+        rates, seconds = timed(rule)
+        own = seconds / len(time)
+        point = Point(
+            LINE, words + against, np.inf, own, f"# rates by {words} of the motors' positions",
+            use="comparison" if against else "program", what=f"take rates by {words}", own=own,
+        )  # fmt: skip
         try:
-            motors = {m: (p[:, i], rate[:, i], acceleration[:, i]) for i, m in enumerate(robot.motors)}
-            moved = close(motors=motors, guess=q[0])
-            tau = idm(robot, *(x[inner] for x in moved), effects=effects)
+            moved = close(motors=(x, *rates), guess=q[0])
+            off = np.abs(idm(robot, *(one[inner] for one in moved), effects=effects) - wanted)
         except HybridynError as failure:
-            yield Point(LINE, words, np.inf, np.inf, "", str(failure))
+            yield replace(point, failure=str(failure))
             continue
-        off = float((np.abs(tau - wanted) / peak).max(initial=0.0))
-        if off < SAME_RULE:  # its error is unknown
+        error = float((off / np.where(peak > 0, peak, 1.0)).max(initial=0.0))
+        if error < SAME_RULE:  # its error is unknown
             against = ", against that spline"
             reason = "the table has no rates: this spline replaces them, and there is nothing to compare with"
-            yield Point(LINE, words, np.inf, np.inf, "", reason)
+            yield replace(point, failure=reason)
             continue
-        own = seconds / len(time)
-        fragment = f"# rates by {words} of the motors' positions"
-        what = f"take rates by {words}"
-        use = "comparison" if against else "program"
-        yield Point(LINE, words + against, off, own, fragment, use=use, what=what, own=own)  # type: ignore[arg-type]
+        yield replace(point, error=error)
 
 
-def _obstacle(time: Array | None, odd_kinds: set[str], robot: HybridRobot) -> str:
-    """Return the reason why rates cannot be computed from positions, or ""."""
-    if time is None or len(time) < 3 * EDGE:
-        return f"not measured: needs times and {3 * EDGE} rows or more"
-    if robot.base != "fixed" or odd_kinds or not robot.motors:
-        return "not measured: needs a fixed base and motors on revolute and prismatic joints"
-    return ""
+def _differences(time: Array, x: Array) -> tuple[Array, Array]:
+    """Fit rates by central differences."""
+    rate = np.gradient(x, time, axis=0)
+    return rate, np.gradient(rate, time, axis=0)

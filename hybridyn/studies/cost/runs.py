@@ -23,9 +23,8 @@ from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .fragments import effects_fragment, solver_fragment
-from .operations import operations
 from .points import ADVISED, SECONDS, Point, Study, Worth, cheapest
-from .quantities import SLOWER, Models
+from .quantities import SLOWER, Models, operations
 from .settings import FACTORS, Setting, families, setting_of, usual_setting
 
 #: Parts of `SECONDS`: for one family of settings, for the general path, and for the effects together.
