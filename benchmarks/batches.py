@@ -1,6 +1,6 @@
 """Batches on a GPU: samples a second of `hybridyn.warp`, beside compiled models on all cores and MuJoCo Warp.
 
-    python -m benchmarks.batches                 writes benchmarks/results/batches.csv where there is a GPU
+    python -m benchmarks.batches                 writes benchmarks/results/batches.csv; speeds need a GPU
     python -m benchmarks.batches cpu             tries every row once, of few samples, and writes nothing
 
 Each row has the share of the device's limits: bytes that a sample reads and writes, at the speed of a copy;
@@ -16,6 +16,8 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from tempfile import TemporaryDirectory
+from time import perf_counter
 from timeit import repeat
 from typing import Any
 
@@ -30,33 +32,50 @@ from hybridyn.warp_batch.functions import wp
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
 FIELDS = (
     "device", "engine", "robot", "model", "dtype", "samples", "per_second", "of_memory", "of_arithmetic",
-    "error",
+    "error", "seconds",
 )  # fmt: skip
 
 
 def main() -> int:
     """Measure, or say that nothing was measured."""
     device = ["cuda:0", *sys.argv[1:]][-1]
-    if wp is None or (device != "cpu" and not wp.is_cuda_available()):
-        print("not measured: there is no GPU, or no Warp")
-        return 0
-    on, rows = wp.get_device(device), []
+    if wp is None:
+        sys.exit("not measured: Warp is not installed")
+    measured = device == "cpu" or wp.is_cuda_available()
+    on, rows = wp.get_device(device if measured else "cpu"), []
     sizes = (64,) if on.is_cpu else tuple(2**k for k in range(10, 21, 2))
     for name in ROBOTS:
-        for one in (*models(on, name, sizes), *mujoco_warp(on, name, sizes)):
+        speeds = (*models(on, name, sizes), *mujoco_warp(on, name, sizes)) if measured else ()
+        for one in (*builds(name), *speeds):
             rows.append({"device": on.name} | one)
             print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
-    if on.is_cuda:
+    if device != "cpu":
         with (ROOT / "benchmarks/results/batches.csv").open("w", newline="") as file:
             table = csv.DictWriter(file, FIELDS)
             table.writeheader()
             table.writerows(rows)
+    if not measured:
+        print("the speed is not measured: Warp finds no GPU")
     return 0
 
 
 def best(call: Callable[..., Any], *given: Any, **more: Any) -> float:
     """Return the shortest of some times of a call [s], after a first one that builds."""
     return min(repeat(lambda: (call(*given, **more), wp.synchronize()), number=1, repeat=6)[1:])
+
+
+def builds(name: str) -> Iterator[dict[str, Any]]:
+    """Measure how long NVRTC takes for two kinds of GPU, which need not be there [s]."""
+    batch = hybridyn.warp(hybridyn.load(name), device="cpu")
+    for model in ("idm", "ddm", "close", "step_constant"):
+        with TemporaryDirectory() as folder:
+            start = perf_counter()
+            wp.compile_aot_module(
+                batch.made(model).kernel.module, arch=[80, 90], module_dir=folder, use_ptx=False
+            )
+        yield dict(zip(FIELDS[1:5], ("NVRTC", name, model, "float64"), strict=True)) | {
+            "seconds": perf_counter() - start
+        }
 
 
 def row(engine: str, robot: str, model: str, dtype: str, samples: int, seconds: float) -> dict[str, Any]:

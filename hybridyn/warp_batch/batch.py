@@ -139,7 +139,9 @@ class Batch:
             given["base_acceleration"] = np.zeros(6) if base_acceleration is None else base_acceleration
         return self._run("ddm", given, partial(self._general.model, "ddm") if fallback else None)
 
-    def kinematics(self, q: Any, v: Any, a: Any, *, parameters: Any = None) -> tuple[Any, ...]:
+    def kinematics(
+        self, q: Any, v: Any, a: Any, *, parameters: Any = None, fallback: bool = False
+    ) -> tuple[Any, ...]:
         """Compute the motion of every body in the world.
 
         Args:
@@ -147,6 +149,7 @@ class Batch:
             v: Rates, shape (N, nv), [m/s, rad/s].
             a: Accelerations, shape (N, nv), [m/s^2, rad/s^2].
             parameters: As in `idm`.
+            fallback: As in `idm`.
 
         Returns:
             24 numbers for each body, shape (N, 24 bodies): axes row by row, origin, velocity, angular
@@ -155,7 +158,10 @@ class Batch:
         Raises:
             HybridynError: An array is wrong.
         """
-        return self._run("kinematics", {"q": q, "v": v, "a": a} | self._numbers(parameters))
+        given = {"q": q, "v": v, "a": a} | self._numbers(parameters)
+        return self._run(
+            "kinematics", given, partial(self._general.model, "kinematics") if fallback else None
+        )
 
     def close(
         self,

@@ -14,6 +14,7 @@ from hybridyn.warp_batch import functions
 from tests.comparing import close_to
 from tests.extras import needs
 from tests.quantities.ankle import JOINTS, ankle
+from tests.samples import slow
 
 wp = needs("gpu")
 wp.config.quiet = True
@@ -93,7 +94,7 @@ def test_users_kernels_call_the_functions(robot: hybridyn.HybridRobot) -> None:
     assert (out[2].numpy() <= 1).all()
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype", ["float64", slow("float32")])
 def test_the_map_of_an_ankle_is_that_of_the_general_path(tmp_path: Path, dtype: str) -> None:
     batch = hybridyn.warp(ankle(tmp_path), dtype=dtype, device="cpu")
     wanted = np.array([[0.1, -0.2], [0.3, 0.15], [-0.4, 0.1]])
