@@ -23,8 +23,8 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.engine import NotComparableError
 from ..compare.methods import Method, written
-from .fragments import model_fragment
-from .points import ADVISED, NOISE, Point, Study, Worth, cheapest, timed
+from .effect_sets import by_effects
+from .points import ADVISED, Point, Study, timed
 from .quantities import (
     DIFFERENCES,
     GENERAL,
@@ -40,7 +40,6 @@ from .quantities import (
     extrapolated,
     general,
     motors_of,
-    operations,
     ways,
 )
 from .rates import by_rates
@@ -57,8 +56,6 @@ DERIVED = 8
 MANY, THREADED = 400, 20_000
 #: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
-#: Effects that are never omitted: those of platforms and serial links.
-KEPT = ("gravity", "inertia")
 #: The usual setting in words, where no effects are in question.
 USUAL = {"close": "the general path", "idm_jacobian": "all of them in C", "ddm_jacobian": "all of them in C"}
 #: Part of the time of the whole by which that of its stages together may differ.
@@ -132,13 +129,13 @@ def study_models(
     study.subject, study.usual = QUANTITIES[quantity], USUAL.get(quantity, study.usual)
     study.question = f"error of {study.subject} against time per sample, {len(trajectory.q):,} rows"
     study.second = f"the same path at {SLOWER:g} times the speed"
-    for point in _points(study, _Run(robot, trajectory, effects, quantity), engines, target):
+    for point in _points(study, Measured(robot, trajectory, effects, quantity), engines, target):
         study.points.append(point)
         progress(point)
     return study
 
 
-class _Run:
+class Measured:
     """A robot on a trajectory, and what is measured of it.
 
     Attributes:
@@ -189,7 +186,7 @@ class _Run:
         return partial(call or partial(assemble, self.robot), **options), part.size
 
 
-def _points(study: Study, run: _Run, engines: Sequence[str], target: float) -> Iterator[Point]:
+def _points(study: Study, run: Measured, engines: Sequence[str], target: float) -> Iterator[Point]:
     """Yield the points of a study as they are measured, and fill in the rest of it."""
     if not run.robot.motors:
         raise HybridynError(
@@ -203,7 +200,7 @@ def _points(study: Study, run: _Run, engines: Sequence[str], target: float) -> I
             said = f"no compiled models: {error}"
             study.remarks += [said] * (said not in study.remarks)
     if run.quantity in ("idm", "ddm"):
-        yield from _by_effects(study, run, target)
+        yield from by_effects(study, run, target)
     if run.quantity == "idm":
         close = partial(assemble, run.robot)
         for point in by_rates(run.robot, run.trajectory.time, *run.trajectory.state, run.effects, close):
@@ -212,7 +209,7 @@ def _points(study: Study, run: _Run, engines: Sequence[str], target: float) -> I
         yield from _by_engine(study, run, name)
 
 
-def _by_way(study: Study, run: _Run, way: Way) -> Iterator[Point]:
+def _by_way(study: Study, run: Measured, way: Way) -> Iterator[Point]:
     """Measure one of our own ways: a batch; and in C one call a sample."""
     line = way.method.name
     if line == DIFFERENCES:
@@ -241,7 +238,7 @@ def _by_way(study: Study, run: _Run, way: Way) -> Iterator[Point]:
 
 
 def _check_sum(
-    study: Study, run: _Run, line: str, own: float, whole: Callable[[], object], count: int
+    study: Study, run: Measured, line: str, own: float, whole: Callable[[], object], count: int
 ) -> None:
     """Run closing and model together, and remark if the stages do not add up."""
     together = timed(whole, 3)[1] / count
@@ -253,7 +250,7 @@ def _check_sum(
         )
 
 
-def _in_single_calls(run: _Run, batch: Point, solve: Any) -> Point:
+def _in_single_calls(run: Measured, batch: Point, solve: Any) -> Point:
     """Measure calls for one sample each, as a controller makes them: from the motors where they are given."""
     motion, robot, words, before = run.trajectory.motion, run.robot, batch.setting, run.closing[IN_C]
     model = None if batch.use == "usual" else run.models.compiled(run.effects)
@@ -286,7 +283,7 @@ def _in_single_calls(run: _Run, batch: Point, solve: Any) -> Point:
     )  # fmt: skip
 
 
-def _one_by_one(run: _Run, method: Method, way: Way | None = None) -> Iterator[Point]:
+def _one_by_one(run: Measured, method: Method, way: Way | None = None) -> Iterator[Point]:
     """Sweep a method that computes one sample at a time; without a way it is another engine's."""
     at = method.prepare(run.robot)
     count = len(run.task.motions[0][0])
@@ -309,7 +306,7 @@ def _one_by_one(run: _Run, method: Method, way: Way | None = None) -> Iterator[P
         )  # fmt: skip
 
 
-def _by_engine(study: Study, run: _Run, name: str) -> Iterator[Point]:
+def _by_engine(study: Study, run: Measured, name: str) -> Iterator[Point]:
     """Sweep what an engine has for the quantity, where it holds the robot's closures."""
     place = f"{__package__.rpartition('.')[0]}.compare.engines.{ENGINES[name]}"
     methods: list[Method] = [one for one in import_module(place).METHODS if one.model == run.quantity]
@@ -323,66 +320,3 @@ def _by_engine(study: Study, run: _Run, name: str) -> Iterator[Point]:
         refusals = [f"has none of {study.subject} of robots with loops"]
     if len(refusals) >= len(methods):
         study.remarks += [f"{name}: {why}" for why in dict.fromkeys(refusals)]
-
-
-def _by_effects(study: Study, run: _Run, target: float) -> Iterator[Point]:
-    """Measure sets of effects: without each, then without the least important ones together.
-
-    Errors are those of the general path; times follow from the operations of the compiled model, until the
-    set that is worth advising is built and run.
-    """
-    robot, effects = run.robot, run.effects
-    optional = [name for name in effects.names if name not in KEPT]
-    every = operations(robot, effects, run.quantity)
-
-    def measured(out: Sequence[str]) -> Point:
-        """Measure the model without some effects."""
-        names = tuple(name for name in effects.names if name not in out)
-        on = effects.only(names)
-        words = "without " + listed([name.replace("_", " ") for name in out])
-        part = operations(robot, on, run.quantity) / every
-        own = run.whole * (part if np.isfinite(part) else 1.0)
-        error, elsewhere = run.task.errors(general(run.quantity, robot, on))
-        return Point(
-            IN_C, words, error, run.closing[IN_C] + own, model_fragment(names, "compiled", run.quantity),
-            what=words.replace("without", "drop", 1) + " and compute in C", own=own, elsewhere=elsewhere,
-            how="time by operations",
-        )  # fmt: skip
-
-    alone: dict[str, Point] = {}
-    for name in optional:
-        try:
-            alone[name] = measured([name])
-        except HybridynError as error:  # a massless motion, without the inertia of a leg
-            study.remarks.append(f"without {name}: {error}")
-    for name, point in alone.items():
-        share = 1.0 - point.own / run.whole
-        study.worth.append(Worth(name, point.error, share, computed=True))
-        yield point
-    optional = [*alone]
-    order = sorted(optional, key=lambda name: alone[name].error)
-    sets = {point.setting: [name] for name, point in alone.items()}
-    for count in range(2, len(order) + 1):
-        try:
-            point = measured(order[:count])
-        except HybridynError:
-            break
-        sets[point.setting] = order[:count]
-        yield point
-    yield from _built(study, run, sets, target)
-
-
-def _built(study: Study, run: _Run, sets: dict[str, list[str]], target: float) -> Iterator[Point]:
-    """Build and run the fastest set of effects that is exact enough, if it is faster than every effect."""
-    known, best = cheapest(study, target), None
-    for point in study.points:
-        if point.setting in sets and point.error <= target and (not best or point.seconds < best.seconds):
-            best = point
-    if best is None or known is None or best.seconds * NOISE > known.seconds:
-        return
-    on = run.effects.only([name for name in run.effects.names if name not in sets[best.setting]])
-    solve = getattr(run.models.compiled(on), run.quantity)
-    error, elsewhere = run.task.errors(solve)
-    own = timed(partial(solve, *run.task.motions[0]), 3)[1] / len(run.task.motions[0][0])
-    study.points.remove(best)
-    yield replace(best, error=error, elsewhere=elsewhere, own=own, seconds=run.closing[IN_C] + own, how="")
