@@ -28,7 +28,7 @@ from benchmarks.cases import ROOT, case_of
 from benchmarks.peers import methods_of, ours, rk4
 from benchmarks.results import Row
 from benchmarks.timing import ONE_THREAD
-from hybridyn.compiled.library import compilers
+from hybridyn.compiled.library import building
 from hybridyn.description.cache_folder import folder as cache_folder
 from hybridyn.errors import CompileError
 from hybridyn.studies.compare.engine import NotComparableError
@@ -92,7 +92,7 @@ def prepare(case: str, model: Model, folder: Path) -> None:
     if shutil.which("valgrind") is None:
         raise NotComparableError("valgrind is not installed")
     try:
-        compiler = compilers.find_compiler()
+        compiler = building.find_compiler()
         source, target = folder / "switch.c", folder / "switch.so"
         source.write_text(SWITCH)
         subprocess.run(
@@ -129,8 +129,8 @@ def _process(tool: list[str], words: list[str]) -> None:
         NotComparableError: It failed, or took too long.
     """
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0"}
-    if "avx512f" in compilers.features():  # vectors that valgrind does not know
-        environment["CC"] = shlex.join([*compilers.find_compiler().command, "-mno-avx512f"])
+    if "avx512f" in building.features():  # vectors that valgrind does not know
+        environment["CC"] = shlex.join([*building.find_compiler().command, "-mno-avx512f"])
     command = [*tool, sys.executable, "-m", "benchmarks.callgrind", *words]
     try:
         done = subprocess.run(
@@ -164,7 +164,7 @@ def main(case: str, model: Model, name: str, batch: str, folder: str) -> int:
     import hybridyn
 
     robot, path = case_of(case).load(), Path(folder, "states.npz")
-    with patch.object(compilers, "features", lambda: frozenset({"avx", "avx2", "fma"})):
+    with patch.object(building, "features", lambda: frozenset({"avx", "avx2", "fma"})):
         if not name:
             q, v, a = case_of(case).states(robot, BATCH)
             np.savez(path, q=q, v=v, given=a if model == "idm" else hybridyn.idm(robot, q, v, a))

@@ -31,9 +31,8 @@ from benchmarks.peers.ours import COMPILED
 from benchmarks.results import NAN, Row
 from benchmarks.timing import timed
 from hybridyn.compiled.code.graph import Graph, Node
-from hybridyn.compiled.code.quotients import operations_of
-from hybridyn.compiled.library.building import NATIVE
-from hybridyn.compiled.library.compilers import best_lanes, find_compiler
+from hybridyn.compiled.code.kernels import operations_of
+from hybridyn.compiled.library.building import NATIVE, best_lanes, find_compiler
 from hybridyn.compiled.program import Add, Call, Program
 from hybridyn.compiled.programs.interpreter import run
 from hybridyn.compiled.programs.whole_robot import programs

@@ -95,7 +95,7 @@ def _export(
     effects: tuple[str, ...],
 ) -> None:
     """Write the robot's models as C."""
-    from ..compiled.needs import needs_casadi
+    from ..compiled.failures import needs_casadi
 
     needs_casadi()
     from ..compiled.export import export

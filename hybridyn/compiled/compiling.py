@@ -16,10 +16,10 @@ from ..threads import one_thread
 from .code.scalars import Scalar
 from .equations.arguments.coefficients import at_robot, check_coefficients, with_stated_springs
 from .failures import as_compile_error
+from .library.building import best_lanes, find_compiler
 from .library.cache import Built, known
 from .library.calls import Library, loaded
-from .library.compilers import best_lanes, find_compiler
-from .library.replacing import Replacement, check_bits, receive, run_in_turn
+from .library.current import Replacement, check_bits, receive, run_in_turn
 from .model import CompiledRobot
 from .programs.designs import designs_to_verify
 from .programs.sources import MODELS, library_key, library_of

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, choose
 from ..errors import CompileError
 from ..structure.robot import HybridRobot
-from .failures import as_compile_error
-from .needs import WITHOUT_CASADI
+from .failures import WITHOUT_CASADI, as_compile_error
 
 try:
     from .programs.derivatives.coordinates import check_kinds

@@ -16,13 +16,11 @@ from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot, values_of
 from ..structure.robot import HybridRobot
 from .equations.arguments.coefficients import check_coefficients, with_stated_springs
-from .failures import as_compile_error
-from .needs import WITHOUT_CASADI
+from .failures import WITHOUT_CASADI, as_compile_error
 from .verifying import check_trusted
 
 try:
-    from .code.control_c import ControlStep
-    from .code.plain_c import REAL, WRITTEN, plain_source, prototype
+    from .code.plain_c import REAL, WRITTEN, ControlStep, plain_source, prototype
     from .equations.request import request
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program

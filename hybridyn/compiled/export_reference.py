@@ -16,8 +16,8 @@ from ..structure.robot import HybridRobot
 from .code.kernels import literal
 from .code.plain_c import REAL, WRITTEN
 from .program import Program
-from .programs.body_rows import body_rows
 from .programs.closing.platform_program import platform_motions
+from .programs.general import body_rows
 from .programs.map_programs import map_values
 
 #: Number of reference states in the test.

@@ -17,11 +17,10 @@ from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
 from .equations.arguments.coefficients import at_robot
+from .library.building import best_lanes
 from .library.cache import Built
 from .library.calls import Calls, Library, Numbers
-from .library.compilers import best_lanes
-from .library.current import Current
-from .library.replacing import Replacement
+from .library.current import Current, Replacement
 from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
 from .programs.general import (

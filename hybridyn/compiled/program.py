@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
     from ..spatial import Array, Index
-    from .code.tables import Tables
+    from .code.drivers import Tables
 
 
 @dataclass(frozen=True)

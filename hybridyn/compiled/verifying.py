@@ -18,10 +18,10 @@ from ..errors import CompileError, HybridynError
 from ..manifold.manifold import Manifold
 from ..spatial import Array, Mask
 from ..structure.robot import HybridRobot
-from .agreement import BUG, check_agreement, difference
 from .code.scalars import GUARD_LIMIT
+from .failures import BUG, check_agreement, difference
 from .library.calls import Numbers
-from .programs.body_rows import body_rows
+from .programs.general import body_rows
 
 log = logging.getLogger("hybridyn.compiled")
 

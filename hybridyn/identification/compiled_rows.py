@@ -14,21 +14,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..compiled.agreement import check_agreement
 from ..compiled.code.library_source import Source, library_source
+from ..compiled.code.rules import compacted
 from ..compiled.code.scalars import GUARD_LIMIT, Scalar
-from ..compiled.equations.arguments.body_inertias import AS_PINOCCHIO, BodyInertias
-from ..compiled.equations.arguments.module_arguments import ModuleArguments
+from ..compiled.equations.arguments.module_arguments import AS_PINOCCHIO, BodyInertias, ModuleArguments
 from ..compiled.equations.expressions import unpack
 from ..compiled.equations.request import Request, request
 from ..compiled.equations.states import any_accelerations, moving_states
-from ..compiled.failures import as_compile_error
+from ..compiled.failures import as_compile_error, check_agreement
+from ..compiled.library.building import best_lanes
 from ..compiled.library.cache import Built, cached
 from ..compiled.library.calls import Library, loaded
-from ..compiled.library.compilers import best_lanes
 from ..compiled.program import Call, Constants, Program
 from ..compiled.programs.derivatives.columns import collect
-from ..compiled.programs.derivatives.memory import compacted
 from ..compiled.programs.derivatives.nodes import Joiner
 from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Sweep
 from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..compiled.needs import needs_casadi
+from ..compiled.failures import needs_casadi
 from ..effects.choice import Choice
 from ..errors import TrajectoryError
 from ..spatial import Array

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..compiled.library.laws import Law, Pieces
-from ..compiled.programs.torque import TorquePrograms, closing_of_motors, same_without_limits
+from ..compiled.programs.control import TorquePrograms, closing_of_motors, same_without_limits
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..effects.choice import Choice, choose

@@ -232,7 +232,7 @@ def _beyond_rows(reference: Reference) -> Array:
 
 def _of_table(robot: HybridRobot, path: str) -> Reference:
     """Build a motion from a table."""
-    from ..compiled.programs.closing.tables import TableAssembler
+    from ..compiled.programs.closing.assembling import TableAssembler
 
     axes = MotorAxes.of(robot)
     motion = read_motion(robot, path)

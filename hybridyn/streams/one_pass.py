@@ -80,7 +80,7 @@ class Pass:
         Raises:
             HybridynError: A row is wrong, or cannot be assembled.
         """
-        from ..compiled.programs.closing.tables import TableAssembler
+        from ..compiled.programs.closing.assembling import TableAssembler
         from ..tables.trajectory import read_motions
 
         found: list[Postures] = []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..compiled.code.plain_c import REAL
 from ..compiled.equations.arguments.coefficients import check_coefficients, with_stated_springs
-from ..compiled.needs import needs_casadi
+from ..compiled.failures import needs_casadi
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError, install_advice
 from ..structure.parameters.entries import Parameters

@@ -11,11 +11,10 @@ from ..compiled.code.scalars import text_of
 from ..compiled.equations.guards import GUARD_CLOSED
 from ..compiled.equations.request import Request, request
 from ..compiled.program import Program
-from ..compiled.programs.close import close_program
+from ..compiled.programs.close import close_program, lift_program
 from ..compiled.programs.direct import direct_program
 from ..compiled.programs.inverse import inverse_program
 from ..compiled.programs.kinematics import kinematics_program
-from ..compiled.programs.lift import lift_program
 from ..compiled.programs.map_programs import map_programs
 from ..description.names import did_you_mean
 from ..dynamics.quantities.joint_map import motors_beside

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from importlib import resources
 
 from ..compiled.code.across_samples import across_samples
+from ..compiled.code.drivers import Tables
 from ..compiled.code.kernels import kernel_graph, kernel_text
 from ..compiled.code.plain_c import FUNCTIONS, MOVES, REAL, SINES
 from ..compiled.code.rules import check, trimmed
 from ..compiled.code.scalars import GUARD_LIMIT, text_of
-from ..compiled.code.tables import Tables
 from ..compiled.program import Program, stored
 
 #: Mark of a function of the device.

@@ -11,8 +11,7 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import first_guess, gather_requests
-from hybridyn.compiled.equations.expressions import pack, unpack
-from hybridyn.compiled.equations.folding import Folding
+from hybridyn.compiled.equations.expressions import Folding, pack, unpack
 from hybridyn.compiled.programs.closing import assembling
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended

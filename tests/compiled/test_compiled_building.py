@@ -17,10 +17,9 @@ import hybridyn
 import hybridyn.compiled.library.cache as cache_file
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library.building import build
+from hybridyn.compiled.library.building import Compiler, build, find_compiler
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.compiled.library.calls import Library
-from hybridyn.compiled.library.compilers import Compiler, find_compiler
 from hybridyn.compiled.model import _restored
 from hybridyn.description.cache_folder import folder
 from hybridyn.effects.choice import choose

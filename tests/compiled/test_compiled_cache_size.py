@@ -12,12 +12,11 @@ from pathlib import Path
 import pytest
 
 import hybridyn.compiled.library.cache as cache_file
-import hybridyn.compiled.library.eviction as keeping
+import hybridyn.compiled.library.cache as keeping
 from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library.cache import Built, cached
+from hybridyn.compiled.library.cache import ABANDONED, IN_USE, Built, cached, remove_unused
 from hybridyn.compiled.library.calls import loaded
-from hybridyn.compiled.library.eviction import ABANDONED, IN_USE, remove_unused
 from tests import ROOT
 from tests.clocks import Clock
 from tests.compiled_toys import never, numbered, toy
@@ -157,7 +156,7 @@ def test_a_library_that_goes_before_it_is_loaded_is_built_again() -> None:
 
 WORKER = f"""
 import ctypes, sys
-import hybridyn.compiled.library.eviction as keeping
+import hybridyn.compiled.library.cache as keeping
 from {__name__} import built
 keeping.LIMIT, keeping.IN_USE = int(sys.argv[1]), 0.1
 for turn in range(24):

@@ -14,9 +14,8 @@ from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.derivatives.direct import direct_derivatives
 from hybridyn.compiled.programs.derivatives.evaluation import DERIVATIVE_AGREES
-from hybridyn.compiled.programs.derivatives.inverse import inverse_derivatives
+from hybridyn.compiled.programs.derivatives.models import direct_derivatives, inverse_derivatives
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.structure.building import build_robot

@@ -11,7 +11,7 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
-from hybridyn.compiled.library.closed_designs import ClosedDesigns
+from hybridyn.compiled.library.closed_rows import ClosedDesigns
 from hybridyn.compiled.programs.closing.design_rows import DesignRows
 from hybridyn.compiled.programs.designs import DesignsInSlots, changed
 from hybridyn.description.cache_folder import VARIABLE

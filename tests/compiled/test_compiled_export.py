@@ -20,8 +20,7 @@ from hybridyn.compiled.code.plain_c import in_lanes, plain_source, prototype, wo
 from hybridyn.compiled.code.scalars import text_of
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.export import c_name, export
-from hybridyn.compiled.library.building import NATIVE
-from hybridyn.compiled.library.compilers import find_compiler
+from hybridyn.compiled.library.building import NATIVE, find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.effects import Payload, Spring, with_effects
 from tests.comparing import close_to, refused

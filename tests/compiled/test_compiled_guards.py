@@ -11,7 +11,7 @@ import pytest
 import hybridyn
 from benchmarks.operations import costing, flattened
 from hybridyn.compiled.code.graph import graph_of
-from hybridyn.compiled.code.quotients import operations_of
+from hybridyn.compiled.code.kernels import operations_of
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.chains import point_acceleration, point_velocity
 from hybridyn.compiled.equations.core import write_core

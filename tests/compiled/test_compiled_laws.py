@@ -9,7 +9,7 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.library.steps import Steps, Taken
-from hybridyn.compiled.programs.torque import closing_of_motors
+from hybridyn.compiled.programs.control import closing_of_motors
 from hybridyn.effects import Limits
 from hybridyn.scenes import controllers
 from hybridyn.scenes.prescribed import follow_motion

@@ -7,9 +7,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from hybridyn.compiled.code.fusing import fused
 from hybridyn.compiled.code.graph import graph_of
-from hybridyn.compiled.code.kernels import kernel_text
+from hybridyn.compiled.code.kernels import fused, kernel_text
 from hybridyn.compiled.library.calls import Library, load
 from hybridyn.compiled.program import Call, Given, Kernel, Program, Result
 from tests.comparing import refused

@@ -20,12 +20,12 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library import replacing
+from hybridyn.compiled.library import current
+from hybridyn.compiled.library.building import find_compiler
 from hybridyn.compiled.library.cache import Built, cached, folder_in_use, known
 from hybridyn.compiled.library.calls import Library
-from hybridyn.compiled.library.compilers import find_compiler
-from hybridyn.compiled.library.current import Current
-from hybridyn.compiled.library.replacing import (
+from hybridyn.compiled.library.current import (
+    Current,
     Replacement,
     check_bits,
     different_programs,
@@ -45,7 +45,7 @@ SLOW = "#!/bin/sh\nsleep 3600 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
 PROGRAM = """
 import os, signal, sys, time
 from hybridyn.compiled.library.building import run_one
-from hybridyn.compiled.library.replacing import Replacement, receive
+from hybridyn.compiled.library.current import Replacement, receive
 class Model:
     def use(self, library):
         print("used")
@@ -76,7 +76,7 @@ kept = functools.partial(known, "a toy")
 def build_toy() -> None:
     """Build the optimised library of the toy in a process of its own, or fail with other bits."""
     quick, differing = receive()
-    replacing.different_programs = lambda *_: differing
+    current.different_programs = lambda *_: differing
     try:
         find(accept=functools.partial(check_bits, Library(quick)), run=run_in_turn)
     except hybridyn.CompileError as error:

@@ -14,7 +14,7 @@ from hybridyn.compiled import verifying
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.equations.static_elimination import choose_pivots
 from hybridyn.compiled.export import export
-from hybridyn.compiled.programs.body_rows import body_rows
+from hybridyn.compiled.programs.general import body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose

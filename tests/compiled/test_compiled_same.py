@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.agreement import check_agreement
 from hybridyn.compiled.equations.states import moving_states
+from hybridyn.compiled.failures import check_agreement
 from hybridyn.compiled.programs.quantities import following
 from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.spatial import Array

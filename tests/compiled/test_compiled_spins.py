@@ -8,9 +8,8 @@ from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.closing.choosing import module_requests, numbers, parts_of
+from hybridyn.compiled.programs.closing.choosing import module_requests, numbers, parts_of, places_at
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
-from hybridyn.compiled.programs.closing.part import places_at
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.forward import forward

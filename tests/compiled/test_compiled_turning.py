@@ -8,8 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
-from hybridyn.compiled.equations.expressions import pack
-from hybridyn.compiled.equations.folding import Folding
+from hybridyn.compiled.equations.expressions import Folding, pack
 from hybridyn.compiled.equations.static_elimination import Pivots, largest_solutions
 from hybridyn.compiled.programs.closing import assembling, closing_source
 from hybridyn.compiled.programs.closing.assembling import Assembler

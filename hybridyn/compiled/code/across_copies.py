@@ -23,8 +23,7 @@ from ..program import (
     Target,
     Worst,
 )
-from .drivers import Block, driver
-from .tables import Tables
+from .drivers import Block, Tables, driver
 
 HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
 

@@ -11,8 +11,7 @@ from itertools import accumulate
 from types import MappingProxyType
 
 from ..program import Call, Constants, Program, Source, Target, Worst
-from .drivers import Block, driver
-from .tables import Tables
+from .drivers import Block, Tables, driver
 
 HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
 

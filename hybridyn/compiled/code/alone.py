@@ -11,8 +11,8 @@ from __future__ import annotations
 from ..program import Call, Program
 from .across_copies import across_copies
 from .across_samples import across_samples
+from .drivers import Tables
 from .scalars import Scalar, text_of
-from .tables import Tables
 
 #: Models whose single calls matter enough to compile their kernels a second time.
 CALLED_ALONE = ("idm", "ddm")

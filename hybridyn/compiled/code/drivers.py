@@ -1,13 +1,51 @@
-"""Parts shared by both drivers: the sequence of steps, and a call with the copies before and after it."""
+"""Parts shared by both drivers: tables, the sequence of steps, and a call with copies before and after it."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ...spatial import Array, Index
 from ..program import Call, Program, Source, Target
+from .kernels import literal
 from .rules import overlap
-from .tables import Tables
+
+
+class Tables:
+    """Collect tables; `text` declares them in C."""
+
+    def __init__(self, dtype: str = "float64") -> None:
+        """Start with no tables. `dtype`: type that numbers are rounded to before they are printed."""
+        self._known: dict[str, str] = {}
+        self._dtype = dtype
+
+    @property
+    def text(self) -> str:
+        """The C declarations."""
+        return "\n".join(f"static const {head.format(name)};" for head, name in self._known.items())
+
+    def places(self, index: Index) -> str:
+        """Return the name of a table of indices, of any shape."""
+        return self._named(
+            "int {}" + _shape(index) + " = {{" + ", ".join(map(str, index.ravel().tolist())) + "}}"
+        )
+
+    def numbers(self, values: Array) -> str:
+        """Return the name of a table of numbers, of any shape."""
+        body = ", ".join(map(literal, values.astype(self._dtype).ravel().tolist()))
+        return self._named("S {} " + _shape(values) + " ALIGNED = {{" + body + "}}")
+
+    def _named(self, head: str) -> str:
+        if head not in self._known:
+            self._known[head] = f"d{hashlib.sha256(head.encode()).hexdigest()[:12]}"
+        return self._known[head]
+
+
+def _shape(array: Array | Index) -> str:
+    """Return the C dimension of a flattened table."""
+    return f"[{max(array.size, 1)}]"
+
 
 #: Least share of sums in the instructions of legs whose kernels are compiled a second time to add them in
 #: place: 7 % in direct models, whose batches then take a tenth less; 2 % in inverse models.

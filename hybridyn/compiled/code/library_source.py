@@ -10,11 +10,10 @@ from ..program import Call, Program, stored
 from .across_copies import across_copies
 from .across_samples import HEAD, across_samples
 from .alone import choice, code, lanes_of_codes, second_unit
-from .drivers import summed
+from .drivers import Tables, summed
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
-from .tables import Tables
 
 #: Largest number of statements of one C file of kernels; each file is compiled by its own process.
 STATEMENTS_PER_UNIT = 4000

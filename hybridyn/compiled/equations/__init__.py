@@ -2,7 +2,7 @@
 
 Read `request` (robot and effects), `parts` (core and groups of equal legs), `chains` and `legs` (appendices
 A to C), `core`, `loops`, `static_elimination` (pivots chosen once), `inverse` and `direct` (the models),
-`module_graph` and `stages` (the graph and its cuts). `guards` detects samples that need the general path.
+`stages` (the graph and its cuts). `guards` detects samples that need the general path.
 
 May import: `program`, and what `compiled` may.
 """

@@ -19,8 +19,9 @@ import numpy as np
 
 from ...linkage.joints import NQ
 from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, plus, times, zeros
-from .links import TURNING, Link
 from .rigid import (
+    TURNING,
+    Link,
     crf,
     crm,
     inertia_matrix,
@@ -257,22 +258,26 @@ def motion_map(chain: Chain, body: int) -> Expression:
 
 def point_map(chain: Chain, body: int, point: Expression) -> Expression:
     """Compute the map from s to the acceleration of a body's point, without `c`, body's axes, (3, 6 + nv)."""
-    J, slices, root, end = zeros(3, 6 + chain.nv), chain.v_slices, chain.root[body], body
+    J, R = zeros(3, 6 + chain.nv), chain.R0[body].T
+    for k, column in own_columns(chain, body).items():
+        J[:, 6 + k] = point_velocity(column, point)
+    J[:, chain.columns_of(chain.root[body])] = np.concatenate(
+        [R, -dot(R, hat(plus(chain.p0[body], dot(chain.R0[body], point))))], axis=1
+    )
+    return J
+
+
+def own_columns(chain: Chain, body: int) -> dict[int, Expression]:
+    """Return the twist of a body, in its own frame, at a unit rate of each freedom that carries it."""
     columns: dict[int, Expression] = {}
-    path = []
+    path, root = [], chain.root[body]
     while body != root:
         path.append(body - 1)
         body = chain.links[body - 1].parent
     for i in reversed(path):
         columns = {k: to_child(chain.R[i], chain.p[i], column) for k, column in columns.items()}
-        columns |= {slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
-    for k, column in columns.items():
-        J[:, 6 + k] = point_velocity(column, point)
-    R = chain.R0[end].T
-    J[:, chain.columns_of(root)] = np.concatenate(
-        [R, -dot(R, hat(plus(chain.p0[end], dot(chain.R0[end], point))))], axis=1
-    )
-    return J
+        columns |= {chain.v_slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
+    return columns
 
 
 def point_velocity(V: Expression, point: Expression) -> Expression:

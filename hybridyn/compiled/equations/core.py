@@ -11,16 +11,14 @@ import numpy as np
 from ...assembly.free_motions import IDLE
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
-from .arguments.structure_guard import dependence
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, plain, symbols, zeros
-from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, size_of, weighed
+from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, dependence, size_of, weighed
 from .legs import PlatformMotion, leg_pivots
-from .links import units_of
 from .loops import Rows, write_rows
 from .parts import Parts, width_of
 from .paths import Path, path_of, wrist_pivots
-from .rigid import motion_to_parent, quaternion_matrix, to_child
+from .rigid import motion_to_parent, quaternion_matrix, to_child, units_of
 from .spins import first_moment
 from .states import seen_postures
 from .static_elimination import Pivots, Trust, choose_pivots, solve

@@ -19,20 +19,21 @@ from .chains import motion_map, sweep
 from .core import Core, Plan, core_body, motions_of, own_inertia, rank_guard, whole, write_core
 from .expressions import Expression, along, congruence, dot, numbers, pack, symbols, upper, zeros
 from .guards import size_of, trusted, weighed
-from .module_graph import (
+from .options import DirectOptions
+from .paths import wrist_accelerations
+from .quadratic_form import bias_of, quadratic_form
+from .rigid import classical, inertia_matrix, to_child
+from .stages import (
     BaseMotion,
+    Stage,
     WrittenModule,
     base_motion,
+    cut,
     parameters_of,
     read_by_core,
     scattered,
     twist_width,
 )
-from .options import DirectOptions
-from .paths import wrist_accelerations
-from .quadratic_form import bias_of, quadratic_form
-from .rigid import classical, inertia_matrix, to_child
-from .stages import Stage, cut
 from .static_elimination import solve_definite
 
 #: Ratio of an inertia to what it is the difference of, below which accelerations lose more than five digits:

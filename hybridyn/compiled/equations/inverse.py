@@ -18,19 +18,19 @@ from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
 from .expressions import Expression, along, cross, dot, pack, symbols, zeros
 from .guards import trusted
-from .inverse_legs import LEG_SUMS
-from .module_graph import (
+from .leg_models import LEG_WRENCHES
+from .options import InverseOptions
+from .rigid import classical, crf, momentum, resting, to_child, to_parent
+from .stages import (
     BaseMotion,
     WrittenModule,
     base_motion,
+    cut,
     parameters_of,
     read_by_core,
     scattered,
     twist_width,
 )
-from .options import InverseOptions
-from .rigid import classical, crf, momentum, resting, to_child, to_parent
-from .stages import cut
 from .static_elimination import Pivots
 
 
@@ -176,7 +176,7 @@ def _required_forces(
         if parts.v[k] >= 0 and options.rotor[col]:
             b[6 + k] = b[6 + k] + a[parts.v[k]] * options.rotor[col]
     for i in sorted({group[0].platform for group in parts.groups}):
-        b_base, b_delta = (out.receive(f"{name} {i}") for name, _ in LEG_SUMS)
+        b_base, b_delta = (out.receive(f"{name} {i}") for name, _ in LEG_WRENCHES)
         at = core.chain.columns_of(i + 1)
         b[:6], b[at] = b[:6] + b_base - b_delta, b[at] + b_delta
         out.count(b_delta)

@@ -17,9 +17,10 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array
-from .chains import Chain, forces, mass_matrix, point_acceleration, point_velocity, sweep
+from .chains import Chain, forces, mass_matrix, own_columns, point_acceleration, point_velocity, sweep
 from .expressions import (
     Expression,
+    Folding,
     along,
     congruence,
     cross,
@@ -33,11 +34,9 @@ from .expressions import (
     upper,
     zeros,
 )  # fmt: skip
-from .folding import Folding
 from .guards import Scale, trusted, weighed
-from .links import Link
 from .parts import Leg, width_of
-from .rigid import matrix_moved, to_child, to_parent
+from .rigid import Link, matrix_moved, to_parent
 from .static_elimination import Pivots, choose_pivots, solve
 
 
@@ -125,17 +124,8 @@ def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
 
 def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
     """Compute the Jacobian of a body's point, [v, w] over q_dot in the body's axes, shape (6, nv)."""
-    J, slices = zeros(6, chain.nv), chain.v_slices
-    path = []
-    body = end
-    while body:
-        path.append(body - 1)
-        body = chain.links[body - 1].parent
-    columns: dict[int, Expression] = {}
-    for i in reversed(path):
-        columns = {k: to_child(chain.R[i], chain.p[i], column) for k, column in columns.items()}
-        columns |= {slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
-    for k, column in columns.items():
+    J = zeros(6, chain.nv)
+    for k, column in own_columns(chain, end).items():
         J[:, k] = np.concatenate([point_velocity(column, point), column[3:]])
     return J
 

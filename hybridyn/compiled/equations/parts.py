@@ -18,8 +18,7 @@ from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from .arguments.module_arguments import ModuleArguments
 from .expressions import plain, settled, zeros
-from .links import Link, aligned, links_of, regrouped
-from .rigid import moved, ten_numbers
+from .rigid import Link, aligned, links_of, moved, regrouped, ten_numbers
 from .spins import Rod, Spin, rods_of, spins_of
 
 #: Least reciprocal condition number (median over generic postures) of a leg's closure Jacobian: above it the

@@ -14,8 +14,7 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
 from .chains import Chain, sweep
 from .expressions import Expression, dot, pack, symbols, zeros
-from .links import Link, links_of
-from .rigid import to_child
+from .rigid import Link, links_of, to_child
 from .static_elimination import Pivots, Trust, choose_pivots, solve
 
 

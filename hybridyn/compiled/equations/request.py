@@ -14,9 +14,7 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from .arguments.body_inertias import BodyInertias
-from .arguments.chosen import ChosenNumbers
-from .arguments.module_arguments import ModuleArguments
+from .arguments.module_arguments import BodyInertias, ChosenNumbers, ModuleArguments
 from .core import Plan, plan_module
 from .expressions import settled
 from .parts import Parts, parts_of

@@ -11,11 +11,10 @@ import numpy as np
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from .chains import sweep
-from .expressions import Expression, pack, symbols, zeros
-from .folding import Folding, scalar
+from .expressions import Expression, Folding, pack, scalar, symbols, zeros
 from .legs import fold_links
-from .links import links_of
-from .residuals import SpanningRows, coupling_row
+from .loops import SpanningRows, coupling_row
+from .rigid import links_of
 from .states import generic_positions
 from .static_elimination import Pivots, choose_pivots
 

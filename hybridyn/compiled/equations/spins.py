@@ -19,7 +19,7 @@ from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.wrists import axis_frame
 from .expressions import Expression, cross, dot, is_zero, numbers, plus, snap, times
-from .links import TURNING, Link
+from .rigid import TURNING, Link
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding.
 UNFELT = 1e-13

@@ -2,11 +2,15 @@
 
     keys/<key>            hash of the source that a cheap description of the model led to last time
     models/<source>.json  programs in the library of a source, and the hash of the library's file
-    libraries/<hash>.so   libraries by their own hash; `eviction` removes the least recently used
+    libraries/<hash>.so   libraries by their own hash
 
 Each file is written beside its place and then moved there, so several processes may build at the same time.
 A file is built again if it is truncated, if its name does not match its content, or if another user may have
 written it (`description.cache_folder`).
+
+The least recently used libraries are removed when the cache exceeds `LIMIT`. A library's modification time is
+the time of its last use. A loaded library stays usable after its file is removed. A process whose file is
+removed before it is loaded builds it again (`calls.loaded`). So no process waits for another.
 """
 
 from __future__ import annotations
@@ -17,8 +21,10 @@ import functools
 import hashlib
 import json
 import os
+import os.path
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -28,13 +34,63 @@ from typing import TYPE_CHECKING, Any
 from ...description.cache_folder import VARIABLE, check_ownership, folder, hashed, is_own
 from ...description.writing import appearing
 from ...errors import CompileError
-from .building import NATIVE, Runner, build, run_at_once
+from .building import FLAGS, NATIVE, QUICK_FLAGS, Runner, build, find_compiler, machine, run_at_once
 from .choosing import with_choices
-from .compilers import FLAGS, QUICK_FLAGS, find_compiler, machine
-from .eviction import remove_unused
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
+
+#: Size of the cached libraries [bytes]; the library of a robot with 24 motors has 400,000.
+LIMIT = 256 * 2**20
+#: Time after its last use in which a library is never removed [s].
+IN_USE = 3600.0
+#: Age from which unfinished files are taken to be left by a killed process [s].
+ABANDONED = 86400.0
+
+
+def remove_unused(at: Path) -> None:
+    """Remove libraries beyond `LIMIT`, the records and keys that lead to them, and abandoned files."""
+    libraries, models, room = at / "libraries", at / "models", LIMIT
+    for path in sorted(libraries.glob("*.so"), key=_age_and_size):
+        age, size = _age_and_size(path)
+        room -= size
+        if room < 0 and age > IN_USE:
+            _remove(path)
+    if room < 0:  # records and keys are written after their library, so none is removed too early
+        for record in models.glob("*.json"):
+            if not os.path.exists(libraries / f"{_target(record)}.so"):
+                _remove(record)
+        for key in (at / "keys").glob("[0-9a-f]*"):
+            if not os.path.exists(models / f"{_target(key)}.json"):
+                _remove(key)
+    for path in [*at.glob("building-*"), *at.glob("*/tmp*")]:
+        if _age_and_size(path)[0] > ABANDONED:
+            shutil.rmtree(path, ignore_errors=True)
+            _remove(path)
+
+
+def _target(path: Path) -> str:
+    """Return the name that a record or a key leads to; empty if its content is invalid."""
+    try:
+        text = path.read_text()
+        return str(json.loads(text)["library"]) if path.suffix else text
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def _age_and_size(path: Path) -> tuple[float, int]:
+    """Return the time since a file's last use [s] and its size [bytes]; zeros if it is gone."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return 0.0, 0
+    return time.time() - stat.st_mtime, stat.st_size
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()
+
 
 #: Folders of the package that generate no source.
 UNREAD = ("cli", "figures", "studies", "view")
@@ -203,11 +259,11 @@ def _writable(at: Path) -> Path:
             raise CompileError(
                 f"the cache folder '{at}' cannot be written: {error}; name another in {VARIABLE}"
             ) from error
-        atexit.register(_remove, Path(alone), os.getpid())
+        atexit.register(_remove_folder, Path(alone), os.getpid())
         return Path(alone)
 
 
-def _remove(alone: Path, owner: int) -> None:
+def _remove_folder(alone: Path, owner: int) -> None:
     """Remove a temporary folder at the end of the process that made it, not of its forks."""
     if os.getpid() == owner:
         shutil.rmtree(alone, ignore_errors=True)

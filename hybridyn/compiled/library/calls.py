@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..code.scalars import GUARD_LIMIT, Scalar
 from ..program import stored
+from .building import best_lanes
 from .cache import Built, cached
 from .choosing import use_choice
-from .compilers import best_lanes
 from .direct_calls import function_of, knows_arrays
 from .steps import Steps
 

@@ -1,9 +1,9 @@
 """Build the models of a whole robot as programs: calls of its modules' kernels.
 
 Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`, `kinematics`, `close`,
-`lift`, then `whole_robot` and `sources`. `interpreter` runs a program in CasADi. `general` is the general
+then `whole_robot` and `sources`. `interpreter` runs a program in CasADi. `general` is the general
 path behind the programs. `postures` closes loops for `CompiledRobot`, `designs` and `evaluating` those of
-many designs; `torque` builds what computed torque calls in C.
+many designs; `control` joins it with the inverse model.
 
 May import: `equations`, `code`, `program`, and what `compiled` may.
 """

@@ -1,12 +1,16 @@
-"""Program that computes the motion of all joints from the motors', for controllers that measure motors only.
+"""Programs of one Newton step: "close", which follows the motors, and "lift", onto the assembled postures.
 
-The independent coordinates are those of the motors and of joints that no motor moves. From a nearby posture,
-such as that of the last tick, the program takes one Newton step for the positions of the other joints and
-computes their rates and accelerations:
+"close" is for controllers that measure motors only. The independent coordinates are those of the motors and
+of joints that no motor moves. From a nearby posture, such as that of the last tick, the program takes one
+Newton step for the positions of the other joints and computes their rates and accelerations:
 
     K_d step = -residual(q)      K_d v_d = -K_i v_i      K_d a_d = -K_i a_i - K_dot v
 
-(d: dependent, i: independent freedoms).
+(d: dependent, i: independent freedoms). In "lift" the coordinates of a module are its independent joints.
+They are chosen once, such that the pivots of K over the other joints are large at generic postures. About a
+posture q_0, with q = move(q_0, xi), the step and the rates are the same, and xi_dot = T(xi)^-1 v.
+
+Modules do not depend on each other, so equal modules are copies.
 """
 
 from __future__ import annotations
@@ -22,16 +26,14 @@ from ...spatial import Array
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
-from ..equations.arguments.chosen import ChosenNumbers
-from ..equations.arguments.structure_guard import OTHER_STRUCTURE
-from ..equations.displacement import by_joint, moved_joint, position_rate
-from ..equations.expressions import Expression, dot, pack, symbols, unpack, zeros
-from ..equations.folding import Folding
-from ..equations.guards import GUARD_CLOSED, largest, trusted
+from ..equations.arguments.module_arguments import ChosenNumbers
+from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
+from ..equations.expressions import Expression, Folding, dot, pack, symbols, unpack, zeros
+from ..equations.guards import GUARD_CLOSED, OTHER_STRUCTURE, largest, trusted
 from ..equations.request import Request
 from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
 from ..equations.static_elimination import solve
-from ..program import Program, Source, Target, Worst
+from ..program import Constants, Program, Source, Target, Worst
 from .writer import Writer
 
 
@@ -140,3 +142,81 @@ def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
     rate = by_joint(tree, position_rate, unpack(q), w, positions=1)
     drift = ca.jtimes(pack(dot(K, w)), q, pack(rate))
     return unpack(ca.substitute(drift, w_col, pack(v)))
+
+
+#: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
+#: least-squares sense, which elimination with pivots cannot do.
+LIFT_ROUNDING = 1e-12
+#: Outputs of the step for each module.
+MEASURES = ("step", "pivot", "residual")
+
+
+def lift_program(request: Request) -> Program | None:
+    """Build the program of the Newton step; return None if the general path must take it.
+
+    Inputs are the posture "q_0", the displacement "xi" from it, and rates "v" of which the independent ones
+    are read. Outputs are position "q" and displacement "xi_next" after the step; the closed rates "v_closed"
+    and the rate "xi_dot" before it; "independent", 1 for each independent freedom and 0 for the others; and
+    `MEASURES` for each module: the size of the step (rad, module lengths), the smallest pivot over its usual
+    size, and the largest residual before the step.
+    """
+    robot = request.robot
+    if robot.base == "moving" or any(m.mechanism.rounding > LIFT_ROUNDING for m in robot.modules):
+        return None
+    shapes: dict[Any, list[int]] = {}
+    for k, module in enumerate(robot.modules):
+        shapes.setdefault(shape_of(module), []).append(k)
+    sizes = [("q_0", robot.nq), ("xi", robot.nv), ("v", robot.nv)]
+    results = [("q", robot.nq)]
+    results += [(name, robot.nv) for name in ("xi_next", "v_closed", "xi_dot", "independent")]
+    results += [(name, len(robot.modules)) for name in MEASURES]
+    w = Writer("lift", sizes, results)
+    for shape, numbers in shapes.items():
+        modules = [robot.modules[k] for k in numbers]
+        function, table = _write(modules)
+        q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
+        w.call(
+            w.kernel(shape, function, "closures"),
+            len(modules),
+            [w.from_given("q_0", q), w.from_given("xi", v), w.from_given("v", v), Constants(table)],
+            [
+                w.result("q", q),
+                w.result("xi_next", v),
+                w.result("v_closed", v),
+                w.result("xi_dot", v),
+                w.result("independent", v),
+                *(w.result(name, np.array(numbers)[:, None]) for name in MEASURES),
+            ],
+        )
+    return w.program()
+
+
+def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
+    """Return the kernel of modules of one shape, and the table of numbers in which they differ."""
+    m = modules[0].mechanism
+    tree = m.spanning
+    (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
+    v_col, v = symbols("v", tree.nv)
+    step, rates, size, pivot, open_by = zeros(tree.nv), v, ca.SX(0.0), ca.SX(1.0), ca.SX(0.0)
+    independent = np.ones(tree.nv)
+    folding = Folding()
+    if m.spanning_closures.rows:
+        pivots = dependent_pivots(modules)
+        K, residual = spanning_closures(modules, folding, by_joint(tree, moved_joint, q_0, xi, positions=1))
+        dependent, rates = list(pivots.cols), v.copy()
+        independent[dependent] = rates[dependent] = 0.0
+        X, trust = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), pivots)
+        pivot = trust.least
+        step[dependent], rates[dependent] = X[dependent, 0], X[dependent, 1]
+        size = largest(step / m.spanning_col_scale)
+        open_by = largest(residual * m.spanning_row_scale)
+    outputs = [
+        pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
+        pack(xi + step),
+        pack(rates),
+        pack(by_joint(tree, displacement_rate, xi, rates)),
+        pack(independent),
+        *map(ca.SX, (size, pivot, open_by)),
+    ]
+    function = ca.Function("lift", [q_col, xi_col, v_col, folding.symbol()], outputs)
+    return function, folding.table(len(modules))

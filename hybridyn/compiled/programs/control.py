@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -9,22 +10,83 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...dynamics.quantities.independent import located
+from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.parameters.entries import Parameters
-from ..agreement import check_agreement, difference
+from ...structure.robot import HybridRobot
 from ..code.scalars import GUARD_LIMIT, Scalar, text_of
+from ..failures import check_agreement, difference
+from ..library.building import best_lanes
 from ..library.cache import Built
 from ..library.calls import Library, Numbers
 from ..library.closed_rows import ClosedRows
-from ..library.compilers import best_lanes
-from ..library.control import Control
-from ..library.direct_calls import DOUBLE, REFUSED, readable
+from ..library.direct_calls import DOUBLE, REFUSED, function_of, readable
 from .postures import refuse
+from .quantities.following import artifact_of
 from .quantities.link_calls import LinkQuantities
-from .sources import Artifact, library_key
+from .sources import Artifact, library_key, robot_key
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
+
+
+class Control:
+    """The efforts of a control step from what the motors do.
+
+    Attributes:
+        library: The library, whose program "idm" does not compare the loops.
+        at_once: Takes the last posture, positions, rates and accelerations of the motors, and room for q, v,
+            a and the efforts. Gives 0 where all are certain, `REFUSED` where the loops are not closed, and
+            else 2; None where single calls do not run in C.
+    """
+
+    def __init__(self, built: Built, rows: ClosedRows) -> None:
+        """Load a library, and let `rows` close the loops."""
+        self.library = Library(built)
+        self.at_once: Callable[..., int] | None = None
+        if self.library.programs["idm"].at_once is not None and rows.close_row is not None:
+            held, self._rows = ctypes.PyDLL(str(built.path)), rows
+            self.at_once = function_of(held, "control_call", np.array([rows.close_row], np.uintp))
+
+
+#: What a warning says that is done without a library.
+IN_PYTHON = "computed torque is evaluated in Python, which takes longer"
+
+
+class TorquePrograms:
+    """Programs "following" and "idm" of a robot whose motors determine its motion.
+
+    Attributes:
+        at: Addresses of the functions that run them for one sample.
+    """
+
+    def __init__(self, closing: Built, models: Built) -> None:
+        """Load the programs; they stay loaded as long as this object."""
+        self._held = ctypes.PyDLL(str(closing.path)), ctypes.PyDLL(str(models.path))
+        functions = self._held[0].following_single_at, self._held[1].idm_single_at
+        close, idm = (ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions)
+        self.at = close, idm
+
+
+def closing_of_motors(robot: HybridRobot) -> Built | None:
+    """Return the library of the motions over the motors from the cache, or build it.
+
+    Returns:
+        The library; None if motors do not determine the motion, or, with a warning, if it cannot be built.
+    """
+    u = located(robot, robot.motors, chosen=False)
+    if any(len(own) != m.mobility for m, own in zip(robot.modules, u.own, strict=True)):
+        return None
+    return artifact_of(robot, u, "float64").tried(lambda built: built, IN_PYTHON)
+
+
+def same_without_limits(robot: HybridRobot, first: Effects, second: Effects) -> bool:
+    """Return whether two choices of effects give the same inverse model, limits apart."""
+    both = (on.only([name for name in on.names if name != "limits"]) for on in (first, second))
+    one, other = (robot_key(robot, on) for on in both)
+    return one == other
+
 
 #: Number of random states at which a new library is compared with the model that compares the loops.
 STATES = 12

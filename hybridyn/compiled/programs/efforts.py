@@ -11,8 +11,8 @@ import numpy as np
 from ...effects.joints import OnJoints
 from ...errors import ModelError
 from ...spatial import Index
-from ..equations.arguments.chosen import ChosenNumbers
 from ..equations.arguments.coefficients import slots_of
+from ..equations.arguments.module_arguments import ChosenNumbers
 from ..equations.expressions import pack
 from ..equations.request import Request
 from ..program import Constants, Shared, Source

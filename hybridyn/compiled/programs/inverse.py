@@ -8,19 +8,16 @@ from typing import Any
 import numpy as np
 
 from ...spatial import Array
+from ..equations.actuation import motor_pivots
 from ..equations.inverse import InverseModule, write_inverse
-from ..equations.inverse_legs import LEG_SUMS, write_inverse_legs
-from ..equations.module_graph import twist_width
-from ..equations.motor_pivots import motor_pivots
+from ..equations.leg_models import LEG_WRENCHES, write_inverse_legs
 from ..equations.options import InverseOptions, balance_options, inverse_options
 from ..equations.request import Request
-from ..equations.stages import Stage
+from ..equations.stages import Stage, twist_width
 from ..equations.static_elimination import Pivots
 from ..program import Add, Call, Each, Program, Shared, Source, Target, Worst
 from .efforts import Efforts
-from .module_calls import ModuleCalls, read
-from .roots import moving_base, same_structure, unit_base
-from .stage_calls import Stages
+from .module_calls import ModuleCalls, Stages, moving_base, read, same_structure, unit_base
 from .writer import Writer
 
 PARTS = ["kinematics", "efforts"]
@@ -223,7 +220,7 @@ class _Sweeps:
         sources = calls.leg_sources(group, self.w.numbers(numbers, plan.column))
         if lawful:
             sources["laws"] = self.efforts.of(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
-        targets = calls.sums_of(group[0].platform, LEG_SUMS)
+        targets = calls.sums_of(group[0].platform, LEG_WRENCHES)
         if driven:
             calls.motors[n] = self.w.each(len(group), 6 * len(driven))
             targets["motors"] = calls.motors[n]

@@ -11,12 +11,11 @@ from ...structure.module import Module
 from ..equations.arguments.module_arguments import ModuleArguments
 from ..equations.chains import sweep
 from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
-from ..equations.links import links_of
 from ..equations.request import Request
-from ..equations.rigid import quaternion_matrix
+from ..equations.rigid import links_of, quaternion_matrix
 from ..program import Program, Shared, Source, Target
-from .body_rows import WIDTH
-from .roots import unit_base
+from .general import WIDTH
+from .module_calls import unit_base
 from .writer import Writer
 
 

@@ -24,8 +24,7 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
-from ..equations.expressions import Expression, pack, symbols, zeros
-from ..equations.folding import Folding
+from ..equations.expressions import Expression, Folding, pack, symbols, zeros
 from ..equations.guards import GUARD_CLOSED, largest, trusted
 from ..equations.request import Request
 from ..equations.spanning import dependent_pivots, spanning_closures

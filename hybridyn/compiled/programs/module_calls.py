@@ -1,21 +1,59 @@
-"""Calls of one module in a program: sources of its inputs and targets of its outputs."""
+"""Calls of one module in a program: stages, sources of their inputs, targets of their outputs; the base."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ...structure.module import Module
-from ..equations.module_graph import WrittenModule
+from ...structure.samples import UNIT
+from ..equations.arguments.module_arguments import ChosenNumbers
+from ..equations.expressions import dot, pack, plain, symbols
+from ..equations.guards import decided_alike
 from ..equations.options import ModuleOptions
 from ..equations.parts import Leg
 from ..equations.request import Request
-from ..program import Add, Shared, Source, Target, Worst
-from .stage_calls import Stages
+from ..equations.rigid import classical, quaternion_matrix
+from ..equations.stages import Stage, WrittenModule
+from ..program import Add, Own, Shared, Source, Target, Worst
 from .writer import Writer
+
+
+class Stages:
+    """The stages of one module (or one group of legs) in a program, called one after the other.
+
+    Numbers that one stage passes to another are shared for a single copy, and the copies' own for several.
+    """
+
+    def __init__(
+        self, writer: Writer, key: Any, stages: list[Stage], parts: list[str], copies: int = 1
+    ) -> None:
+        self._writer, self._stages, self._copies = writer, stages, copies
+        self._kernels = [writer.kernel((key, s), stage.function, parts[s]) for s, stage in enumerate(stages)]
+        self._handed: dict[tuple[int, int], Shared | Own] = {}
+
+    def call(self, s: int, sources: dict[str, Source], targets: dict[str, Target]) -> None:
+        """Add the call of a stage; a stage without outputs is skipped."""
+        stage = self._stages[s]
+        if not stage.outputs:
+            return
+        ins: list[Source] = [
+            self._handed[name[1], s] if isinstance(name, tuple) else sources[name] for name in stage.inputs
+        ]
+        outs: list[Target] = []
+        for i, name in enumerate(stage.outputs):
+            if isinstance(name, tuple):
+                place = self._writer.hand(self._copies, stage.function.numel_out(i))
+                self._handed[s, name[1]] = place
+                outs.append(place)
+            else:
+                outs.append(targets[name])
+        self._writer.call(self._kernels[s], self._copies, ins, outs)
 
 
 @dataclass
@@ -108,3 +146,54 @@ class ModuleCalls:
 def read(place: Add) -> Shared:
     """Return the source that reads a sum."""
     return Shared(place.start, place.size)
+
+
+def unit_base(request: Request, w: Writer) -> None:
+    """Add a guard that rejects a non-unit quaternion of a moving or floating base."""
+    if request.robot.base == "fixed":
+        return
+    column, q = symbols("q", 4)
+    guard = ca.fabs(sum(x * x for x in q) - 1.0) / UNIT
+    kernel = w.kernel("unit", ca.Function("unit", [column], [guard]), "kinematics")
+    w.call(kernel, 1, [w.from_given("q", np.arange(3, 7))], [Worst()])
+
+
+def same_structure(request: Request, w: Writer) -> None:
+    """Add a guard that rejects arguments with which the robot has another structure."""
+    if request.arguments is None or not request.arguments.decisions:
+        return
+    assert isinstance(request.arguments, ChosenNumbers)
+    column, guard = request.arguments.column, decided_alike(request.arguments.decisions)
+    kernel = w.kernel("structure", ca.Function("structure", [column], [guard]), "parameters")
+    w.call(kernel, 1, [w.from_given("parameters", np.arange(request.arguments.size))], [Worst()])
+
+
+def moving_base(
+    request: Request, w: Writer, acceleration: Source, *, report: bool
+) -> tuple[Source, Source] | None:
+    """Return sources of a moving base's twist and acceleration (see `module_graph.base_motion`), else None.
+
+    Args:
+        request: The robot and its effects.
+        w: The program under construction.
+        acceleration: Source of the base's acceleration.
+        report: Whether the base's acceleration is among the results.
+    """
+    if request.robot.base != "moving":
+        return None
+    (q_col, q), (v_col, v), (a_col, a) = symbols("q", 4), symbols("v", 6), symbols("a", 6)
+    velocity = request.on.velocity is not None
+    A = classical(v, a) if velocity else a.copy()
+    A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
+    V = pack(v[3:]) if velocity else v_col
+    outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
+    kernel = w.kernel(("root", report), ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
+    twist, at = w.shared(3 if velocity else 6), w.shared(6)
+    targets: list[Target] = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
+    sources: list[Source] = [
+        w.from_given("q", np.arange(3, 7)),
+        w.from_given("v", np.arange(6)),
+        acceleration,
+    ]
+    w.call(kernel, 1, sources, targets)
+    return twist, at

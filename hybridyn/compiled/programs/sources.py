@@ -15,9 +15,8 @@ from ...errors import HybridynError
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
-from ..failures import as_compile_error
+from ..failures import as_compile_error, needs_casadi
 from ..library.cache import Built, cached
-from ..needs import needs_casadi
 
 if TYPE_CHECKING:
     from ..code.library_source import Source

@@ -10,11 +10,10 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..equations.request import Request, request
 from ..program import Program
-from .close import close_program
+from .close import close_program, lift_program
 from .direct import direct_program
 from .inverse import inverse_program
 from .kinematics import kinematics_program
-from .lift import lift_program
 
 
 def programs(

@@ -1,14 +1,26 @@
-"""The arguments of one module's code."""
+"""Numbers of a robot that are arguments of its models, and the modules' numbers as functions of them.
+
+They are the inertial parameters of all bodies, for derivatives, or chosen numbers of the description.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from ....spatial import Index
+from ....structure.module import Module
 from ....structure.module_spec import ModuleSpec
-from ..expressions import Expression
+from ....structure.parameters.slots import Slot
+from ....structure.robot import HybridRobot
+from ..expressions import Expression, unpack
+from ..rigid import ten_expressions
+from .traced import Decision, Expressed, Traced, expressed
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,3 +41,129 @@ class ModuleArguments:
     spec: ModuleSpec
     own: tuple[Expression, ...]
     free: bool
+
+
+def numbers_of(value: Any) -> Any:
+    """Return a record with its traced numbers as expressions.
+
+    Args:
+        value: A record, a tuple, an array or a number, whose parts may be `Traced` with CasADi expressions.
+            Arrays without any become plain numbers.
+    """
+    if isinstance(value, Traced):
+        expression = ca.SX(value.expression)
+        return float(expression) if expression.is_constant() else expression
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{x.name: numbers_of(getattr(value, x.name)) for x in fields(value)})
+    if isinstance(value, tuple):
+        parts = map(numbers_of, value)
+        return value._make(parts) if hasattr(value, "_make") else tuple(parts)
+    if not isinstance(value, np.ndarray) or value.dtype != object:
+        return value
+    out = np.empty(value.shape, dtype=object)
+    for at in np.ndindex(*value.shape):
+        out[at] = numbers_of(value[at])
+    return out if any(isinstance(x, ca.SX) for x in out.ravel()) else out.astype(float)
+
+
+def depends(value: Any) -> bool:
+    """Return whether some number of a record is an expression."""
+    return any(
+        isinstance(x, ca.SX) or (isinstance(x, np.ndarray) and x.dtype.hasobject) for x in _parts(value)
+    )
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """Yield the numbers, arrays and words of a record."""
+    if is_dataclass(value):
+        value = tuple(getattr(value, x.name) for x in fields(value))
+    if not isinstance(value, tuple):
+        yield value
+        return
+    for part in value:
+        yield from _parts(part)
+
+
+#: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
+AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
+
+
+@dataclass(frozen=True)
+class BodyInertias:
+    """Ten inertial parameters of each body of a robot as arguments; equal modules share their code."""
+
+    robot: HybridRobot
+
+    @property
+    def size(self) -> int:
+        """Number of arguments."""
+        return 10 * len(self.robot.bodies.bodies)
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Comparisons of arguments that decided the structure: none."""
+        return ()
+
+    @cached_property
+    def of_modules(self) -> tuple[ModuleArguments, ...]:
+        """Arguments of each module."""
+        symbols = {
+            id(module.mechanism): ca.SX.sym("parameters", 10 * len(module.mechanism.spec.tree))
+            for module in self.robot.modules
+        }
+        return tuple(self._of(module, symbols[id(module.mechanism)]) for module in self.robot.modules)
+
+    def _of(self, module: Module, column: ca.SX) -> ModuleArguments:
+        """Return the arguments of a module: ten numbers of the bodies of its tree after the cuts."""
+        spec = module.mechanism.spec
+        bodies = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
+        index = np.concatenate([10 * body + AS_PINOCCHIO for body in bodies])
+        return ModuleArguments(column, index, spec, tuple(unpack(column).reshape(-1, 10)), False)
+
+
+@dataclass(frozen=True)
+class ChosenNumbers:
+    """Chosen numbers of a robot's description as arguments of its models."""
+
+    robot: HybridRobot
+    slots: tuple[Slot, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of arguments."""
+        return len(self.slots)
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Comparisons of arguments that decided the structure."""
+        return self.traced.decisions
+
+    @cached_property
+    def column(self) -> ca.SX:
+        """Symbols of the numbers."""
+        return ca.SX.sym("parameters", len(self.slots))
+
+    @cached_property
+    def traced(self) -> Expressed:
+        """The modules' numbers as functions of them."""
+        return expressed(self.robot, self.slots, unpack(self.column).tolist())
+
+    @cached_property
+    def places(self) -> dict[str, tuple[int, Expression, Expression]]:
+        """Frames of the links in their bodies as functions of them (`Bodies.place`)."""
+        return {link: numbers_of(at) for link, at in self.traced.place.items()}
+
+    @cached_property
+    def of_modules(self) -> tuple[ModuleArguments | None, ...]:
+        """Arguments of each module; None for modules of constants alone."""
+        return tuple(self._of(k) for k in range(len(self.robot.modules)))
+
+    def _of(self, k: int) -> ModuleArguments | None:
+        """Return the arguments of module k, or None."""
+        spec = numbers_of(self.traced.specs[k])
+        if not depends(spec):
+            return None
+        outputs = dict(zip(spec.outputs, spec.outputs_inertia, strict=True))
+        bodies = [body or outputs[i] for i, body in enumerate(spec.leg_bodies, 1)]
+        own = tuple(ten_expressions(body) for body in bodies)
+        return ModuleArguments(self.column, np.arange(len(self.slots)), spec, own, True)

@@ -1,8 +1,8 @@
 """Write the programs that compute all joints from given motors and platform poses (`assembly.assemble`).
 
 Read `extended` (the tree after the cuts, with its wrists), `given` (what is prescribed), `rows` (closures and
-targets as expressions), `unknowns` (symbols), `kernels`, `closing_programs`, `closing_source` (their C
-library) and `assembling` (rows of a table in C, `library.closed_rows`, and the general path behind them).
+targets as expressions), `unknowns` (symbols), `kernels`, `closing_source` (programs and their C library) and
+`assembling` (rows of a table in C, `library.closed_rows`, and the general path behind them).
 
 May import: `writer`, `equations`, `code`, `library`, and what `programs` may.
 """

@@ -1,4 +1,4 @@
-"""Compare a newly built closing program with states of the general path before it is used."""
+"""Closed postures from which rows are followed, and the check of a newly built closing program."""
 
 from __future__ import annotations
 
@@ -11,10 +11,36 @@ from ....linkage.newton import LoopProblem, close
 from ....manifold.manifold import Manifold
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
-from ...agreement import check_agreement
-from ...library.closed_rows import ClosedRows
-from .part import Part
-from .starting import place_of
+from ...failures import check_agreement
+from ...library.closed_rows import ClosedRows, Place
+from .choosing import CLOSED_TO_ROUNDING, Part, places_at
+
+
+def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | None:
+    """Return the closed posture at a guess; None if its loops do not close near it.
+
+    Args:
+        parts: Its modules but a free base.
+        guess: Positions of the spanning tree, shape (nq,).
+    """
+    q, cut = guess.copy(), []
+    for part in parts:
+        m, at = part.module.mechanism, part.module.q_index
+        x = m.cut.positions(q[None, at])
+        if m.closures.rows:
+            scale = m.reduction.row_scale
+            open_by = np.abs(m.closures.residual(x, m.tree.sweep(x)) * scale).max()
+            if not open_by <= CLOSED_TO_ROUNDING:
+                every = np.ones(m.tree.nv, dtype=bool)
+                found = close(LoopProblem(m.closures, scale, m.reduction.col_scale, every), x)
+                if not found.residual[0] <= max(robot.closure_tolerance, 1e-12):
+                    return None
+                x = found.q
+                q[at] = spanning_positions(part.module, x, m.tree.sweep(x), q[at])[0]
+        cut.append(x)
+    p, g = places_at(parts, cut, 1)
+    return Place(q, p[0], g[0])
+
 
 #: Number of generic postures that are tried, and how far the row is from each (rad, module lengths).
 POSTURES, ROW_AWAY = 4, 1e-3

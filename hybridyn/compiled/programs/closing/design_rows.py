@@ -17,14 +17,13 @@ from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
+from ...library.building import best_lanes
 from ...library.cache import Built
-from ...library.closed_designs import ClosedDesigns
-from ...library.compilers import best_lanes
+from ...library.closed_rows import ClosedDesigns
 from ..designs import DesignsInSlots, designs_to_verify
 from ..sources import Artifact, robot_key
 from .checking import Closer, check_rows
-from .choosing import module_requests, numbers, parts_of, structure_of
-from .part import Part, places_at
+from .choosing import Part, module_requests, numbers, parts_of, places_at, structure_of
 
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
@@ -158,8 +157,8 @@ class DesignRows:
 
         def write() -> Source:
             """Generate the C source."""
-            from ...equations.arguments.chosen import ChosenNumbers
-            from .design_source import design_source
+            from ...equations.arguments.module_arguments import ChosenNumbers
+            from .closing_source import design_source
 
             return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)
 

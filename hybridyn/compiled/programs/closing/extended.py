@@ -108,7 +108,7 @@ def _along_rods(closures: Sequence[TreeClosure], rods: dict[int, Rod]) -> tuple[
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
-    from ...equations.links import links_of
+    from ...equations.rigid import links_of
     from ...equations.spins import rods_of, spins_of
 
     joints, source = list(m.tree.joints), list(m.spec.tree_joint)

@@ -20,11 +20,10 @@ from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
 from ..close import by_motors, freedoms_of, keep_base, motor_freedoms
 from ..writer import Writer
-from .choosing import modules_of
+from .choosing import CONTRADICTING_FILE, MOST_FREEDOMS, modules_of
 from .extended import extended
 from .given import POSE, Given
 from .kernels import ModuleKernels
-from .part import CONTRADICTING_FILE, MOST_FREEDOMS
 
 
 def posed_modules(robot: HybridRobot) -> list[int]:

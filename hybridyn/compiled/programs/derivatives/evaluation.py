@@ -20,16 +20,15 @@ from ...code.scalars import GUARD_LIMIT, Scalar
 from ...equations.request import Request, request
 from ...equations.static_elimination import TRUSTED_PIVOT
 from ...failures import as_compile_error
+from ...library.building import best_lanes, find_compiler
 from ...library.cache import cached
 from ...library.calls import Library, loaded
-from ...library.compilers import best_lanes, find_compiler
 from ...program import Program
 from ..general import GENERAL, general, named
 from ..interpreter import function_of
 from ..sources import robot_key
 from .coordinates import check_coordinates
-from .direct import direct_derivatives
-from .inverse import inverse_derivatives, motor_inverse_derivatives
+from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
 Jacobians = dict[str, Array]
 

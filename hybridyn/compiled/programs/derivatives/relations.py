@@ -24,7 +24,7 @@ from ...equations.expressions import Expression, dot, pack
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..direct import DirectCalls
 from ..writer import Writer
-from .dense import by_columns, factors, matrix, solved
+from .columns import by_columns, factors, matrix, solved
 from .groups import Group, Place
 from .motor_motion import MotorMotion
 from .sweeps import PART, Block, Graph, Reading, Sweep

@@ -18,8 +18,7 @@ import numpy as np
 from ...equations.expressions import pack
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..writer import Writer
-from .local import Local, local_jacobian
-from .nodes import Node, Number, identity
+from .nodes import Local, Node, Number, identity, local_jacobian
 
 #: Heading of derivatives in operation counts.
 PART = "derivatives"

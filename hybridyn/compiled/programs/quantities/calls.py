@@ -21,8 +21,7 @@ from ....spatial import Array, Mask
 from ...library.calls import Calls, Library, Numbers
 from ..postures import Postures
 from .engine import CompiledEngine
-from .following import Following, following
-from .pushed import pushed_models
+from .following import Following, following, pushed_models
 
 log = logging.getLogger("hybridyn.compiled")
 

@@ -23,7 +23,7 @@ from ....effects.choice import Effects
 from ....spatial import Array, Index, Mask
 from ....structure.robot import HybridRobot
 from ...library.calls import Numbers
-from ..body_rows import WIDTH
+from ..general import WIDTH
 from .following import Following
 
 #: Exponent of the factor on accelerations, and of rates after their factor.

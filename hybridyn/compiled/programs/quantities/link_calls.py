@@ -18,8 +18,7 @@ from ....errors import SingularityError
 from ....spatial import Array
 from ....structure.samples import one_of
 from ...library.calls import Numbers
-from ..body_rows import body_motion
-from ..general import named
+from ..general import body_motion, named
 from .calls import Joints, Quantities
 from .engine import CompiledEngine
 
