@@ -127,17 +127,16 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     If the branch of a guess ends before, it is an error where `strict`, else the result.
     """
     problem, found = task.problem, result.q.copy()
-    everything = np.ones(problem.tree.nv, dtype=bool)
-    loops = replace(problem, free=everything, targets=(), rank=None, blocks=())
+    free = np.ones(problem.tree.nv, dtype=bool)
+    loops = replace(problem, free=free, targets=(), rank=None, blocks=())
     start = close(loops, guess)
     if (start.residual > task.tolerance).any():
         _only_alone(guess)
         if strict:
             raise _unreachable(task, result, 0)
         return found
-    motion = problem.tree.sweep(start.q)
+    motion, known = problem.tree.sweep(start.q), pairwise(start.q, task.known[starts])
     targets = [t.from_here(motion, starts) for t in problem.targets]
-    known = pairwise(start.q, task.known[starts])
     way = task._replace(problem=replace(problem, targets=targets), known=known)
     steady = _steps_as_predicted(way, pairwise(start.q, found), 2 * np.arange(len(guess)))
     for k in np.flatnonzero(~(steady & task.closed(result))):
@@ -190,9 +189,12 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     tree = task.problem.tree
     K, n = samples.shape
     q = np.repeat(start[:, None], n, axis=1)
-    good = np.ones((K, n), dtype=bool)
+    good = np.arange(n) == np.zeros((K, 1))
     coarse, every = np.arange(0, n, STRIDE), np.arange(n)
     for have, todo in ((coarse[:1], coarse[1:]), (coarse, every[every % STRIDE > 0])):
+        if K == 1 and not good[:, have].all():  # nothing is asked for after a sample that is out of reach
+            lacking = shortfall(task, q[0], samples[0])
+            todo = todo[todo < np.argmax(lacking > 0.0)] if lacking.any() else todo
         if len(todo):
             guess = tree.integrate(*_interpolated(task, q, have, todo))
             result = task.solve(guess, samples[:, todo].ravel())
@@ -252,11 +254,12 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
 
 def _next(task: Task, q: Array, sample: int, keep_branch: bool) -> Array:
     """Compute the posture of the next sample, on the branch of a sample or, unless kept, on any."""
-    if keep_branch:
+    there = np.array([sample + 1])
+    if keep_branch and not shortfall(task, q[None], there).any():
         q, whole = _walk(task, q, sample)
         if whole:
             return q
-    result = task.solve(q[None], np.array([sample + 1]))
+    result = task.solve(q[None], there)
     if keep_branch or not task.closed(result)[0]:
         raise _lost(task, result, sample + 1, "from the one before")
     return np.asarray(result.q[0])

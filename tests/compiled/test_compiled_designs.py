@@ -67,10 +67,27 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     one = compiled.assemble(motors=motors, parameters=p[3])
     close_to(one[0], found.q[3], AGREE)
     rows, before = compiled._evaluator.rows, compiled.recomputed
-    follow = rows.follow
-    rows.follow = lambda *given, **more: replace(follow(*given, **more), certain=np.zeros(1, bool))  # type: ignore[method-assign]
+    states = rows.states
+    rows.states = lambda *given, **more: replace(states(*given, **more), certain=np.zeros(1, bool))  # type: ignore[method-assign]
     close_to(compiled.assemble(motors=motors, parameters=p[3])[0], one[0], AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_steps_that_are_too_long_are_divided_where_a_design_needs_it(name: str) -> None:
+    robot = hybridyn.load(name)
+    compiled = hybridyn.compile(robot, parameters=NAMES[name])
+    swing = {"five_bar": 0.7, "gough_stewart": 0.05}[name]
+    motors = {joint: tuple(x[::5] for x in levels) for joint, levels in waves(robot, TIME, swing).items()}
+    p = compiled.parameters.nominal * np.linspace(0.98, 1.04, 7)[:, None]
+    found = compiled.designs(p, motors=motors)
+    assert found.good.all()
+    assert found.recomputed == 0
+    agrees(found, 0, robot_of(compiled, p[0]), motors=motors)
+    for k in (0, 6):  # whatever the others need
+        alone = compiled.designs(p[k : k + 1], motors=motors)
+        same_bits((alone.q[0], alone.a[0], alone.tau[0]), (found.q[k], found.a[k], found.tau[k]))
 
 
 @pytest.mark.slow

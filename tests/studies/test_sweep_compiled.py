@@ -12,7 +12,7 @@ from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep import variants as variants_module
-from hybridyn.studies.sweep.compiled_designs import _difference, _divided
+from hybridyn.studies.sweep.compiled_designs import _difference
 from hybridyn.studies.sweep.evaluation import Designer, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
@@ -90,15 +90,6 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
     monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", 0)
     monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 1)
-
-
-def test_steps_are_divided_evenly_and_given_rows_stay() -> None:
-    levels = tuple(np.random.default_rng(0).normal(size=(3, 5)))
-    position, *rates = _divided(levels)
-    wanted = np.interp(np.arange(17) / 4, np.arange(5), levels[0])
-    assert np.allclose(position, wanted, rtol=0, atol=1e-15)
-    for level, given in zip((position, *rates), levels, strict=True):
-        assert np.array_equal(level[::4], given)
 
 
 @pytest.mark.parametrize(("loads", "why"), [(0, "every joint"), (np.inf, "")])

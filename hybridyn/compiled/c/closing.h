@@ -96,30 +96,6 @@ static int advanced(const S *q, const S *p, const S *g_0, const S *const *given,
     return 0;
 }
 
-/* What is prescribed between g_0 and g_1: angles by the shorter way, poses about a fixed axis. */
-static void between(const S *g_0, const S *g_1, S f, S *g) {
-    for (int k = 0, i = 0; KINDS[k] >= 0; k++) {
-        const int numbers = KINDS[k] == 2 ? 3 : 1;
-        for (int j = 0; j < numbers; j++, i++) {
-            S way = g_1[i] - g_0[i];
-            if (KINDS[k] == 1) way -= TURN * SCALAR(floor)(way / TURN + (S)0.5);
-            g[i] = g_0[i] + f * way;
-        }
-        if (KINDS[k] != 2) continue;
-        S cosine = 0, sine = 0, other[4];
-        for (int j = 0; j < 4; j++) cosine += g_0[i + j] * g_1[i + j];
-        for (int j = 0; j < 4; j++) {
-            other[j] = (cosine < 0 ? -g_1[i + j] : g_1[i + j]) - (cosine < 0 ? -cosine : cosine) * g_0[i + j];
-            sine += other[j] * other[j];
-        }
-        sine = SCALAR(sqrt)(sine);
-        const S angle = f * SCALAR(atan2)(sine, cosine < 0 ? -cosine : cosine);
-        for (int j = 0; j < 4; j++)
-            g[i + j] = SCALAR(cos)(angle) * g_0[i + j] + (sine > 0 ? SCALAR(sin)(angle) / sine * other[j] : 0);
-        i += 4;
-    }
-}
-
 /* Follow the branch from (q, p), where g_0 holds, in steps as long as predictions hold; 0 where it leads on. */
 static int walked(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
     static S here[NQ], pose[NP], g[NG], at[NG];
@@ -131,7 +107,7 @@ static int walked(const S *q, const S *p, const S *g_0, const S *const *given, C
     while (done < 1) {
         if (step >= 1 - done) step = 1 - done;
         const int last = done + step >= 1;
-        if (!last) between(g_0, given[0], done + step, g);
+        if (!last) between(g_0, given[0], done + step, g, 1);
         const S *way[3] = {g, still, still};
         if (!advanced(here, pose, at, last ? given : way, out)) {
             memcpy(here, out->q, sizeof(here));

@@ -38,6 +38,8 @@ typedef struct {
     BranchOut about;
     Posture at;
     V v[NV], a[NV], first[MODULES], turning[MODULES], before[MODULES], later, far, certain, programs[PROGRAMS_WORK];
+    Posture last, here, end; /* of a walk: the row before, how far it has come, the row */
+    V there[NG], row[NG], row_dot[NR], row_ddot[NR], end_v[NV], end_a[NV];
 } Work;
 EXPORT Long designs_work = sizeof(Work);
 
@@ -165,6 +167,55 @@ static M advanced(Work *w, M certain, int lone) {
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
 
+/* Keep the row that was found in some lanes as the end of a walk. */
+INLINE void ended(Work *w, M where) {
+    take(where, (V *)&w->end, (V *)&w->at, NUMBERS(Posture));
+    take(where, w->end_v, w->v, NV);
+    take(where, w->end_a, w->a, NV);
+}
+
+/* Follow the branch from the row before, in `last`, where a step to the row was too long for its checks, in steps as
+   long as predictions hold, as `walked` of `closing.h` does. Gives the lanes of `whole` and those where it leads on. */
+static M walked(Work *w, M certain, M whole) {
+    M left = AND(certain, NOT(whole));
+    V done = C(0), step = C(0.25);
+    ended(w, EVERY);
+    w->here = w->last;
+    memcpy(w->there, w->settle.g_0, sizeof(w->there));
+    memcpy(w->row, w->settle.g, sizeof(w->row));
+    memcpy(w->row_dot, w->settle.g_dot, sizeof(w->row_dot));
+    memcpy(w->row_ddot, w->settle.g_ddot, sizeof(w->row_ddot));
+    while (ANY(left)) {
+        step = SELECT(LE(C(1) - done, step), C(1) - done, step);
+        const V to = done + step;
+        const M last = LE(C(1), to);
+        for (int l = 0; l < W; l++)
+            between((S *)w->there + l, (S *)w->row + l, ((S *)&step)[l] / (1 - ((S *)&done)[l]), (S *)w->settle.g + l, W);
+        take(last, w->settle.g, w->row, NG);
+        for (int i = 0; i < NR; i++) {
+            w->settle.g_dot[i] = SELECT(last, w->row_dot[i], C(0));
+            w->settle.g_ddot[i] = SELECT(last, w->row_ddot[i], C(0));
+        }
+        memcpy(w->settle.g_0, w->there, sizeof(w->there));
+        memcpy(w->newton.g, w->settle.g, sizeof(w->settle.g));
+        memcpy(w->branch.g, w->settle.g, sizeof(w->settle.g));
+        w->at = w->here;
+        const M good = advanced(w, left, 0), moved = AND(good, NOT(last));
+        ended(w, AND(good, last));
+        take(moved, (V *)&w->here, (V *)&w->at, NUMBERS(Posture));
+        take(moved, w->there, w->settle.g, NG);
+        whole = OR(whole, AND(good, last));
+        left = AND(left, AND(NOT(whole), OR(good, LT(C(SHORTEST), step))));
+        done = SELECT(moved, to, done);
+        step = SELECT(good, C(2) * step, C(0.5) * step);
+    }
+    w->at = w->end;
+    memcpy(w->v, w->end_v, sizeof(w->v));
+    memcpy(w->a, w->end_a, sizeof(w->a));
+    memcpy(w->settle.g, w->row, sizeof(w->row));
+    return AND(certain, whole);
+}
+
 /* Close the rows of designs `from` to `to`, each from its guess.
 
    q_0, p_0: the guesses, whose rows are `apart` (0 or 1) rows apart. g_0: the positions there, or 0 where the first row
@@ -197,7 +248,9 @@ EXPORT void closed_designs(Long from, Long to, Long rows, const S *slots, Long a
                 good = reached(w);
                 if (g_0) w->at = w->branch.start;
             }
-            good = advanced(w, good, !t && !g_0);
+            w->last = w->at;
+            const M whole = advanced(w, good, !t && !g_0);
+            good = (t || g_0) && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole;
             to_rows_apart(q + (d * rows + t) * NQ, w->at.q, NQ, rows * NQ, valid);
             to_rows_apart(v + (d * rows + t) * NV, w->v, NV, rows * NV, valid);
             to_rows_apart(a + (d * rows + t) * NV, w->a, NV, rows * NV, valid);

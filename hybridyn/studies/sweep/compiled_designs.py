@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,6 @@ from .study_tables import TaskTable
 AT_ONCE = 10_000_000
 #: Most designs that are computed at once; bounds the memory of their descriptions.
 MOST_AT_ONCE = 4096
-#: Parts into which the steps between rows are divided for designs that turn far between two rows.
-STEPS = 4
 #: Largest difference of a motion or its efforts to those of a robot built for the design, over the largest
 #: number of the same kind or its natural size.
 EQUAL = 1e-11
@@ -166,7 +164,10 @@ class CompiledDesigns:
         Args:
             p: Numbers in the slots of each design, shape (designs, slots).
         """
-        return [_table(task, p) for task in self.tasks]
+        return [
+            task.evaluator.table(p, task.motion.joints, task.motion.platforms, doubtful=False)
+            for task in self.tasks
+        ]
 
     def _measures(
         self, slotted: Slotted, tables: Sequence[DesignTable], chosen: Index
@@ -226,44 +227,6 @@ def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Arra
 def _certain(tables: Sequence[DesignTable]) -> Index:
     """Return the places of designs whose motions and efforts are certain in each table."""
     return np.flatnonzero(np.logical_and.reduce([table.good for table in tables]))
-
-
-def _table(task: _Task, p: Array) -> DesignTable:
-    """Compute the motions and efforts of designs for a task; steps that are too long are divided."""
-    motion, evaluator = task.motion, task.evaluator
-    table = evaluator.table(p, motion.joints, motion.platforms, doubtful=False)
-    left = np.array(sorted(table.errors), dtype=int)
-    whole = any(not isinstance(levels[0], dict) for levels in motion.platforms.values())
-    if len(left) and not whole:
-        joints = {name: _divided(levels) for name, levels in motion.joints.items()}
-        platforms = {name: _divided_coordinates(levels) for name, levels in motion.platforms.items()}
-        finer = evaluator.table(p[left], joints, platforms, doubtful=False)
-        good = finer.good
-        for all_rows, rows in zip(_numbers(table), _numbers(finer), strict=True):
-            all_rows[left[good]] = rows[good, ::STEPS]
-        for design in left[good].tolist():
-            del table.errors[design]
-    return table
-
-
-def _divided(levels: Sequence[Array]) -> tuple[Array, ...]:
-    """Return position, rate and acceleration with rows at rest between those of a table."""
-    rows = len(levels[0])
-    position, *rates = (np.zeros((STEPS * (rows - 1) + 1, *level.shape[1:])) for level in levels)
-    for part in range(STEPS):
-        way = part / STEPS
-        position[part::STEPS][: rows - 1] = (1 - way) * levels[0][:-1] + way * levels[0][1:]
-    for level, given in zip((position, *rates), levels, strict=True):
-        level[::STEPS] = given
-    return position, *rates
-
-
-def _divided_coordinates(levels: Sequence[Any]) -> tuple[dict[str, Array], ...]:
-    """Return coordinates of a pose, their rates and accelerations, divided like those of joints."""
-    value, *rates = levels
-    smooth = {name: x if name in ("x", "y", "z") else np.unwrap(x) for name, x in value.items()}
-    each = {name: _divided([x, *(rate[name] for rate in rates)]) for name, x in smooth.items()}
-    return tuple({name: parts[i] for name, parts in each.items()} for i in range(3))
 
 
 def _numbers(table: DesignTable) -> tuple[Array, ...]:

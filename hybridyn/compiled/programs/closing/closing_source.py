@@ -145,7 +145,7 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
         scalar: Number type and lanes, more than one.
     """
     programs = closing_programs(robot, parts)
-    names = constants_of(programs) | {"SHORTEST": SHORTEST}
+    names = constants_of(programs)
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     order = motors_given(robot, parts)
     written = list(programs.values())
@@ -180,7 +180,7 @@ def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
         "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
         "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING,
         "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
-        "MOST_BOUND": MOST_BOUND,
+        "MOST_BOUND": MOST_BOUND, "SHORTEST": SHORTEST,
     }  # fmt: skip
 
 
