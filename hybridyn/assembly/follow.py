@@ -282,8 +282,7 @@ def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Arra
         step = min(step, 1.0 - done)
         way = task.between(sample, np.array([done, done + step]))
         result = way.solve(q[None], np.array([1]))
-        path = np.stack([q, result.q[0]])
-        if way.closed(result)[0] and _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
+        if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
             q, done, step = result.q[0], done + step, 2 * step
         elif step <= shortest:
             return q, False
