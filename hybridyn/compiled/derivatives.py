@@ -8,6 +8,8 @@ Single columns also depend on the choice of eliminated closure rows.
 
 from __future__ import annotations
 
+from functools import partial
+
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, choose
@@ -18,7 +20,7 @@ from .failures import WITHOUT_CASADI, as_compile_error
 try:
     from .programs.derivatives.coordinates import check_kinds
     from .programs.derivatives.evaluation import Derivatives, Jacobians
-    from .programs.sources import robot_key
+    from .programs.sources import kept, robot_key
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
@@ -128,12 +130,8 @@ def prepared(
     with as_compile_error(robot):
         on = choose(robot, effects)
         key = *asked, robot_key(robot, on)
-    found = _prepared.pop(key, None)
-    if found is None:
-        found = Derivatives(robot, model, on, parameters=parameters, coordinates=coordinates)
-    _prepared[key] = found
-    if len(_prepared) > KEPT:
-        del _prepared[next(iter(_prepared))]
+    make = partial(Derivatives, robot, model, on, parameters=parameters, coordinates=coordinates)
+    found = kept(_prepared, key, make, KEPT)
     if effects is None:
         _latest[asked] = found
     return found

@@ -1,7 +1,6 @@
 """Loops closed in C row after row: the results, the errors and the warnings of the general path."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -118,7 +117,7 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
         motion, wanted = tree.sweep(posture[None]), rng.uniform(-3.0, 3.0, 6)
         K, off = written(np.concatenate([posture, wanted]), folding.table(1)[0].astype(float))
         first = np.zeros(1, dtype=int)
-        right = replace(target, value=wanted[None]).residual(motion, first)
+        right = target._replace(value=wanted[None]).residual(motion, first)
         assert np.abs(np.array(off).ravel() - right).max() <= SAME
         assert np.abs(np.array(K).reshape(6, tree.nv) - target.matrix(tree, motion)).max() <= SAME
 

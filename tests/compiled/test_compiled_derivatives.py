@@ -1,6 +1,7 @@
 """Derivatives of the written-out models against finite differences and linearity."""
 
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -14,10 +15,12 @@ from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.programs.derivatives.evaluation import DERIVATIVE_AGREES
 from hybridyn.compiled.programs.derivatives.models import direct_derivatives, inverse_derivatives
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.pinocchio_model import pinocchio_inertia
 from tests.assembly.test_assembly import waves
@@ -269,3 +272,20 @@ def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch, interpreted
     hybridyn.ddm_jacobian(five, five.home, v, np.zeros(2))
     hybridyn.idm_jacobian(five, five.home, v, v)  # the oldest went
     assert len(made) == 4
+
+
+@pytest.mark.parametrize("wrong", ["value", "slope"])
+def test_a_library_that_differs_from_the_general_path_is_not_used(
+    wrong: str, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batch = Library.batch
+
+    def bent(self: Library, name: str, *inputs: Array, **options: Any) -> Any:
+        """Change one number of the model, or of its derivatives over the rates."""
+        outputs, guard = batch(self, name, *inputs, **options)
+        outputs[0 if wrong == "value" else 2][:, 0] *= 1.001
+        return outputs, guard
+
+    monkeypatch.setattr(Library, "batch", bent)
+    robot = hybridyn.load("five_bar")
+    refused(lambda: Derivatives(robot, "idm"), hybridyn.CompileError, "differs from the general path by")

@@ -11,9 +11,11 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.library.closed_rows import ClosedDesigns
 from hybridyn.compiled.programs.closing.design_rows import DesignRows
 from hybridyn.compiled.programs.designs import DesignsInSlots, changed
+from hybridyn.compiled.programs.sources import kept
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
@@ -71,6 +73,15 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     rows.states = lambda *given, **more: replace(states(*given, **more), certain=np.zeros(1, bool))  # type: ignore[method-assign]
     close_to(compiled.assemble(motors=motors, parameters=p[3])[0], one[0], AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
+    compiled._current._take(Library(compiled.library.built))  # as when a quick build is replaced
+    assert compiled._evaluator._inverse() is compiled._current.program("idm")
+
+
+def test_programs_are_kept_in_bounded_number() -> None:
+    made, known = [], dict[int, int]()
+    for key in (1, 2, 1, 3, 1, 2):
+        assert kept(known, key, lambda key=key: made.append(key) or key, most=2) == key  # type: ignore[misc, func-returns-value]
+    assert (made, list(known)) == ([1, 2, 3, 2], [1, 2])
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from ...structure.building import rebuilt
 from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import check_signs, with_values
 from ...structure.robot import HybridRobot
+from .sources import kept
 
 #: Factors on the parameters of the designs at which a new model is verified.
 TRIED = (1.0, 1.03, 0.98)
@@ -116,9 +118,5 @@ class DesignsInSlots:
         """
         if np.array_equal(numbers, self._nominal):
             return self.robot
-        key = numbers.tobytes()
-        found = self._robots.pop(key, None)
-        self._robots[key] = found or changed(self.robot, self.parameters, numbers)
-        if len(self._robots) > KEPT_ROBOTS:
-            del self._robots[next(iter(self._robots))]
-        return self._robots[key]
+        make = partial(changed, self.robot, self.parameters, numbers)
+        return kept(self._robots, numbers.tobytes(), make, KEPT_ROBOTS)

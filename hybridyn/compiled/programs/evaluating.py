@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,13 +75,15 @@ class _Wanted:
 class DesignEvaluator:
     """Evaluates designs of one compiled robot."""
 
-    def __init__(self, designs: DesignsInSlots, effects: Effects, inverse: Calls, threads: int = 1) -> None:
+    def __init__(
+        self, designs: DesignsInSlots, effects: Effects, inverse: Callable[[], Calls], threads: int = 1
+    ) -> None:
         """Prepare the evaluation.
 
         Args:
             designs: The robot's designs.
             effects: Effects in the models.
-            inverse: The compiled inverse model: from q, v, a and numbers in slots to efforts.
+            inverse: Returns the compiled inverse model: from q, v, a and numbers in slots to efforts.
             threads: Number of threads that share a batch.
         """
         self.designs, self.effects = designs, effects
@@ -187,9 +189,9 @@ class DesignEvaluator:
 
     def _efforts(self, given: list[Array]) -> tuple[Array, Mask]:
         """Compute efforts in C, and where they can be trusted."""
-        inputs = len(self._inverse.inputs)  # without slots, their numbers are no input
-        (tau,), guard = self._inverse.batch(given[:inputs], self._threads)
-        return tau, guard <= self._inverse.trusted
+        inverse = self._inverse()
+        (tau,), guard = inverse.batch(given[: len(inverse.inputs)], self._threads)  # perhaps without slots
+        return tau, guard <= inverse.trusted
 
     def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, wanted: _Wanted) -> None:
         """Evaluate one design by the general path."""

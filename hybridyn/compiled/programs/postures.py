@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
 from .designs import DesignsInSlots
 from .evaluating import DesignEvaluator, DesignTable
+from .sources import kept
 
 
 class Postures:
@@ -198,14 +199,13 @@ class Postures:
     @cached_property
     def _evaluator(self) -> DesignEvaluator:
         """Compute many designs in C."""
-        return DesignEvaluator(self._designs, self.effects, self._current.program("idm"), self.threads)
+        inverse = partial(self._current.program, "idm")  # it changes when a quick build is replaced
+        return DesignEvaluator(self._designs, self.effects, inverse, self.threads)
 
     def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Assemble a posture from positions of some modules' joints, also those of wrists that were cut."""
         cut = self.robot.cut_joints & set(positions)
-        if cut not in self._assemblers:
-            self._assemblers[cut] = Assembler(holding(self.robot, cut))
-        assembler = self._assemblers[cut]
+        assembler = kept(self._assemblers, cut, lambda: Assembler(holding(self.robot, cut)))
 
         def close(motors: Mapping[str, object], guess: Array | None) -> tuple[Array, Array, Array]:
             """Close the loops in C."""

@@ -23,11 +23,24 @@ if TYPE_CHECKING:
     from ..program import Program
 
 log = logging.getLogger("hybridyn.compiled")
-
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 Used = TypeVar("Used")
 
 #: Models of a library.
 MODELS = ("idm", "ddm", "kinematics", "lift")
+
+
+#: Number of programs of each kind that are kept for one robot: for choices of given joints, coordinates, ...
+KEPT = 16
+
+
+def kept(known: dict[Key, Value], key: Key, make: Callable[[], Value], most: int = KEPT) -> Value:
+    """Return a value that is kept by its key, made if it is new; beyond `most` the one last used goes."""
+    known[key] = found = known.pop(key) if key in known else make()
+    if len(known) > most:
+        del known[next(iter(known))]
+    return found
 
 
 def robot_key(robot: HybridRobot, effects: Effects | None) -> str:

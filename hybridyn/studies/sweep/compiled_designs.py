@@ -118,7 +118,7 @@ class CompiledDesigns:
         chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])
         compiled = compile(self.robot, chosen, parameters=self.structure.slots)
         designs = DesignsInSlots(self.robot, compiled.parameters)
-        evaluator = DesignEvaluator(designs, compiled.effects, compiled.library.programs["idm"])
+        evaluator = DesignEvaluator(designs, compiled.effects, lambda: compiled.library.programs["idm"])
         return _Task(name, task, motion, evaluator)
 
     def measured(

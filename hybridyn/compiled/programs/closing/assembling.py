@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,11 +23,12 @@ from ...code.scalars import Scalar
 from ...library.building import best_lanes
 from ...library.cache import Built
 from ...library.closed_rows import ClosedRows, Place
-from ..sources import Artifact, robot_key
+from ..sources import Artifact, kept, robot_key
 from .checking import check_rows, from_place, place_of
 from .choosing import Part, lanes_for, module_requests, numbers, parts_of, structure_of
 
 if TYPE_CHECKING:
+    from ....assembly.module_request import ModuleRequest
     from ...code.library_source import Source
 
 log = logging.getLogger("hybridyn.compiled")
@@ -100,20 +102,20 @@ class Assembler:
         try:
             wanted = module_requests(self.robot, requests)
             key = structure_of(requests)
-            if wanted is not None and key not in self._known:
-                self._known[key] = self._closing(parts_of(self.robot, wanted), key)
+            closing = None
+            if wanted is not None:
+                closing = kept(self._known, key, partial(self._closing, wanted, key))
         except HybridynError:  # the general path says it, after the errors of the modules before
             return None
-        closing = None if wanted is None else self._known[key]
         place = None if closing is None else self._start(closing, key, guess)
         if wanted is None or closing is None or place is None:
             return None
         given = numbers(closing.parts, wanted)
         return _Table(self, closing, requests, given, guess).close(place)
 
-    def _closing(self, parts: list[Part] | None, key: tuple[object, ...]) -> Closing | None:
-        """Load the program for some parts; build it if it is new."""
-        lanes = best_lanes()
+    def _closing(self, wanted: list[ModuleRequest], key: tuple[object, ...]) -> Closing | None:
+        """Load the program for some requests; build it if it is new."""
+        parts, lanes = parts_of(self.robot, wanted), best_lanes()
         alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # rows share one workspace
         if parts is None or lanes == 1 or not alone:
             return None
@@ -138,9 +140,7 @@ class Assembler:
         """Return the closed posture at a guess; that of the home posture is kept."""
         if not np.array_equal(guess, self.robot.home):
             return place_of(self.robot, closing.parts, guess)
-        if key not in self._home:
-            self._home[key] = place_of(self.robot, closing.parts, guess)
-        home = self._home[key]
+        home = kept(self._home, key, partial(place_of, self.robot, closing.parts, guess))
         return None if home is None else Place(home.q.copy(), home.p.copy(), home.g.copy())
 
 

@@ -8,6 +8,7 @@ certain are left to the general path.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ from ...library.building import best_lanes
 from ...library.cache import Built
 from ...library.closed_rows import ClosedDesigns
 from ..designs import DesignsInSlots, designs_to_verify
-from ..sources import Artifact, robot_key
+from ..sources import Artifact, kept, robot_key
 from .checking import Closer, check_rows
 from .choosing import Part, module_requests, numbers, parts_of, places_at, structure_of
 
@@ -141,15 +142,16 @@ class DesignRows:
 
     def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
         """Return the program for a choice of given joints and targets, or None."""
-        key = structure_of(requests)
-        if key not in self._known:
-            try:
-                parts = parts_of(self.robot, wanted)
-            except HybridynError:  # the nominal design cannot be assembled: others may be
-                return None
-            library = None if parts is None else self._library(parts, requests)
-            self._known[key] = DesignClosing(parts, library) if parts and library else None
-        return self._known[key]
+        try:
+            return kept(self._known, structure_of(requests), partial(self._loaded, requests, wanted))
+        except HybridynError:  # the nominal design cannot be assembled: others may be
+            return None
+
+    def _loaded(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
+        """Load the program for a choice of given joints and targets; None if there is none."""
+        parts = parts_of(self.robot, wanted)
+        library = None if parts is None else self._library(parts, requests)
+        return DesignClosing(parts, library) if parts and library else None
 
     def _library(self, parts: list[Part], requests: Requests) -> ClosedDesigns | None:
         """Load the library; build it if it is new, and compare it with the general path at some designs."""

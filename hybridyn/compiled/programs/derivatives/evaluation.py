@@ -11,22 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ....effects.choice import Choice, Effects, choose
-from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
+from ....errors import AT_SAMPLE, CompileError, HybridynError, ModelError, SingularityError, TrajectoryError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ....structure.samples import as_batch, same_samples
 from ...code.library_source import library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
 from ...equations.request import Request, request
+from ...equations.states import any_accelerations, moving_states
 from ...equations.static_elimination import TRUSTED_PIVOT
-from ...failures import as_compile_error
+from ...failures import as_compile_error, check_agreement, part_of_all
 from ...library.building import best_lanes, find_compiler
-from ...library.cache import cached
+from ...library.cache import Built
 from ...library.calls import Library, loaded
 from ...program import Program
 from ..general import GENERAL, general, named
 from ..interpreter import function_of
-from ..sources import robot_key
+from ..sources import Artifact, robot_key
 from .coordinates import check_coordinates
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
@@ -46,6 +47,11 @@ DERIVATIVE_AGREES = 1e-6
 #: Relative error of derivatives over the guard, which is the inverse square of the least pivot's ratio to
 #: `TRUSTED_PIVOT`: they lose more digits than the model's result, whose errors cancel.
 DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
+
+
+#: Random states at which a new library is compared, factors on their rates, and the largest difference from a
+#: difference quotient, relative to the largest entry: friction is no polynomial of the rates.
+STATES, SPEEDS, DERIVATIVE_CHECKED = 4, (0.999, 1.0, 1.001), 1e-5
 
 
 class Derivatives:
@@ -121,7 +127,40 @@ class Derivatives:
             return None
         scalar = Scalar("float64", best_lanes())
         key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
-        return loaded(lambda: cached(key, lambda: library_source([self.program], scalar)))
+        artifact = Artifact(self.robot, key, lambda: library_source([self.program], scalar), self._check)
+        return loaded(artifact.built)
+
+    def _check(self, built: Built) -> None:
+        """Compare a new library with the general path at random states whose rates grow.
+
+        The loops stay closed. Efforts, or accelerations that keep the loops closed, change with the rates.
+
+        Raises:
+            CompileError: The model differs, or its change from what the derivatives say.
+        """
+        robot, model, direct = self.robot, GENERAL[self._model], self._model == "ddm"
+        q, v, tau = moving_states(robot, STATES)
+        last = [s * tau if direct else any_accelerations(robot, q, s * v) for s in SPEEDS]
+        try:
+            found = [
+                model(robot, q, s * v, x, effects=self._effects) for s, x in zip(SPEEDS, last, strict=True)
+            ]
+        except HybridynError:  # it refuses random states: no motor drives a motion
+            return
+        library = Library(built)
+        known = {"base_acceleration": np.zeros((STATES, 6)), "parameters": self._numbers}
+        inputs = library.programs[self._name].inputs[3:]
+        more = [np.broadcast_to(known[name], (STATES, size)) for name, size in inputs]
+        (value, _, over_v, over_x, *_), guard = library.batch(self._name, q, v, last[1], *more)
+        moved, change = ((x[2] - x[0]) / (SPEEDS[2] - SPEEDS[0]) for x in (last, found))
+        driven = robot.motor_v if self._motors else np.arange(robot.nv)
+        change = change[:, driven] if direct else change
+        along = (v[:, driven], moved if direct else moved[:, driven])
+        blocks = (x.reshape(STATES, change.shape[1], -1) for x in (over_v, over_x))
+        follows = sum(np.einsum("tij,tj->ti", J, x) for J, x in zip(blocks, along, strict=True))
+        for what, x, y in (("model", value, found[1]), ("derivatives", follows, change)):
+            off = part_of_all(x[guard <= GUARD_LIMIT], y[guard <= GUARD_LIMIT], y)
+            check_agreement(robot, f"'{self._name}' ({what})", off, DERIVATIVE_CHECKED)
 
     @cached_property
     def program(self) -> Program:

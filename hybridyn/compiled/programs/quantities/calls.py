@@ -20,6 +20,7 @@ from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ...library.calls import Calls, Library, Numbers
 from ..postures import Postures
+from ..sources import kept
 from .engine import CompiledEngine
 from .following import Following, following, pushed_models
 
@@ -146,9 +147,7 @@ class Quantities(Postures):
 
     def _over(self, u: Coordinates) -> Following | None:
         """Return the motions over coordinates; None if the general path computes them."""
-        if u.joints not in self._followings:
-            self._followings[u.joints] = following(self.robot, u, str(self.dtype))
-        return self._followings[u.joints]
+        return kept(self._followings, u.joints, partial(following, self.robot, u, str(self.dtype)))
 
     def _driven_by(self, joints: Joints, *laws: type[Any], only: bool = False) -> Following | None:
         """Return the motions over some joints, where compiled models compute the forces along them.
