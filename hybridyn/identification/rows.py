@@ -29,6 +29,8 @@ ENTRIES = 4_000_000
 PER_HERTZ = 4.0
 #: Rows for each parameter that thinning leaves.
 LEAST_EACH = 20
+#: Samples that thinning leaves, so that a spectrum shows what is no noise.
+LEAST = 500
 #: Samples on which units are tested, and correlation of measured and predicted efforts that tells a unit.
 TESTED, TELLING = 60, 0.95
 #: Largest deviation from a factor of a thousand, in decades.
@@ -158,7 +160,7 @@ class Source:
         if log.band is None:
             return 1
         enough = len(log.time) * len(self.robot.motors) / (LEAST_EACH * len(self.model.names))
-        return max(1, int(min(1 / log.step / (PER_HERTZ * log.band), enough)))
+        return max(1, int(min(1 / log.step / (PER_HERTZ * log.band), enough, len(log.time) / LEAST)))
 
     def regress(self, motion: Triple, every: int) -> tuple[Array, Array, Array]:
         """Compute Y, known efforts and those by the file's numbers, thinned, from the motors' motion."""
