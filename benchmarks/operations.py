@@ -34,8 +34,7 @@ from hybridyn.compiled.code.graph import Graph, Node
 from hybridyn.compiled.code.kernels import operations_of
 from hybridyn.compiled.library.building import NATIVE, best_lanes, find_compiler
 from hybridyn.compiled.program import Add, Call, Program
-from hybridyn.compiled.programs.interpreter import run
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import programs, run
 
 #: Kinds of operations: sums and differences; products; quotients; square roots; sines and cosines; others.
 KINDS = ("add", "mul", "div", "sqrt", "trig", "other")

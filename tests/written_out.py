@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.structure.robot import HybridRobot
 
 

@@ -155,7 +155,7 @@ def guards_of(programs: list[Program], parameters: Array) -> Callable[..., dict[
     Args:
         parameters: Values of the input "parameters", shape (slots,).
     """
-    from .programs.interpreter import function_of
+    from .programs.whole_robot import function_of
 
     models = {program.name: program for program in programs if program.name in ("idm", "ddm")}
     functions = {name: function_of(program) for name, program in models.items()}
@@ -175,7 +175,7 @@ def guards_of(programs: list[Program], parameters: Array) -> Callable[..., dict[
 
 def rates_read(program: Program) -> Array:
     """Return 1 for each freedom whose rate the program "close" reads and 0 for the others, shape (nv,)."""
-    from .programs.interpreter import function_of
+    from .programs.whole_robot import function_of
 
     pattern = function_of(program).jac_sparsity(1, 1)  # v_closed over v
     read = np.zeros(pattern.size2())

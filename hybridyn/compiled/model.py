@@ -219,7 +219,7 @@ class CompiledRobot(ControlSteps):
                 "efforts yourself",
                 element="limits",
             )
-        from .programs.interpreter import function_of
+        from .programs.whole_robot import function_of
 
         return {name: function_of(program) for name, program in self.programs.items()}
 

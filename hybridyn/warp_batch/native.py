@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 
-from ..compiled.code.across_samples import across_samples
+from ..compiled.code.across_lanes import across_samples
 from ..compiled.code.drivers import Tables
 from ..compiled.code.kernels import kernel_graph, kernel_text
 from ..compiled.code.plain_c import FUNCTIONS, MOVES, REAL, SINES

@@ -15,8 +15,7 @@ from hybridyn.compiled.programs.closing.platform_program import (
     platform_motions,
     posed_modules,
 )
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters

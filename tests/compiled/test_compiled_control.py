@@ -11,8 +11,8 @@ from benchmarks.operations import flattened
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.direct_calls import readable
-from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.inverse import inverse_program
+from hybridyn.compiled.programs.whole_robot import function_of
 from hybridyn.description import Coupling, Joint
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import stretched, waves

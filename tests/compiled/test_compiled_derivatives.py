@@ -18,8 +18,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.programs.derivatives.evaluation import DERIVATIVE_AGREES
 from hybridyn.compiled.programs.derivatives.models import direct_derivatives, inverse_derivatives
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.pinocchio_model import pinocchio_inertia

@@ -18,8 +18,7 @@ from hybridyn.compiled.equations.actuation import motor_efforts
 from hybridyn.compiled.equations.expressions import symbols
 from hybridyn.compiled.equations.guards import Scale as Limits
 from hybridyn.compiled.equations.static_elimination import Pivots, solve_definite
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.description import read
 from hybridyn.errors import HybridynError, install_advice
 from hybridyn.structure.building import build_robot

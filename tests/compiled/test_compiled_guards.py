@@ -20,8 +20,7 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
 from hybridyn.compiled.program import Call, Given, Kernel, Program, Result, Worst
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from tests.compiled_toys import inputs, single, toy

@@ -15,7 +15,7 @@ from hybridyn.compiled.code.rules import check
 from hybridyn.compiled.library.calls import BLOCK, Library, load
 from hybridyn.compiled.library.direct_calls import REFUSED
 from hybridyn.compiled.program import Add, Given, Own, Result, Shared
-from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import function_of
 from tests import ROOT
 from tests.comparing import refused, same_bits
 from tests.compiled_toys import inputs, single, toy

@@ -11,8 +11,7 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.designs import changed
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects import Payload, Spring
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot

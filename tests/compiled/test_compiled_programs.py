@@ -8,9 +8,8 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.kinematics import WIDTH
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.link_motion import body_motions
 from tests import ROOT
 from tests.comparing import refused

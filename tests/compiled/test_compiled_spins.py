@@ -10,8 +10,7 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.closing.choosing import module_requests, numbers, parts_of, places_at
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.forward import forward
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters

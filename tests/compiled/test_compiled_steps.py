@@ -7,8 +7,7 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import random_states as assembled_states
-from hybridyn.compiled.programs.interpreter import function_of
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects import Limits
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation import stepping

@@ -7,7 +7,7 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.request import request
-from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import function_of
 from hybridyn.identification.compiled_rows import SharedInertias, regressor_program
 from hybridyn.identification.parameters import standard_parameters
 from hybridyn.identification.triangular_factor import triangular_factor

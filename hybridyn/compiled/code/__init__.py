@@ -1,7 +1,7 @@
 """Generate C source from programs. Nothing here depends on robots.
 
 Read `graph` (operations), `kernels` (C of one kernel), `scalars` (number types), `rules` (checks of a
-program, and its memory), the drivers `across_samples` and `across_copies`, `alone` (single calls), then
+program, and its memory), the drivers in `across_lanes`, `alone` (single calls), then
 `library_source` and `plain_c`. `c/` holds the headers.
 
 May import: `program`, `spatial`, `errors`.

@@ -9,8 +9,7 @@ of batches only.
 from __future__ import annotations
 
 from ..program import Call, Program
-from .across_copies import across_copies
-from .across_samples import across_samples
+from .across_lanes import across_copies, across_samples
 from .drivers import Tables
 from .scalars import Scalar, text_of
 

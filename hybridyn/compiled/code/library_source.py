@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..program import Call, Program, stored
-from .across_copies import across_copies
-from .across_samples import HEAD, across_samples
+from .across_lanes import HEAD, across_copies, across_samples
 from .alone import choice, code, lanes_of_codes, second_unit
 from .drivers import Tables, summed
 from .kernels import kernel_graph, kernel_text

@@ -12,8 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..program import Call, Program, stored
-from .across_copies import across_copies
-from .across_samples import across_samples
+from .across_lanes import across_copies, across_samples
 from .alone import CALLED_ALONE, VECTOR_STATEMENT
 from .drivers import Tables
 from .kernels import kernel_graph, kernel_text

@@ -1,9 +1,8 @@
 """Build the models of a whole robot as programs: calls of its modules' kernels.
 
-Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`, `kinematics`, `close`,
-then `whole_robot` and `sources`. `interpreter` runs a program in CasADi. `general` is the general
-path behind the programs. `postures` closes loops for `CompiledRobot`, `designs` and `evaluating` those of
-many designs; `control` joins it with the inverse model.
+Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`, `kinematics`, `close`, then
+`whole_robot` and `sources`. `general` is the general path behind the programs. `postures` closes loops for
+`CompiledRobot`, `designs` and `evaluating` those of many designs; `control` joins it with the inverse model.
 
 May import: `equations`, `code`, `program`, and what `compiled` may.
 """

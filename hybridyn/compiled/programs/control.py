@@ -23,8 +23,8 @@ from ..library.calls import Library, Numbers
 from ..library.closed_rows import ClosedRows
 from ..library.direct_calls import DOUBLE, REFUSED, function_of, readable
 from .postures import refuse
+from .quantities.calls import Quantities
 from .quantities.following import artifact_of
-from .quantities.link_calls import LinkQuantities
 from .sources import Artifact, library_key, robot_key
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ STATES = 12
 SAME_EFFORTS = 1e-10
 
 
-class ControlSteps(LinkQuantities):
+class ControlSteps(Quantities):
     """The control steps of a `CompiledRobot`."""
 
     idm: Callable[..., Numbers]

@@ -1,15 +1,19 @@
-"""Build all models of one robot as programs."""
+"""Build all models of one robot as programs; run a program in CasADi, and convert it to one function."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import partial, reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
 
 from ...effects.choice import Choice
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..equations.request import Request, request
-from ..program import Program
+from ..program import Call, Constants, Program, Start, Worst, stored
 from .close import close_program, lift_program
 from .direct import direct_program
 from .inverse import inverse_program
@@ -57,3 +61,72 @@ def programs(
         models = tuple(name for name in models if name in known)
     written = {name: write[name](asked) for name in models}
     return {name: program for name, program in written.items() if program is not None}
+
+
+#: Sums of results and guards above this are taken as infinite.
+FINITE = 1e300
+
+
+def function_of(program: Program) -> ca.Function:
+    """Convert a program to one CasADi function, a flat graph.
+
+    Returns:
+        Function with the program's names of inputs and outputs, and the output "guard" last. As in C, the
+        guard is above 1 where a result is not finite.
+    """
+    columns = [ca.SX.sym(name, size) for name, size in program.inputs]
+    given = [
+        column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)
+    ]
+    result, guards = run(program, given)
+    outputs = [ca.vertcat(*result[at : at + size]) for _, size, at in stored(program.outputs)]
+    total = ca.sum1(ca.vertcat(*result, *guards))
+    guard = ca.if_else(ca.fabs(total) <= FINITE, reduce(ca.fmax, guards), np.inf)
+    return ca.Function(
+        program.name,
+        columns,
+        [*outputs, guard],
+        [name for name, _ in program.inputs],
+        [*(name for name, _ in program.outputs), "guard"],
+    )
+
+
+def run(program: Program, given: list[Any]) -> tuple[list[Any], list[Any]]:
+    """Run a program on CasADi scalars; return its results, and the guards of which the largest counts."""
+    result: list[Any] = [ca.SX(np.nan)] * sum(size for _, size in program.outputs)
+    memory = {
+        "given": given,
+        "result": result,
+        "shared": [None] * program.shared,
+        "own": [None] * program.own,
+    }
+    guards: list[Any] = [ca.SX(0.0)]
+    for step in program.steps:
+        if isinstance(step, Start):
+            end = step.start + len(step.values)
+            memory["shared"][step.start : end] = [ca.SX(float(x)) for x in step.values]
+        else:
+            _call(program.kernels[step.kernel].function, step, memory, guards)
+    return result, guards
+
+
+def _call(function: ca.Function, call: Call, memory: dict[str, list[Any]], guards: list[Any]) -> None:
+    """Run one call, and append its guards."""
+    reads, writes = ([end.at(call.copies).tolist() for end in ends] for ends in (call.sources, call.targets))
+    for i in range(call.copies):
+        arguments = []
+        for source, at in zip(call.sources, reads, strict=True):
+            if isinstance(source, Constants):
+                values = [ca.SX(float(x)) for x in source.values[i]]
+            else:
+                values = [memory[source.memory][j] for j in at[i]]
+            arguments.append(ca.vertcat(*values) if values else ca.SX(0, 1))
+        outputs = function.call(arguments)
+        for target, at, output in zip(call.targets, writes, outputs, strict=True):
+            values = [output[j] for j in range(output.numel())]
+            if isinstance(target, Worst):
+                guards += values
+                continue
+            place = memory[target.memory]
+            for j, value in zip(at[i], values, strict=True):
+                place[j] = place[j] + value if target.adds else value

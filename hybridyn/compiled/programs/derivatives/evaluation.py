@@ -26,8 +26,8 @@ from ...library.cache import Built
 from ...library.calls import Library, loaded
 from ...program import Program
 from ..general import GENERAL, general, named
-from ..interpreter import function_of
 from ..sources import Artifact, robot_key
+from ..whole_robot import function_of
 from .coordinates import check_coordinates
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
