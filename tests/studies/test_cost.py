@@ -14,7 +14,7 @@ import pytest
 import hybridyn
 from hybridyn.effects import choose
 from hybridyn.scenes.stage import Stage, stage
-from hybridyn.studies.cost import models, points, quantities, runs, settings
+from hybridyn.studies.cost import models, points, quantities, runner, runs, settings
 from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
 from hybridyn.studies.cost.points import (
     Point,
@@ -29,7 +29,8 @@ from hybridyn.studies.cost.points import (
     timed,
 )
 from hybridyn.studies.cost.rates import by_rates
-from hybridyn.studies.cost.runs import Runner, distance, needed_effects, study_runs, typical_step
+from hybridyn.studies.cost.runner import Runner, distance, errors
+from hybridyn.studies.cost.runs import needed_effects, study_runs, typical_step
 from hybridyn.tables.rates import derivatives
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
@@ -287,7 +288,8 @@ def swing() -> Study:
         patch.setattr(settings, "FACTORS", (8.0, 4.0))
         patch.setattr(settings, "TOLERANCES", (1e-3, 1e-7))
         patch.setattr(runs, "LADDER", (1e-8, 1e-10, 1e-12))
-        patch.setattr(runs, "clock", Clock(tick=1e-6))  # times are numbers of steps
+        for file in (runner, runs):
+            patch.setattr(file, "clock", Clock(tick=1e-6))  # times are numbers of steps
         return study_runs(stage(SWING), SHORT)
 
 
@@ -412,25 +414,25 @@ def test_an_event_ends_every_run(tmp_path: Path) -> None:
 def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(runs, "clock", Clock(tick=1.0))
-    runner = Runner(stage(SWING), 2.0)
-    usual = settings.usual_setting(runner.ready, "")
-    refused(
-        lambda: runner.run(usual, 3.5), hybridyn.HybridynError, "took too long for any posture to compare"
-    )
-    stopped = runner.run(usual, 45.5)
+    monkeypatch.setattr(runner, "clock", Clock(tick=1.0))
+    scene = Runner(stage(SWING), 2.0)
+    usual = settings.usual_setting(scene.ready, "")
+    early = scene.run(usual, 3.5)
+    assert (early.whole, 0 < early.t < 2.0) == (False, True)
+    assert errors(scene.ready.robot, early.result, early.result) == {"error": np.inf}
+    stopped = scene.run(usual, 45.5)
     assert not stopped.whole
     assert 0 < stopped.t < 2.0
-    runner.duration = float(stopped.result.t[-1])
-    again = runner.run(usual, np.inf)
-    assert distance(runner.ready.robot, stopped.result.q[-1], again.result.q[-1]) < 1e-9
+    scene.duration = float(stopped.result.t[-1])
+    again = scene.run(usual, np.inf)
+    assert distance(scene.ready.robot, stopped.result.q[-1], again.result.q[-1]) < 1e-9
     assert typical_step(5, 0.05) <= 0.05
 
 
 @pytest.mark.slow
 def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
     needs("compiled")
-    monkeypatch.setattr(runs, "clock", Clock(tick=0.1))  # s a step
+    monkeypatch.setattr(runner, "clock", Clock(tick=0.1))  # s a step
     study = study_runs(stage(SWING), 2.0)
     assert any("s of the scene are measured: --seconds gives more time" in said for said in study.remarks)
     assert advice(study, 1e-3).startswith("For 0.1 % on the last posture, take")

@@ -246,7 +246,7 @@ def _check_sum(
     if abs(parts - together) > ADDS_UP * together:
         study.remarks.append(
             f"{line}: closing and model take {1e6 * together:.3g} us together, {1e6 * parts:.3g} us apart: "
-            "the machine is busy, or the caches are"
+            "the machine is busy, or its caches are full"
         )
 
 
