@@ -129,10 +129,7 @@ def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -
     """Yield triangular factors of Y in scaled parameters and efforts, over random states."""
     p, motors = len(scale), len(robot.motors)
     count = STATES + EQUATIONS * p // max(motors, 1)
-    q, v, _ = moving_states(robot, count, positions=_spread)
-    a = any_accelerations(robot, q, v, seed=1)  # of another seed: v must not be a
-    if robot.base == "moving":
-        a[:, :6] = np.random.default_rng(2).normal(size=(count, 6))
+    q, v, a = random_motions(robot, count)
     effort = np.where(np.array(robot.effort_units) == "N", 1.0, robot.bodies.size)
     step = max(1, ENTRIES // max(p * motors, 1))
     yield np.zeros((0, p))
@@ -140,6 +137,15 @@ def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -
         part = slice(first, first + step)
         Y = effort_rows(robot, parameters, q[part], v[part], a[part]) * scale / effort[:, None]
         yield triangular(Y.reshape(-1, p))
+
+
+def random_motions(robot: HybridRobot, count: int) -> tuple[Array, Array, Array]:
+    """Draw q, v, a, shapes (count, nq), (count, nv), (count, nv), that the loops allow, all independent."""
+    q, v, _ = moving_states(robot, count, positions=_spread)
+    a = any_accelerations(robot, q, v, seed=1)  # of another seed: v must not be a
+    if robot.base == "moving":
+        a[:, :6] = np.random.default_rng(2).normal(size=(count, 6))
+    return q, v, a
 
 
 def _spread(module: Module, count: int, rng: np.random.Generator) -> Array:

@@ -20,7 +20,6 @@ from ..compiled.code.scalars import GUARD_LIMIT, Scalar
 from ..compiled.equations.arguments.module_arguments import AS_PINOCCHIO, BodyInertias, ModuleArguments
 from ..compiled.equations.expressions import unpack
 from ..compiled.equations.request import Request, request
-from ..compiled.equations.states import any_accelerations, moving_states
 from ..compiled.failures import as_compile_error, check_agreement
 from ..compiled.library.building import best_lanes
 from ..compiled.library.cache import Built, cached
@@ -37,6 +36,7 @@ from ..errors import CompileError
 from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
+from .base_parameters import random_motions
 from .inertial import OF_BODY
 from .parameters import StandardParameters
 from .regressor import effort_rows
@@ -157,8 +157,7 @@ class CompiledRows:
         Raises:
             CompileError: They differ.
         """
-        q, v, _ = moving_states(self.robot, COMPARED)
-        a = any_accelerations(self.robot, q, v, seed=1)
+        q, v, a = random_motions(self.robot, COMPARED)
         Y, guard = self._run(Library(built), q, v, a)
         wanted = effort_rows(self.robot, self.parameters, q, v, a)[..., self.columns[self._inertial]]
         sure = guard <= GUARD_LIMIT

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .parameters import StandardParameters
 
 #: Numbers of two legs are equal if they differ by less than this part.
-EQUAL = 1e-9
+EQUAL_LEGS = 1e-9
 #: A leg: its joints and the numbers of its bodies, and what must be the same without any tolerance.
 Leg = tuple[tuple[str, ...], Array, tuple[object, ...]]
 
@@ -39,7 +39,7 @@ def shared_by_legs(robot: HybridRobot, parameters: StandardParameters) -> Standa
         for joint, at in place.items():
             like = place.get(first.get(joint, joint), at)
             own, others = parameters.values[[at, like]].tolist()
-            if term.law is not None and math.isclose(own, others, rel_tol=EQUAL):
+            if term.law is not None and math.isclose(own, others, rel_tol=EQUAL_LEGS):
                 into[at] = like
     kept, number, count = np.unique(into, return_inverse=True, return_counts=True)
 
@@ -72,7 +72,7 @@ def _first_alike(robot: HybridRobot) -> dict[str, str]:
                 (
                     other
                     for other in kinds
-                    if other[2] == structure and np.allclose(other[1], numbers, EQUAL, EQUAL)
+                    if other[2] == structure and np.allclose(other[1], numbers, EQUAL_LEGS, EQUAL_LEGS)
                 ),
                 leg,
             )

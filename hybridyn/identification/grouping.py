@@ -34,7 +34,7 @@ from .parameters import StandardParameters, standard_parameters
 #: Relations smaller than this part are rounding of the file.
 RELATED = 1e-7
 #: Bodies are parallel if the axes of one differ by less than this in the other, at all generic postures.
-PARALLEL = 1e-6
+STAYS_PARALLEL = 1e-6
 #: Random values beyond the number of columns.
 MORE = 20
 #: Vectors that a joint and a closure share: directions (numbers of axes, or "axis"), and whether the origin.
@@ -149,7 +149,7 @@ class Vectors:
         first: list[int] = []
         for i in range(len(bodies)):
             turned = [np.matmul(np.swapaxes(R[:, k], 1, 2), R[:, i]) for k in first]
-            like = [k for k, C in zip(first, turned, strict=True) if np.ptp(C, axis=0).max() < PARALLEL]
+            like = [k for k, C in zip(first, turned, strict=True) if np.ptp(C, axis=0).max() < STAYS_PARALLEL]
             if not like:
                 first.append(i)
                 continue

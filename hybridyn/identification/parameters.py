@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..description.records import Description, Link
 from ..effects.choice import FROM_FILES, Choice, Effects, choose, listed_units
 from ..effects.choice import JOINTS as LAWS
 from ..effects.joints import OnJoints, placed
 from ..errors import ModelError
 from ..spatial import Array, Index
-from ..structure.bodies import loaded
 from ..structure.building import rebuilt
 from ..structure.robot import HybridRobot
 from .equal_legs import shared_by_legs
@@ -38,8 +36,12 @@ SYMBOLS = {
     "damper": ("d",),
     "stop": ("k_stop",),
 }
-#: What a friction or a rotor's inertia is called in the description of a joint.
-FIELDS = {"Ia": "rotor_inertia", "Fv": "damping", "Fc": "friction"}
+#: What laws' numbers are called in `HybridRobot.with_parameters`.
+FIELDS = {
+    "viscous_friction": "viscous_friction",
+    "coulomb_friction": "coulomb_friction",
+    "spring": "spring_stiffness",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,97 +256,56 @@ def with_parameters(
     """
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     new = parameters.vector(values)
-    changed = np.flatnonzero(new != parameters.values)
-    description = robot.description
+    changed = new != parameters.values
+    loads, named = dict[str, Any](), dict[str, Any]()
     for (_, at), load in zip(parameters.payloads, robot.payloads, strict=False):
-        if np.isin(at, changed).any():
-            description = _with_load(robot, description, load.link, new[at])
+        if changed[at].any():
+            loads |= _named(robot, load.link, new[at], "payload_")
+    robot = robot.with_parameters(loads) if loads else robot
     for body, at in parameters.bodies.items():
-        if np.isin(at, changed).any():
-            description = _with_body(robot, description, body, new[at])
+        carried = [new[places] for loaded_body, places in parameters.payloads if loaded_body == body]
+        if changed[at].any():
+            named |= _of_heaviest(robot, body, sum(carried, new[at]))
+    rotors: dict[str, float] = {}
     for term in parameters.terms:
-        if np.isin(term.columns, changed).any():
-            description = _with_term(description, term, new)
-    return rebuilt(robot, description, like=robot)
-
-
-def _with_link(description: Description, link: Link) -> Description:
-    """Return a description with other numbers of a link."""
-    links = tuple(link if own.name == link.name else own for own in description.links)
-    return replace(description, links=links)
-
-
-def _physical(name: str, ten: Array) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia of a body; raise `ModelError` if its mass is not positive."""
-    if ten.any() and not ten[0] > 0:
-        raise ModelError(
-            f"'{name}' would have a mass of {ten[0]:g} kg: a robot needs positive masses. Base parameters "
-            "predict efforts without them", element=name,
-        )  # fmt: skip
-    return mass_centre_inertia(ten)
-
-
-def _with_body(robot: HybridRobot, description: Description, body: int, ten: Array) -> Description:
-    """Return a description in which a body has other numbers, payloads not counted."""
-    name = robot.bodies.bodies[body].name
-    loads = {load.name: load for load in description.loads}
-    links = {link.name: link for link in description.links}
-    for other, (at, R, p) in robot.bodies.place.items():
-        if at == body and other != name:
-            own, load = links[other], loads.get(other)
-            mass, com, inertia = (
-                (own.mass, own.com, own.inertia)
-                if load is None
-                else (load.own_mass, load.own_com, load.own_inertia)
-            )
-            ten = ten - moved(ten_numbers(mass, com, inertia), R, p)
-    _, R, p = robot.bodies.place[name]
-    mass, com, inertia = _physical(name, moved(ten, R.T, -R.T @ p))
-    link = replace(links[name], mass=mass, com=com, inertia=inertia)
-    if name in loads:
-        load = replace(loads[name], own_mass=mass, own_com=com, own_inertia=inertia)
-        changed = tuple(load if x.name == name else x for x in description.loads)
-        description, link = replace(description, loads=changed), loaded(link, load)
-    return _with_link(description, link)
-
-
-def _with_load(robot: HybridRobot, description: Description, name: str, ten: Array) -> Description:
-    """Return a description in which the payload on a link has other numbers."""
-    _, R, p = robot.bodies.place[name]
-    mass, com, inertia = _physical(f"payload on {name}", moved(ten, R.T, -R.T @ p))
-    load = next(x for x in description.loads if x.name == name)
-    load = replace(load, mass=mass, com=com, inertia=inertia)
-    loads = tuple(load if x.name == name else x for x in description.loads)
-    link = next(x for x in description.links if x.name == name)
-    return _with_link(replace(description, loads=loads), loaded(link, load))
-
-
-def _with_term(description: Description, term: Term, new: Array) -> Description:
-    """Return a description in which the joints of a law have other numbers."""
-    numbers = dict(zip(term.joints, new[term.columns].tolist(), strict=True))
-    if term.law is None:
-        return description
-    wrong = next((name for name, x in numbers.items() if x < 0), None)
-    if wrong is not None:
-        raise ModelError(
-            f"'{term.symbol} of {wrong}' would be {numbers[wrong]:g}; it cannot be negative", element=wrong
-        )
-    if term.symbol == "k":
-        springs = {s.name: s for s in description.springs}
-        return description.with_springs(
-            replace(spring, stiffness=numbers.get(name, spring.stiffness)) for name, spring in springs.items()
-        )
-    if term.law.effect.name not in FROM_FILES:
-        raise ModelError(f"the robot's files have no place for '{term.symbol} of {term.joints[0]}'")
+        if term.law is None or not changed[term.columns].any():
+            continue
+        numbers = zip(term.joints, new[term.columns].tolist(), strict=True)
+        if term.symbol == "Ia":
+            rotors = dict(numbers)
+        elif term.law.effect.name not in FIELDS:
+            raise ModelError(f"the robot's files have no place for '{term.symbol} of {term.joints[0]}'")
+        else:
+            named |= {f"{FIELDS[term.law.effect.name]}:{joint}": number for joint, number in numbers}
+    if wrong := [name for name, number in rotors.items() if number < 0]:
+        raise ModelError(f"'Ia of {wrong[0]}' would be {rotors[wrong[0]]:g}: it cannot be negative")
     joints = tuple(
-        replace(
-            joint,
-            **{
-                FIELDS[term.symbol]: numbers[joint.name] / (joint.gear_ratio**2 if term.symbol == "Ia" else 1)
-            },
-        )
-        if joint.name in numbers
+        replace(joint, rotor_inertia=rotors[joint.name] / joint.gear_ratio**2)
+        if joint.name in rotors
         else joint
-        for joint in description.joints
+        for joint in robot.description.joints
     )
-    return replace(description, joints=joints)
+    return rebuilt(robot, replace(robot.description, joints=joints), like=robot).with_parameters(named)
+
+
+def _of_heaviest(robot: HybridRobot, body: int, ten: Array) -> dict[str, Any]:
+    """Return the numbers of the link that a body is called by, by name: what the other links leave."""
+    name = robot.bodies.bodies[body].name
+    for link in robot.description.links:
+        at, R, p = robot.bodies.place[link.name]
+        if at == body and link.name != name:
+            ten = ten - moved(ten_numbers(link.mass, link.com, link.inertia), R, p)
+    return _named(robot, name, ten)
+
+
+def _named(robot: HybridRobot, link: str, ten: Array, prefix: str = "") -> dict[str, Any]:
+    """Return the numbers of a link, given in its body's frame, named as in `robot.with_parameters`."""
+    _, R, p = robot.bodies.place[link]
+    mass, com, inertia = mass_centre_inertia(moved(ten, R.T, -R.T @ p))
+    if mass <= 0 and ten.any():
+        raise ModelError(
+            f"'{link}' would have a mass of {mass:g} kg: a robot needs positive masses. Base parameters "
+            "predict efforts without them", element=link,
+        )  # fmt: skip
+    numbers = {"mass": mass, "centre": com, "inertia": inertia[np.triu_indices(3)]}
+    return {f"{prefix}{kind}:{link}": number for kind, number in numbers.items()}

@@ -7,10 +7,9 @@ import pytest
 from scipy import stats
 
 import hybridyn
-from hybridyn.compiled.equations.states import any_accelerations, moving_states
 from hybridyn.effects import Payload
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
-from hybridyn.identification.base_parameters import _spread, base_parameters, units
+from hybridyn.identification.base_parameters import base_parameters, random_motions, units
 from hybridyn.identification.consistent import consistent, pseudo_inertia
 from hybridyn.identification.estimators import estimate
 from hybridyn.identification.parameters import standard_parameters, with_parameters
@@ -308,8 +307,7 @@ def test_base_parameters_come_back_on_every_robot(kind: str, seed: int) -> None:
     for at in standard.bodies.values():
         values[at] *= rng.uniform(0.7, 1.3)
     true = with_parameters(robot, values, effects=effects)
-    q, v, _ = moving_states(robot, 20 + 3 * base.rank // max(len(robot.motors), 1), positions=_spread)
-    a = any_accelerations(robot, q, v, seed=1)
+    q, v, a = random_motions(robot, 20 + 3 * base.rank // max(len(robot.motors), 1))
     Y = hybridyn.regressor(robot, q, v, a, effects=effects).Y[:, :, base.columns]
     tau = hybridyn.idm(true, q, v, a, effects=effects)
     if kind in UNTOLD:
