@@ -41,6 +41,7 @@ INSTEAD = {
 
 #: Options that replace the library's arguments in its advice.
 OPTIONS = {
+    "motors=[...]": "--motors A,B,...",
     'passive="solved"': "--passive solved",
     'on_singular="least-norm"': "--on-singular least-norm",
     "allow_python=True": "--allow-python",

@@ -50,9 +50,9 @@ def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ..
 @click.option(
     "--choose",
     type=click.IntRange(1),
-    default=1,
     metavar="NUMBER",
-    help="The posture that is shown or written, as --all numbers them.  [default: the nearest to home]",
+    help="The posture that is shown or written, as --all numbers them.  [default: the nearest to home "
+    "within limits]",
 )
 @click.option(
     "-o",
@@ -68,7 +68,7 @@ def command(
     everything: bool,
     starts: int,
     seed: int,
-    choose: int,
+    choose: int | None,
     output: str | None,
     write: bool,
 ) -> None:
@@ -84,6 +84,9 @@ def command(
 
     robot = load()
     found = homes(robot, at, starts=starts, seed=seed)
+    if choose is None:
+        inside = [number for number, one in enumerate(found.postures, 1) if one.within_limits]
+        choose = (inside or [1])[0]
     if choose > len(found.postures):
         raise ModelError(f"there is no posture {choose}: {counted(len(found.postures), 'posture')} found")
     if output:

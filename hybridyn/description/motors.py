@@ -80,11 +80,11 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
     if not robot.closures and all(_is_mimic(coupling) for coupling in robot.couplings):
         return tuple(joint.name for joint in free), EVERY_JOINT
     strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
-    if 0 < len(strong) < len(free):
+    if 0 < len(strong) < sum(FREEDOMS[joint.kind] > 0 for joint in robot.joints):
         return tuple(strong), "joints with an effort limit above zero, because no file names motors"
     robot.notes.append(
-        "no file says which joints of this closed-loop robot are driven: pass motors=[...], or write "
-        "motors = [...] in model.toml, <transmission> in the URDF, or name_mot in robot.yaml"
+        "no file says which joints of this closed-loop robot are driven: pass motors=[...] or --motors "
+        "A,B, or write motors = [...] in model.toml, <transmission> in the URDF, or name_mot in robot.yaml"
     )
     return (), "nothing: no file names motors, and the effort limits do not distinguish them"
 

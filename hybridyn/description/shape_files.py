@@ -55,6 +55,7 @@ class MeshFiles:
         name = unquote(name)
         scheme, _, inside = name.rpartition("://")
         if scheme in ("package", "model"):
+            inside = inside.lstrip("/")  # Gepetto writes package:///NAME
             package, _, rest = inside.partition("/")
             places = [root / inside for root in self.roots]
             # The root may be the package's own folder, or hold its files without the package's name.

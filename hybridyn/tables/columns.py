@@ -195,6 +195,7 @@ def _check_base(layout: Layout, root: str, base: str) -> None:
         message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
         if base == "floating":
             message += "; how a free base moves depends on what came before, 'hybridyn simulate' computes it"
+            message += "; or hold it (base='fixed')"
         raise TrajectoryError(message, file=layout.file, column=column)
 
 
@@ -211,6 +212,7 @@ def _check_inputs(layout: Layout, movable: Iterable[str], motors: Sequence[str],
     if passive:
         rest = [name for name in movable if name not in layout.joints]
         message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
+        message += f"; for the motion of output joints, 'hybridyn idm --map {','.join(passive)}'"
         raise TrajectoryError(message, file=layout.file, column=f"{passive[0]}/position")
     absent = [name for name in motors if name not in layout.joints]
     if absent and not platforms:
@@ -252,7 +254,7 @@ def _sorted_columns(
             continue
         match = _FORM.fullmatch(column)
         if match is None or (match["quantity"] == "effort" and match["component"]):
-            hint = did_you_mean(column, ["time"])
+            hint = did_you_mean(column, ["time"]) or _completed(column, joints)
             raise TrajectoryError(f"is not known{hint}; {_FORMS_ADVICE}", file=file, column=column)
         owner, quantity, component = match["owner"], match["quantity"], match["component"] or ""
         if not component or quantity == "position" or (quantity in RATES and owner in in_parts):
@@ -262,6 +264,17 @@ def _sorted_columns(
             _check_link(column, owner, joints, links, file)
             of_links.setdefault(owner, {}).setdefault(quantity, {})[component] = index
     return time, of_joints, of_links
+
+
+def _completed(column: str, joints: Iterable[str]) -> str:
+    """Return the column that a name alone, a wrong ending or a letter for the time probably means."""
+    owner, _, quantity = column.rpartition("/")
+    if column == "t":
+        return " (did you mean 'time'?)"
+    if column in joints:
+        return f" (did you mean '{column}/position'?)"
+    found = next((word for word in (*RATES, "position", "effort") if quantity.startswith(word)), "")
+    return f" (did you mean '{owner}/{found}'?)" if found and owner in joints else ""
 
 
 def _check_joint(

@@ -32,6 +32,8 @@ USAGE = [
     ("idm arn.urdf traj.csv", "did you mean 'arm.urdf'"),
     ("idm arm.urdf tray.csv", "did you mean 'traj.csv'"),
     ("idm {folder}/arn.urdf traj.csv", "did you mean '{folder}/arm.urdf'"),
+    ("idm traj.csv arm.urdf", "'traj.csv' is a table; the robot comes first"),
+    ("simulate arm.urdf", "'arm.urdf' is a robot; a scene is a TOML file"),
     ("idm . traj.csv", "is a folder"),
     ("idm {root}/urdf", "is a folder"),
     ("idm nowhere/arm.urdf traj.csv", "no folder 'nowhere'"),

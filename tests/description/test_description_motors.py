@@ -39,6 +39,9 @@ READ: list[tuple[Texts, list[str] | None, dict[str, object]]] = [
     (DEPENDENT, None, {"motors": ("drive",), "motors_from": 'URDF+ joints with independent="true"'}),
     (robot(), None, {"motors": ("drive", "elbow", "swing")}),
     (FOUR_BAR, None, {"motors": ("drive",)}),
+    (  # joints with several freedoms cannot have motors: all others may
+        FOUR_BAR.replace('type="continuous"', 'type="floating"'), None, {"motors": ("drive",)},
+    ),
     (
         FOUR_BAR.replace(' effort="10"', ""), None,
         {"motors": (), "notes": {"which joints of this closed-loop robot are driven"}},

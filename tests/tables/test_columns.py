@@ -153,6 +153,9 @@ def test_joints_with_several_freedoms() -> None:
     ("columns", "column", "words"),
     [
         (["Time", "lift/position"], "Time", "did you mean 'time'"),
+        (["t", "lift/position"], "t", "did you mean 'time'"),
+        (["time", "lift"], "lift", "did you mean 'lift/position'"),
+        (["time", "lift/velocity_m_s"], "lift/velocity_m_s", "did you mean 'lift/velocity'"),
         (["time", "speed"], "speed", "columns are 'time'"),
         (["time", "lifd/position"], "lifd/position", "did you mean 'lift'"),
         (["time", "tool/position"], "tool/position", "'tool' is a link"),
@@ -167,7 +170,7 @@ def test_joints_with_several_freedoms() -> None:
         (["time", "lift/position"], "elbow/position", "is missing"),
         (["time"], "lift/position", "is missing"),
         (["time", "lift/position", "elbow/position/x"], "elbow/position/x", "does not belong"),
-        (["time", "lift/position", "spin/position"], "spin/position", "not a motor"),
+        (["time", "lift/position", "spin/position"], "spin/position", "--map spin"),
         (["time", *POSE[:-1]], "tool/pose/qw", "is missing"),
         (["time", *POSE, "tool/pose/roll"], "tool/pose/roll", "does not belong"),
         (["time", "tool/pose/x", "tool/pose/w"], "tool/pose/w", "does not belong"),

@@ -11,6 +11,9 @@ import click
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+#: Endings of robots' files, where a scene belongs.
+ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
+
 Path = TypeVar("Path", str, str | None)
 
 
@@ -53,6 +56,8 @@ def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if hash_ and not os.path.exists(value):
         existing_file(ctx, param, file)
         return value
+    if value.lower().endswith((".csv", ".parquet")):
+        raise click.BadParameter(f"'{value}' is a table; the robot comes first", ctx, param)
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
         return existing_file(ctx, param, value)
     if (found := shipped_file(value)) is None:
@@ -89,6 +94,9 @@ def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -
 def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Return the file of a scene: an existing file, or the scene of the shipped robot of this name."""
     from ...description.shipped import shipped_robots, shown
+
+    if value.lower().endswith(ROBOTS):
+        raise click.BadParameter(f"'{value}' is a robot; a scene is a TOML file (docs/scenes.md)", ctx, param)
 
     if not os.path.exists(value) and value in shipped_robots():
         scenes = shipped_robots()[value].scenes

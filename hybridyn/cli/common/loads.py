@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from .engine import Engine
     from .tables import Tables
 
+#: Part of the numbers that make it up, below which a sum is their rounding.
+ROUNDING = 1e-12
+
 
 def motor_states(
     robot: HybridRobot, block: Postures, *, efforts: Callable[[HybridRobot, Postures], Rows]
@@ -122,9 +125,17 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
             f"{load.braking_power.value:.4g} W",
         ]
         if timed:
-            cells += [f"{load.mean_power:.4g} W", f"{load.energy_given:.4g} J", f"{load.energy_taken:.4g} J"]
+            mean = _unless_rounding(load.mean_power or 0.0, load.power.value)
+            given, taken = load.energy_given or 0.0, load.energy_taken or 0.0
+            both = abs(given) + abs(taken)
+            cells += [f"{mean:.4g} W", *(f"{_unless_rounding(x, both):.4g} J" for x in (given, taken))]
         rows.append(cells)
     return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
+
+
+def _unless_rounding(x: float, size: float) -> float:
+    """Return a number, or zero where it is rounding of numbers of a size."""
+    return x + 0.0 if abs(x) > ROUNDING * abs(size) else 0.0
 
 
 def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
