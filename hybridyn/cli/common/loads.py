@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .tables import Tables
 
 #: Part of the numbers that make it up, below which a sum is their rounding.
-ROUNDING = 1e-12
+WORK_ROUNDING = 1e-12
 
 
 def motor_states(
@@ -135,7 +135,7 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
 
 def _unless_rounding(x: float, size: float) -> float:
     """Return a number, or zero where it is rounding of numbers of a size."""
-    return x + 0.0 if abs(x) > ROUNDING * abs(size) else 0.0
+    return x + 0.0 if abs(x) > WORK_ROUNDING * abs(size) else 0.0
 
 
 def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
