@@ -12,6 +12,9 @@ from tests.shipped import ROBOTS, shipped, states_near_home
 
 #: Base parameters at the states of the tests, relative to the largest effort.
 AGREE = 1e-11
+#: The same on random mechanisms: the first independent columns in order may be a thousand times worse
+#: conditioned than the best ones, and random loops close to 1e-11 (worst seen: 2e-9).
+AGREE_RANDOM = 1e-8
 EVERY = ["model", "offsets"]
 #: Base parameters of each shipped robot: inertial ones, and with equal legs; both with rotors, friction and
 #: offsets.
@@ -72,7 +75,7 @@ def test_the_rules_count_at_least_the_numerical_rank_and_the_loops_explain_the_r
     rows = hybridyn.regressor(robot, q, v, a)
     want = rows.Y @ rows.values
     got = rows.Y[..., parameters.columns] @ parameters.values
-    assert np.abs(got - want).max() <= AGREE * np.abs(want).max()
+    assert np.abs(got - want).max() <= AGREE_RANDOM * np.abs(want).max()
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
