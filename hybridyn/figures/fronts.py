@@ -21,7 +21,7 @@ LOOK: Any = {"font.size": 9, "axes.titlesize": 10, "legend.fontsize": 8}
 #: Least range of an axis.
 DECADES = 2.2
 #: Of what other panels show of the same quantity: below, a panel would show rounding alone.
-ROUNDING = 1e-12
+ZERO_PANEL = 1e-12
 #: What nothing is drawn at.
 LEAST = 1e-17
 
@@ -106,7 +106,7 @@ def _panel(ax: Axes, panel: Panel, most: float) -> None:
     """Draw the curves of a panel, beside panels that show so much of the same quantity."""
     ax.set_axis_on()
     ax.set_title(panel.title, loc="left", color=INK)
-    if panel.top < ROUNDING * most:
+    if panel.top < ZERO_PANEL * most:
         ax.text(0.5, 0.5, "zero", ha="center", transform=ax.transAxes)
         ax.set(xticks=[], yticks=[])
         return
