@@ -27,8 +27,9 @@ from .errors import (
 )
 from .identification.base_parameters import BaseParameters, base_parameters
 from .identification.excitation import Excitation, excitation
-from .identification.identify import Identification, identify
+from .identification.identify import identify
 from .identification.regressor import Regressor, regressor
+from .identification.result import Identification
 from .loading import from_pinocchio, load
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate

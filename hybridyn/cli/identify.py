@@ -12,7 +12,7 @@ from .common.files import complete_data, ends_in, existing_file, result_file
 from .common.options import RobotChoice, RobotCommand, split_names
 
 if TYPE_CHECKING:
-    from ..identification.identify import Identification
+    from ..identification.result import Identification
 
 METHODS = ("wls", "irls", "iv")
 
@@ -110,7 +110,7 @@ def command(
 def _tell(found: Identification, output: str | None, report: str | None, plot: str | None) -> None:
     """Print the result, and write the files that are wanted."""
     from ..description.writing import write_text
-    from ..identification.report import summary, unknown
+    from ..identification.result import summary, unknown
 
     for line in [*summary(found), *unknown(found)]:
         click.echo(line.replace("`", "'"))

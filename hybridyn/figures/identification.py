@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..colours import ALARM, GOOD, MODULES
-from ..identification.identify import Identification
-from ..identification.judging import Residuals
+from ..identification.result import Identification, Residuals
 from .panels import Chart, Mark, Panel
 
 #: Motors that are drawn.

@@ -10,8 +10,8 @@ import hybridyn
 from hybridyn.effects import Payload
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
 from hybridyn.identification.base_parameters import base_parameters, random_motions, units
-from hybridyn.identification.consistent import consistent, pseudo_inertia
-from hybridyn.identification.estimators import estimate
+from hybridyn.identification.identify import estimate
+from hybridyn.identification.inertial import consistent, pseudo_inertia
 from hybridyn.identification.parameters import standard_parameters, with_parameters
 from hybridyn.identification.rows import Source, linear_model
 from hybridyn.identification.signals import read_log

@@ -1,0 +1,256 @@
+"""The result of an identification: what is known now, how well, what is not, and whether the rest is noise.
+
+The cumulative periodogram of white noise is a straight line; its largest distance from the line has
+Kolmogorov's distribution (Bartlett). A friction that was left out, or a payload that was not told, moves with
+the motion: its power stands at low frequencies, and the distance grows.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+from scipy.special import kolmogorov
+
+from ..description.names import counted
+from ..effects.choice import Choice
+from ..spatial import Array, Mask
+from ..structure.robot import HybridRobot
+
+#: Probability below which a residual is not noise, shared among the motors (Bonferroni).
+SIGNIFICANT = 1e-3
+#: Relative standard deviation from which a parameter counts as badly known.
+BAD = 0.3
+#: Names that a sentence lists.
+MOST = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """What a model leaves over of a motion, judged.
+
+    Attributes:
+        time: Times, shape (T,), [s].
+        measured: Efforts, shape (T, motors).
+        residual: Measured less predicted efforts, shape (T, motors).
+        relative: RMS of the residual over that of the effort, shape (motors,).
+        frequency: Frequencies of the spectrum, shape (F,), [Hz].
+        spectrum: Power density of the residual, shape (F, motors).
+        cumulative: Its cumulative share, shape (F, motors): a straight line for white noise.
+        probability: Probability of such a spectrum if the residual is white noise, shape (motors,).
+    """
+
+    time: Array
+    measured: Array
+    residual: Array
+    relative: Array
+    frequency: Array
+    spectrum: Array
+    cumulative: Array
+    probability: Array
+
+    @property
+    def coloured(self) -> Mask:
+        """Whether each motor's residual is not noise, shape (motors,)."""
+        out: Mask = self.probability < SIGNIFICANT / len(self.probability)
+        return out
+
+
+def residuals(time: Array, measured: Array, residual: Array, weights: Array | None = None) -> Residuals:
+    """Judge residuals.
+
+    Args:
+        time: Times, shape (T,), [s], evenly apart.
+        measured: Efforts, shape (T, motors).
+        residual: Measured less predicted efforts, shape (T, motors).
+        weights: Weight of each sample, shape (T, motors): outliers count as little as in the estimate.
+    """
+    own = residual if weights is None else residual * weights
+    rate = (len(time) - 1) / (time[-1] - time[0])
+    frequency, spectrum = signal.periodogram(own, rate, axis=0)
+    frequency, spectrum = frequency[1:], spectrum[1:]
+    total = spectrum.sum(axis=0)
+    cumulative = np.cumsum(spectrum, axis=0) / np.where(total > 0, total, 1.0)
+    count = len(frequency)
+    away = np.abs(cumulative - np.arange(1, count + 1)[:, None] / count).max(axis=0)
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    relative = np.sqrt(np.mean(residual**2, axis=0)) / np.where(size > 0, size, 1.0)
+    return Residuals(
+        time, measured, residual, relative, frequency, spectrum, cumulative, kolmogorov(np.sqrt(count) * away)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Identified parameters, and how far they can be trusted.
+
+    Attributes:
+        robot: The robot of the file.
+        identified: The robot with the identified parameters; it can exist.
+        effects: The effects in the model.
+        method: "wls", "irls" or "iv".
+        names: Base parameters, as sums of standard parameters, shape (rank,).
+        values: Their estimates, shape (rank,), SI units.
+        deviation: Standard deviation of each.
+        of_file: The numbers of the robot's file.
+        of_robot: Those of `identified`.
+        standard: All standard parameters of `identified`, by name.
+        constants: Effort per current of each motor, and its standard deviation, shape (2, motors), where
+            the log has currents; else None.
+        noise: Standard deviation of each motor's noise, shape (motors,), [N or N m].
+        condition: Condition number of the weighted regressor with scaled columns.
+        outliers: Share of samples that count less than half.
+        fit: Residuals of the motion that was used.
+        validation: Residuals of a second motion, or None.
+        constrained: Whether `identified` had to be kept possible by the conic program.
+        never: Standard parameters on which no effort depends.
+        remarks: How the signals were processed.
+    """
+
+    robot: HybridRobot
+    identified: HybridRobot
+    effects: Choice
+    method: str
+    names: tuple[str, ...]
+    values: Array
+    deviation: Array
+    of_file: Array
+    of_robot: Array
+    standard: dict[str, float]
+    constants: Array | None
+    noise: Array
+    condition: float
+    outliers: float
+    fit: Residuals
+    validation: Residuals | None
+    constrained: bool
+    never: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def relative(self) -> Array:
+        """Standard deviation of each base parameter over its magnitude, shape (rank,)."""
+        return self.deviation / np.maximum(np.abs(self.values), np.finfo(float).tiny)
+
+    def report(self) -> str:
+        """Return a report in Markdown: residuals, parameters with their deviations, what is not known."""
+        parts = [
+            f"# Identification of {self.robot.name}",
+            "\n".join(f"- {line}" for line in summary(self)),
+            "## Motors",
+            _table(*_motors(self)),
+            "The probability is that of such a spectrum if the residual were white noise; below "
+            f"{SIGNIFICANT / len(self.noise):.1g} the model leaves something out (a friction, a payload, a "
+            "flexibility), or noise of the positions is not white in their band.",
+            "## Base parameters",
+            _table(*_parameters(self)),
+            "## What is not known",
+            "\n\n".join(unknown(self)),
+            "## The robot with these parameters",
+            _possible(self),
+        ]
+        return "\n\n".join(parts) + "\n"
+
+
+def summary(found: Identification) -> list[str]:
+    """Return what was done and how well it fits, a line each."""
+    size, motors = found.fit.measured.shape
+    lines = [
+        f"{counted(len(found.values), 'base parameter')} from {counted(size, 'sample')} of "
+        f"{counted(motors, 'motor')}, method {found.method}; condition {found.condition:.3g}",
+        *found.remarks,
+        f"residual: {_percent(found.fit)} of the efforts; {_verdict(found, found.fit)}",
+    ]
+    if found.validation is not None:
+        lines.append(
+            f"second motion: {_percent(found.validation)} of the efforts; {_verdict(found, found.validation)}"
+        )
+    if found.outliers:
+        lines.append(f"outliers: {found.outliers:.2%} of the samples count less than half")
+    return lines
+
+
+def unknown(found: Identification) -> list[str]:
+    """Return sentences about the parameters that are not known, and why."""
+    bad = [name for name, x in zip(found.names, found.relative, strict=True) if x > BAD]
+    out = [
+        f"{counted(len(bad), 'base parameter')} with a standard deviation above {BAD:.0%}: the motion tells "
+        f"little of them, or they are near zero. {_listed(bad)}".strip()
+    ]
+    if found.never:
+        out.append(
+            f"{counted(len(found.never), 'standard parameter')} on which no effort of a motor depends, "
+            f"whatever the motion: they keep the numbers of the file. {_listed(found.never)}"
+        )
+    grouped = sum(" + " in name or " - " in name for name in found.names)
+    out.append(
+        f"{counted(grouped, 'base parameter')} are sums, whose terms no motion tells apart; how a "
+        "sum is shared follows the file's numbers."
+    )
+    return out
+
+
+def _percent(residuals: Residuals) -> str:
+    low, high = residuals.relative.min(), residuals.relative.max()
+    return f"{low:.2%} to {high:.2%}"
+
+
+def _verdict(found: Identification, residuals: Residuals) -> str:
+    wrong = [name for name, x in zip(found.robot.motors, residuals.coloured, strict=True) if x]
+    return f"it is not white noise at {_listed(wrong)}" if wrong else "it looks like white noise"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return ", ".join(f"`{name}`" for name in names[:MOST]) + more
+
+
+def _motors(found: Identification) -> tuple[list[str], Iterator[list[str]]]:
+    """Return the head and the rows of the table of motors."""
+    head = ["motor", "noise", "unit", "residual / effort", "probability"]
+    head += ["second motion", "probability"] if found.validation else []
+    head += ["effort per current"] if found.constants is not None else []
+
+    def rows() -> Iterator[list[str]]:
+        """Yield a row for each motor."""
+        for i, motor in enumerate(found.robot.motors):
+            row = [f"`{motor}`", f"{found.noise[i]:.3g}", found.robot.effort_units[i]]
+            for judged in (found.fit, found.validation):
+                if judged is not None:
+                    row += [f"{judged.relative[i]:.2%}", f"{judged.probability[i]:.2g}"]
+            if found.constants is not None:
+                row.append(f"{found.constants[0, i]:.5g} ± {found.constants[1, i]:.1g}")
+            yield row
+
+    return head, rows()
+
+
+def _parameters(found: Identification) -> tuple[list[str], Iterator[list[str]]]:
+    """Return the head and the rows of the table of base parameters."""
+    rows = (
+        [f"`{name}`", f"{of_file:.5g}", f"{x:.5g}", f"{deviation:.2g}", f"{relative:.1%}", f"{of_robot:.5g}"]
+        for name, of_file, x, deviation, relative, of_robot in zip(
+            found.names, found.of_file, found.values, found.deviation, found.relative, found.of_robot,
+            strict=True,
+        )
+    )  # fmt: skip
+    return ["base parameter", "file", "estimate", "deviation", "relative", "possible robot"], rows
+
+
+def _possible(found: Identification) -> str:
+    """Return how the robot that can exist differs from the estimate."""
+    away = np.abs(found.of_robot - found.values) / np.maximum(found.deviation, np.finfo(float).tiny)
+    how = (
+        "Some bodies would have been impossible; the conic program found the nearest that are not."
+        if found.constrained
+        else "All bodies are possible as they were estimated."
+    )
+    return (
+        f"{how} Its base parameters differ from the estimates by at most {away.max():.2g} standard "
+        f"deviations (`{found.names[int(away.argmax())]}`)."
+    )
+
+
+def _table(head: Sequence[str], rows: Iterator[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
