@@ -8,14 +8,11 @@ Long measurements are reduced, chunk by chunk, to one triangular factor of the c
 normal equations.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -34,9 +31,6 @@ from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from ..threads import one_thread
 from .parameters import StandardParameters, standard_parameters
 from .regressor import effort_rows
-
-if TYPE_CHECKING:
-    from .compiled_rows import CompiledRows
 
 #: A pivot below this part of the largest counts as zero, in columns of scaled parameters. Rounding leaves
 #: about 1e-14, and less than 1e-6 of a robot's efforts is beyond any measurement.
@@ -68,6 +62,7 @@ class BaseParameters:
         names: Base parameters as sums, such as "m of leg 3 rod + 0.5 m of platform".
         standard: Names of the standard parameters.
         standard_values: The robot's own standard parameters, shape (p,).
+        unit: Unit of each standard parameter, in which they compare, shape (p,).
         never: Names of the standard parameters on which no effort depends.
     """
 
@@ -77,12 +72,12 @@ class BaseParameters:
     names: tuple[str, ...]
     standard: tuple[str, ...]
     standard_values: Array
+    unit: Array
 
     @cached_property
     def values(self) -> Array:
         """The robot's own base parameters, shape (rank,)."""
-        out: Array = self.combination @ self.standard_values
-        return out
+        return np.asarray(self.combination @ self.standard_values)
 
     @cached_property
     def never(self) -> tuple[str, ...]:
@@ -113,17 +108,30 @@ def base_parameters(robot: HybridRobot, *, effects: Choice = None, symmetric: bo
         SingularityError: The motors lose a direction in every posture.
     """
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
-    scale = units(robot, parameters)
-    R = triangular(np.concatenate([*_factors(robot, parameters, scale)]))
+    unit = units(robot, parameters)
+    R = triangular(np.concatenate([*_factors(robot, parameters, unit)]))
     pivots = np.abs(np.diagonal(scipy.linalg.qr(R, mode="r", pivoting=True)[0]))
     rank = int((pivots > RANK * pivots.max(initial=0.0)).sum())
+    return led(R, rank, parameters.names, parameters.values, unit)
+
+
+def led(R: Array, rank: int, names: tuple[str, ...], values: Array, unit: Array) -> BaseParameters:
+    """Choose the parameters that lead the groups, and express all others by them.
+
+    Args:
+        R: Rows over scaled parameters, shape (k, p).
+        rank: Their rank.
+        names: Names of the standard parameters.
+        values: Their values, shape (p,).
+        unit: Their units, shape (p,).
+    """
     columns = _independent(R, rank)
-    combination = scipy.linalg.lstsq(R[:, columns], R)[0] if rank else np.zeros((0, len(scale)))
+    combination = scipy.linalg.lstsq(R[:, columns], R)[0] if rank else np.zeros((0, len(unit)))
     combination[np.abs(combination) < RANK**0.75] = 0.0
-    combination *= scale[columns, None] / scale if rank else 1.0
+    combination *= unit[columns, None] / unit
     combination[:, columns] = np.eye(rank)
-    names = tuple(_name(row, lead, parameters.names) for row, lead in zip(combination, columns, strict=True))
-    return BaseParameters(rank, columns, combination, names, parameters.names, parameters.values)
+    of_base = tuple(_name(row, lead, names) for row, lead in zip(combination, columns, strict=True))
+    return BaseParameters(rank, columns, combination, of_base, names, values, unit)
 
 
 def units(robot: HybridRobot, parameters: StandardParameters) -> Array:
@@ -185,8 +193,7 @@ def _spread(module: Module, count: int, rng: np.random.Generator) -> Array:
 
 def triangular(A: Array) -> Array:
     """Compute the triangular factor of a matrix, shape (at most columns, columns)."""
-    R: Array = np.linalg.qr(A, mode="r")  # type: ignore[assignment]
-    return R
+    return np.asarray(np.linalg.qr(A, mode="r"))
 
 
 def _independent(R: Array, rank: int) -> Index:
@@ -264,38 +271,31 @@ def triangular_factor(
     """
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     base = base or base_parameters(robot, effects=effects, symmetric=symmetric)
+    rank = base.rank
     factor = np.ones(len(robot.motors)) if weights is None else np.asarray(weights, dtype=float)
     if factor.shape != (len(robot.motors),) or not (np.isfinite(factor) & (factor > 0)).all():
         raise TrajectoryError(f"weights must be {len(robot.motors)} positive numbers, one for each motor")
-    rows_of = _compiled(robot, parameters, base) if compiled else None
+    rows_of: Callable[..., Array] | None = None
+    if compiled:
+        needs_casadi()
+        from .compiled_rows import CompiledRows
+
+        rows_of = CompiledRows(robot, parameters, base.columns)
 
     def reduced(part: Chunk) -> Array:
         """Return the triangular factor of some samples."""
         *motion, tau = part
         Y = rows_of(*motion) if rows_of else effort_rows(robot, parameters, *motion)[..., base.columns]
         new = np.concatenate([Y, tau[..., None]], axis=2) * factor[:, None]
-        return triangular(new.reshape(-1, base.rank + 1))
+        return triangular(new.reshape(-1, rank + 1))
 
-    R, rows = np.zeros((0, base.rank + 1)), 0
+    R, rows = np.zeros((rank + 1, rank + 1)), 0
     parts = _parts(robot, chunks)
     with one_thread(), ThreadPoolExecutor(threads) as pool:
         while some := list(islice(parts, threads)):
             R = triangular(np.concatenate([R, *pool.map(reduced, some)]))
             rows += sum(part[-1].size for part in some)
-    square = np.zeros((base.rank + 1, base.rank + 1))
-    square[: len(R)] = R
-    rank = base.rank
-    return TriangularFactor(
-        base, square[:rank, :rank], square[:rank, rank], abs(float(square[rank, rank])), rows
-    )
-
-
-def _compiled(robot: HybridRobot, parameters: StandardParameters, base: BaseParameters) -> CompiledRows:
-    """Return the rows in C."""
-    needs_casadi()
-    from .compiled_rows import CompiledRows
-
-    return CompiledRows(robot, parameters, base.columns)
+    return TriangularFactor(base, R[:rank, :rank], R[:rank, rank], abs(float(R[rank, rank])), rows)
 
 
 def _parts(robot: HybridRobot, chunks: Iterable[Chunk]) -> Iterator[Chunk]:

@@ -4,8 +4,6 @@ The efforts are linear in these parameters, so that the derivatives are Y itself
 the model's arguments: their derivatives are summed where they arise, and cost little.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..spatial import Array, Index
+from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .inertial import ten_numbers
@@ -43,10 +43,6 @@ def shared_by_legs(robot: HybridRobot, parameters: StandardParameters) -> Standa
                 into[at] = like
     kept, number, count = np.unique(into, return_inverse=True, return_counts=True)
 
-    def renumbered(at: Index) -> Index:
-        """Return the places among the kept parameters."""
-        return number[at]
-
     names = tuple(
         parameters.names[i] + (f" (and {n - 1} equal)" if n > 1 else "")
         for i, n in zip(kept.tolist(), count.tolist(), strict=True)
@@ -55,9 +51,9 @@ def shared_by_legs(robot: HybridRobot, parameters: StandardParameters) -> Standa
         parameters,
         names=names,
         values=parameters.values[kept],
-        bodies={body: renumbered(at) for body, at in parameters.bodies.items()},
-        payloads=tuple((body, renumbered(at)) for body, at in parameters.payloads),
-        terms=tuple(replace(term, columns=renumbered(term.columns)) for term in parameters.terms),
+        bodies={body: number[at] for body, at in parameters.bodies.items()},
+        payloads=tuple((body, number[at]) for body, at in parameters.payloads),
+        terms=tuple(replace(term, columns=number[term.columns]) for term in parameters.terms),
     )
 
 

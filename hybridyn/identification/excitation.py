@@ -7,8 +7,6 @@ so that the motion starts and ends at rest at home, without acceleration, and ca
 evolution strategy: of all candidates, only those count that stay within the limits.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 
@@ -24,8 +22,7 @@ from ..streams.departures import departures, position_limits
 from ..structure.robot import HybridRobot, joint_position
 from ..tables.results import open_results
 from ..threads import one_thread
-from .base_parameters import base_parameters, units
-from .parameters import standard_parameters
+from .base_parameters import base_parameters
 from .regressor import motions_of_motors
 from .rows import Source, Triple, check_robot, linear_model
 
@@ -135,7 +132,8 @@ def excitation(
     if harmonics < 3 or not period > 0 or evaluations < 1:
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")
     check_robot(robot)
-    search = _Search.of(robot, effects, symmetric, period, harmonics, gain, compiled)
+    model, known = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
+    search = _Search(Source(robot, model, known, effects, symmetric, compiled, every=1), period, gain)
     rng = np.random.default_rng(seed)
     shape = 2, harmonics, len(robot.motors)
     spread = search.room / np.arange(1, harmonics + 1)[:, None]
@@ -154,43 +152,31 @@ def excitation(
     return Excitation(robot, period, sine, cosine, search.home, information, condition, reached)
 
 
-@dataclass(frozen=True, eq=False)
 class _Search:
-    """What candidates are judged by."""
+    """What candidates are judged by.
 
-    source: Source
-    scale: Array
-    room: Array
-    home: Array
-    period: float
-    gain: float
-    of_home: float
+    Attributes:
+        source: How motions become rows.
+        period: Period [s].
+        gain: How many times more than at home the joints may move per motion of the motors.
+        scale: Unit of each base parameter, shape (rank,).
+        home: Positions of the motors at home, shape (motors,).
+        room: How far each motor may move from home, shape (motors,).
+        of_home: Motion of the joints per motion of the motors at home.
+    """
 
-    @staticmethod
-    def of(
-        robot: HybridRobot,
-        effects: Choice,
-        symmetric: bool,
-        period: float,
-        harmonics: int,
-        gain: float,
-        compiled: CompiledRobot | None,
-    ) -> _Search:
-        """Prepare the search for a robot."""
-        standard = standard_parameters(robot, effects=effects, symmetric=symmetric)
-        unit = units(robot, standard)
-        base = base_parameters(robot, effects=effects, symmetric=symmetric)
-        model = linear_model(base, unit, (), ("*",))
-        source = Source(robot, model, effects, symmetric, compiled, None, None, 1)
-        home = np.array([float(joint_position(robot, robot.home, name)) for name in robot.motors])
+    def __init__(self, source: Source, period: float, gain: float) -> None:
+        robot = source.robot
+        self.source, self.period, self.gain = source, period, gain
+        self.scale = source.model.unit[source.model.columns]
+        self.home = np.array([float(joint_position(robot, robot.home, name)) for name in robot.motors])
         room = []
-        for name, x in zip(robot.motors, home, strict=True):
+        for name, x in zip(robot.motors, self.home, strict=True):
             joint = robot.records[name]
             free = ROOM * (robot.bodies.size if joint.kind == "prismatic" else 1.0)
             limited = joint.kind != "continuous" and joint.lower < joint.upper
             room.append(min(free, max(joint.upper - x, x - joint.lower)) if limited else free)
-        of_home = _growth(robot, robot.home[None])
-        return _Search(source, unit[base.columns], np.array(room), home, period, gain, of_home)
+        self.room, self.of_home = np.array(room), _growth(robot, robot.home[None])
 
     def judged(self, coefficients: Array) -> tuple[Array, Array]:
         """Return a_k and b_k of a motion that starts at rest, from any, shape (2, harmonics, motors)."""

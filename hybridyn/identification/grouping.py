@@ -12,23 +12,19 @@ The count is the rank at random values of the vectors that obey these rules and 
 beyond them is not in it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 
 from ..dynamics.link_motion import body_motions
 from ..effects.choice import Choice
-from ..linkage.tree import Motion
 from ..spatial import Array
 from ..structure.bodies import BodyJoint
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
-from .base_parameters import RANK, base_parameters, triangular, units
+from .base_parameters import RANK, base_parameters, triangular
 from .parameters import StandardParameters, standard_parameters
 
 #: Relations smaller than this part are rounding of the file.
@@ -75,15 +71,9 @@ def grouping(robot: HybridRobot, *, effects: Choice = None, symmetric: bool = Fa
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     vectors = Vectors(robot)
     rows = vectors.rows(parameters)
-    scaled = base.combination * units(robot, parameters)
-    rank = _rank(rows)
-    loops = _loops(robot, parameters, rows, scaled) if rank != base.rank else ""
+    rank = int(np.linalg.matrix_rank(rows, rtol=RANK)) if rows.size else 0
+    loops = _loops(robot, parameters, rows, base.combination * base.unit) if rank != base.rank else ""
     return Grouping(rank, base.rank, tuple(vectors.rules), loops)
-
-
-def _rank(rows: Array) -> int:
-    """Compute the rank of rows over scaled parameters."""
-    return int(np.linalg.matrix_rank(rows, rtol=RANK)) if rows.size else 0
 
 
 def _loops(robot: HybridRobot, parameters: StandardParameters, rows: Array, numerical: Array) -> str:
@@ -116,12 +106,17 @@ class Vectors:
         count: Number of bodies.
         relations: Combinations that rest in the world, each of shape (4 bodies,).
         rules: One sentence for each joint and closure.
+        down: The direction of gravity; zero without gravity.
+        home: Poses of the bodies at home.
     """
 
     def __init__(self, robot: HybridRobot) -> None:
         self.robot, self.size, self.count = robot, robot.bodies.size, len(robot.bodies.bodies)
         self.relations = [*np.eye(4 * self.count)[:4]] if robot.base == "fixed" else []
         self.rules: list[str] = []
+        self.down = robot.gravity / max(float(np.linalg.norm(robot.gravity)), 1e-300)
+        rest = np.zeros((1, robot.nv))
+        self.home = body_motions(robot, robot.home[None], rest, rest)
         for j in robot.bodies.joints:
             axes, origin = OF_JOINT[j.joint.kind]
             directions = {"all": np.eye(3), "axis": j.joint.axis[None], "none": np.zeros((0, 3))}[axes]
@@ -191,7 +186,7 @@ class Vectors:
         samples, on = len(parameters.names) + 3 * self.count + MORE, parameters.effects
         x = self.drawn(samples, 3, self.relations)
         still = [_still(x[:, 4 * body : 4 * body + 3]) for body in range(self.count)]
-        h = self.drawn(samples, 1, self.relations + self._level(still, self._down))[..., 0]
+        h = self.drawn(samples, 1, self.relations + self._level(still, self.down))[..., 0]
         energy, weight = np.zeros((2, samples, len(parameters.names)))
         for body, at in (*parameters.bodies.items(), *parameters.payloads):
             own = slice(4 * body, 4 * body + 4)
@@ -221,9 +216,9 @@ class Vectors:
         child, axis = 4 * j.child, j.R @ j.joint.axis
         turns = 3 - still[j.parent].shape[1]
         if j.joint.kind == "prismatic" and _rests(axis, still[j.parent]):
-            away, slope = self._slide(j), self._along(j.parent, axis) @ self._down
+            away, slope = self._slide(j), self._along(j.parent, axis) @ self.down
             if symbol == "Ia":
-                return _dot(*[_combined(away, x)] * 2), 0.0
+                return np.vecdot(*[_combined(away, x)] * 2), 0.0
             if symbol == "offset" and abs(slope) > RELATED:
                 return np.zeros(len(x)), h @ away / slope
         across = turns == 2 and abs(still[j.parent][:, 0] @ axis) < RELATED
@@ -232,7 +227,7 @@ class Vectors:
                 np.einsum("i,tij->tj", e, x[:, child : child + 3])
                 for e in (*np.linalg.svd(j.joint.axis[None])[2][1:], j.joint.axis)
             )
-            return (_dot(one, one) + _dot(other, other) - _dot(along, along)) / 2, 0.0
+            return (np.vecdot(one, one) + np.vecdot(other, other) - np.vecdot(along, along)) / 2, 0.0
         return None, 0.0
 
     def _idle(self, x: Array, still: list[Array]) -> Array:
@@ -246,11 +241,13 @@ class Vectors:
             if fixed.shape[1] == 1:
                 across = np.linalg.svd(fixed.T)[2][1:]
                 one, other = (_combined(self.vector(body, e * self.size, 0.0), x) for e in across)
-                out.append(np.stack([_dot(one, one) - _dot(other, other), _dot(one, other)], axis=1))
+                out.append(
+                    np.stack([np.vecdot(one, one) - np.vecdot(other, other), np.vecdot(one, other)], axis=1)
+                )
         for j in self._slides(still):
             velocity = _combined(self._slide(j), x)
             level = self._level(still, self._along(j.parent, j.R @ j.joint.axis))
-            out += [_dot(velocity, _combined(vector, x))[:, None] for vector in level]
+            out += [np.vecdot(velocity, _combined(vector, x))[:, None] for vector in level]
         return np.concatenate(out, axis=1)
 
     def _slides(self, still: list[Array]) -> list[BodyJoint]:
@@ -276,20 +273,7 @@ class Vectors:
 
     def _along(self, body: int, direction: Array) -> Array:
         """Return a direction of a body that rests in the world, in world axes."""
-        out: Array = self.home[body].R[0] @ direction
-        return out
-
-    @property
-    def _down(self) -> Array:
-        """The direction of gravity; zero without gravity."""
-        g = self.robot.gravity
-        return g / max(float(np.linalg.norm(g)), 1e-300)
-
-    @cached_property
-    def home(self) -> dict[int, Motion]:
-        """Poses of the bodies at home."""
-        rest = np.zeros((1, self.robot.nv))
-        return body_motions(self.robot, self.robot.home[None], rest, rest)
+        return np.asarray(self.home[body].R[0] @ direction)
 
 
 def _rests(direction: Array, still: Array) -> bool:
@@ -300,21 +284,13 @@ def _rests(direction: Array, still: Array) -> bool:
 def _combined(vector: Array, x: Array) -> Array:
     """Compute the velocity of a combination of vectors, shape (samples, 3)."""
     used = np.flatnonzero(vector)
-    out: Array = np.einsum("b,tbi->ti", vector[used], x[:, used])
-    return out
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Compute the products of vectors, shape (samples,)."""
-    out: Array = np.einsum("ti,ti->t", a, b)
-    return out
+    return np.asarray(np.einsum("b,tbi->ti", vector[used], x[:, used]))
 
 
 def _still(x: Array) -> Array:
     """Return the combinations of directions, values (samples, 3, 3), that rest, orthonormal, shape (3, k)."""
     U, sizes, _ = np.linalg.svd(x.swapaxes(0, 1).reshape(3, -1), full_matrices=False)
-    out: Array = U[:, sizes <= RELATED * max(sizes[0], 1.0)]
-    return out
+    return np.asarray(U[:, sizes <= RELATED * max(sizes[0], 1.0)])
 
 
 def _of_body(x: Array) -> Array:

@@ -11,7 +11,7 @@ interior-point method with cones of matrices, in one small package without furth
 |A x - b| <= t as it stands, without forming A^T A.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import linalg, sparse
@@ -23,6 +23,8 @@ from ..spatial import Array, Index, hat
 OF_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 #: Row and column of the inertia's six numbers.
 ROW, COLUMN = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
+#: Which of the six each entry of the matrix is.
+PLACE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
 #: Least eigenvalue of a pseudo-inertia, of that of a body like the prior.
 DEFINITE = 1e-4
 #: Least standard deviation of an estimate that is believed, of the base parameter.
@@ -49,9 +51,7 @@ def mass_centre_inertia(ten: Array) -> tuple[float, Array, Array]:
     """
     mass = float(ten[0])
     c = ten[1:4] / mass if mass else np.zeros(3)
-    inertia = np.zeros((3, 3))
-    inertia[ROW, COLUMN] = inertia[COLUMN, ROW] = ten[4:]
-    return mass, c, inertia - mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return mass, c, ten[4:][PLACE] - mass * (c @ c * np.eye(3) - np.outer(c, c))
 
 
 def moved(ten: Array, R: Array, p: Array) -> Array:
@@ -86,11 +86,7 @@ def wrench_matrix(acceleration: Array, w: Array, w_dot: Array) -> Array:
 
 def _times_inertia(x: Array) -> Array:
     """Compute the matrix that turns the six numbers of an inertia I into I x, shape (..., 3, 6)."""
-    out = np.zeros((*x.shape[:-1], 3, 6))
-    for i, (row, column) in enumerate(zip(ROW, COLUMN, strict=True)):
-        out[..., row, i] = x[..., column]
-        out[..., column, i] = x[..., row]
-    return out
+    return np.asarray(np.einsum("ijk,...j->...ik", np.eye(6)[PLACE], x))
 
 
 def pseudo_inertia(ten: Array) -> Array:
@@ -99,15 +95,13 @@ def pseudo_inertia(ten: Array) -> Array:
     Args:
         ten: Mass, first moments and inertia xx, xy, yy, xz, yz, zz about the frame's origin, shape (10,).
     """
-    m, h, (xx, xy, yy, xz, yz, zz) = ten[0], ten[1:4], ten[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    m, h, inertia = ten[0], ten[1:4], ten[4:][PLACE]
     return np.block([[np.trace(inertia) / 2 * np.eye(3) - inertia, h[:, None]], [h, m]])
 
 
 def body_scale(prior: Array) -> Array:
     """Return the square root of a body's pseudo-inertia, or that of a ball of its mass, shape (4, 4)."""
-    J = pseudo_inertia(prior)
-    values, vectors = np.linalg.eigh(J)
+    values, vectors = np.linalg.eigh(pseudo_inertia(prior))
     floor = max(values[-1] * 1e-6, np.finfo(float).tiny)
     return np.asarray(vectors * np.sqrt(np.maximum(values, floor)))
 
@@ -144,27 +138,15 @@ def consistent(
     size = np.maximum(np.abs(base), np.abs(combination) @ unit) + np.finfo(float).tiny
     U, spread, _ = linalg.svd(root / size[:, None])
     whiten = (U / np.maximum(spread, BELIEVED)).T / size
-    free = unit > 0
-    A = np.vstack([(whiten @ combination * unit)[:, free], np.eye(len(prior))[free][:, free] / weight])
-    b = np.concatenate([whiten @ (base - combination @ prior), np.zeros(int(free.sum()))])
-
-    def whole(y: Array) -> Array:
-        """Return all parameters from the scaled differences of the free ones."""
-        out = prior.copy()
-        out[free] += unit[free] * y
-        return out
-
-    x = whole(linalg.lstsq(A, b)[0])
+    steps = np.diag(unit)[:, unit > 0]  # x = prior + steps y, y the scaled differences of the free ones
+    A = np.vstack([whiten @ combination @ steps, np.eye(steps.shape[1]) / weight])
+    b = np.concatenate([whiten @ (base - combination @ prior), np.zeros(steps.shape[1])])
+    x = prior + steps @ linalg.lstsq(A, b)[0]
     scales = [body_scale(prior[at]) for at in bodies]
-    if _possible(x, bodies, scales, positive):
-        return x, False
-    return whole(_conic(A, b, whole, bodies, scales, positive)), True
-
-
-def _possible(x: Array, bodies: Sequence[Index], scales: Sequence[Array], positive: Sequence[int]) -> bool:
-    """Return whether all bodies can exist and nothing is negative that cannot be."""
     least = [np.linalg.eigvalsh(_seen(x[at], S))[0] for at, S in zip(bodies, scales, strict=True)]
-    return bool((x[list(positive)] >= 0).all() and min(least, default=1.0) >= DEFINITE)
+    if (x[list(positive)] >= 0).all() and min(least, default=1.0) >= DEFINITE:
+        return x, False
+    return prior + steps @ _conic(A, b, prior, steps, bodies, scales, positive), True
 
 
 def _seen(ten: Array, scale: Array) -> Array:
@@ -176,12 +158,13 @@ def _seen(ten: Array, scale: Array) -> Array:
 def _conic(
     A: Array,
     b: Array,
-    whole: Callable[[Array], Array],
+    start: Array,
+    steps: Array,
     bodies: Sequence[Index],
     scales: Sequence[Array],
     positive: Sequence[int],
 ) -> Array:
-    """Minimise |A y - b| over possible bodies; the variables are a bound of |A y - b|, and y."""
+    """Minimise |A y - b| over possible bodies, x = start + steps y; variables are a bound of it, and y."""
     try:
         import clarabel
     except ImportError:
@@ -190,8 +173,6 @@ def _conic(
             f"{install_advice('identify')}"
         ) from None
     n = A.shape[1]
-    start = whole(np.zeros(n))
-    steps = np.array([whole(one) - start for one in np.eye(n)]).T  # x = start + steps y
     least = DEFINITE * _triangle(np.eye(4))
     norm = np.append(0.0, -b), np.vstack([np.zeros(n), A]), clarabel.SecondOrderConeT(len(A) + 1)
     parts = [(np.eye(len(A) + 1, 1), *norm)]

@@ -4,11 +4,8 @@ They are the ten numbers of each moving body with mass, then the numbers of the 
 friction, springs), then the ten numbers of payloads, then constant offsets of the motors' efforts.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -98,11 +95,6 @@ class StandardParameters:
     payloads: tuple[tuple[int, Index], ...] = ()
     terms: tuple[Term, ...] = ()
 
-    @cached_property
-    def at(self) -> dict[str, int]:
-        """Number of each parameter by name."""
-        return {name: i for i, name in enumerate(self.names)}
-
     def vector(self, values: Mapping[str, float] | Array) -> Array:
         """Return all parameters, shape (p,), from some by name or from all.
 
@@ -116,9 +108,9 @@ class StandardParameters:
             return out
         out = self.values.copy()
         for name, value in values.items():
-            if name not in self.at:
+            if name not in self.names:
                 raise ModelError(f"there is no parameter '{name}'{did_you_mean(name, self.names)}")
-            out[self.at[name]] = value
+            out[self.names.index(name)] = value
         return out
 
 
@@ -212,8 +204,8 @@ def _on_motors(robot: HybridRobot, unit: Any) -> Any:
     return replace(unit, **{unit.by_joint[0]: dict.fromkeys(robot.motors, 0.0) | numbers})
 
 
-def _heavy_bodies(robot: HybridRobot, on: Effects) -> Iterable[int]:
-    """Return the numbers of the bodies with inertial parameters."""
+def _heavy_bodies(robot: HybridRobot, on: Effects) -> Iterator[int]:
+    """Yield the numbers of the bodies with inertial parameters."""
     for body, (module, number) in sorted(robot.body_owner.items()):
         if module < 0 or robot.bodies.bodies[body].massless:
             continue
@@ -222,14 +214,12 @@ def _heavy_bodies(robot: HybridRobot, on: Effects) -> Iterable[int]:
             yield body
 
 
-def _payloads(robot: HybridRobot) -> list[tuple[int, Array]]:
-    """Return the body of each payload, and its ten numbers in that body's frame, shape (10,)."""
-    out = []
+def _payloads(robot: HybridRobot) -> Iterator[tuple[int, Array]]:
+    """Yield the body of each payload, and its ten numbers in that body's frame, shape (10,)."""
     for load in robot.payloads:
         body, R, p = robot.bodies.place[load.link]
         ten = ten_numbers(load.mass, np.array(load.com), np.array(load.inertia))
-        out.append((body, moved(ten, R, p)))
-    return out
+        yield body, moved(ten, R, p)
 
 
 def with_parameters(

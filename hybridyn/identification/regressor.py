@@ -8,8 +8,6 @@ motor, Eqs. (30)-(33) become
     F[body]                        = X^T W             what the module below receives, Eq. (32)
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -119,7 +117,8 @@ def _wrenches(
     rest = np.zeros_like(s.v)
     legs = s.motion if on.velocity else m.tree.sweep(s.q, rest, s.a)
     J_outputs = output_jacobians(s)
-    for number, body in enumerate(_bodies(robot, s)):
+    for number, joint in enumerate(m.spec.tree_body):
+        body = robot.body_of_joint[s.module.joints[joint - 1]] if joint else -1
         if number in m.spec.outputs:
             o = m.spec.outputs.index(number)
             J, blocks = J_outputs[:, o], list(received[o])
@@ -134,12 +133,6 @@ def _wrenches(
         blocks += [(at, wrench_matrix(*W_own)) for at in own]
         for block in blocks:
             yield s.motion.R[:, number], s.motion.p[:, number], J, block
-
-
-def _bodies(robot: HybridRobot, s: ModuleState) -> list[int]:
-    """Return the robot's body of each body of a module's tree after the cuts; -1 for the base."""
-    joints = s.module.joints
-    return [-1 if i == 0 else robot.body_of_joint[joints[i - 1]] for i in s.mechanism.spec.tree_body]
 
 
 def _of_leg(s: ModuleState, body: Motion, velocity: bool) -> tuple[Array, Array, Array]:

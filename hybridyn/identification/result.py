@@ -5,7 +5,7 @@ Kolmogorov's distribution (Bartlett). A friction that was left out, or a payload
 the motion: its power stands at low frequencies, and the distance grows.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,9 @@ SIGNIFICANT = 1e-3
 BAD = 0.3
 #: Names that a sentence lists.
 MOST = 12
+
+#: Head and cells of a column of a table.
+Column = tuple[str, Sequence[str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +55,7 @@ class Residuals:
     @property
     def coloured(self) -> Mask:
         """Whether each motor's residual is not noise, shape (motors,)."""
-        out: Mask = self.probability < SIGNIFICANT / len(self.probability)
-        return out
+        return np.asarray(self.probability < SIGNIFICANT / len(self.probability))
 
 
 def residuals(time: Array, measured: Array, residual: Array, weights: Array | None = None) -> Residuals:
@@ -138,12 +140,12 @@ class Identification:
             f"# Identification of {self.robot.name}",
             "\n".join(f"- {line}" for line in summary(self)),
             "## Motors",
-            _table(*_motors(self)),
+            _table(_motors(self)),
             "The probability is that of such a spectrum if the residual were white noise; below "
             f"{SIGNIFICANT / len(self.noise):.1g} the model leaves something out (a friction, a payload, a "
             "flexibility), or noise of the positions is not white in their band.",
             "## Base parameters",
-            _table(*_parameters(self)),
+            _table(_parameters(self)),
             "## What is not known",
             "\n\n".join(unknown(self)),
             "## The robot with these parameters",
@@ -205,36 +207,32 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(f"`{name}`" for name in names[:MOST]) + more
 
 
-def _motors(found: Identification) -> tuple[list[str], Iterator[list[str]]]:
-    """Return the head and the rows of the table of motors."""
-    head = ["motor", "noise", "unit", "residual / effort", "probability"]
-    head += ["second motion", "probability"] if found.validation else []
-    head += ["effort per current"] if found.constants is not None else []
-
-    def rows() -> Iterator[list[str]]:
-        """Yield a row for each motor."""
-        for i, motor in enumerate(found.robot.motors):
-            row = [f"`{motor}`", f"{found.noise[i]:.3g}", found.robot.effort_units[i]]
-            for judged in (found.fit, found.validation):
-                if judged is not None:
-                    row += [f"{judged.relative[i]:.2%}", f"{judged.probability[i]:.2g}"]
-            if found.constants is not None:
-                row.append(f"{found.constants[0, i]:.5g} ± {found.constants[1, i]:.1g}")
-            yield row
-
-    return head, rows()
+def _motors(found: Identification) -> list[Column]:
+    """Return the columns of the table of motors."""
+    columns: list[Column] = [
+        ("motor", [f"`{motor}`" for motor in found.robot.motors]),
+        ("noise", [f"{x:.3g}" for x in found.noise]),
+        ("unit", found.robot.effort_units),
+    ]
+    for head, judged in (("residual / effort", found.fit), ("second motion", found.validation)):
+        if judged is not None:
+            columns.append((head, [f"{x:.2%}" for x in judged.relative]))
+            columns.append(("probability", [f"{x:.2g}" for x in judged.probability]))
+    if found.constants is not None:
+        columns.append(("effort per current", [f"{x:.5g} ± {off:.1g}" for x, off in found.constants.T]))
+    return columns
 
 
-def _parameters(found: Identification) -> tuple[list[str], Iterator[list[str]]]:
-    """Return the head and the rows of the table of base parameters."""
-    rows = (
-        [f"`{name}`", f"{of_file:.5g}", f"{x:.5g}", f"{deviation:.2g}", f"{relative:.1%}", f"{of_robot:.5g}"]
-        for name, of_file, x, deviation, relative, of_robot in zip(
-            found.names, found.of_file, found.values, found.deviation, found.relative, found.of_robot,
-            strict=True,
-        )
-    )  # fmt: skip
-    return ["base parameter", "file", "estimate", "deviation", "relative", "possible robot"], rows
+def _parameters(found: Identification) -> list[Column]:
+    """Return the columns of the table of base parameters."""
+    return [
+        ("base parameter", [f"`{name}`" for name in found.names]),
+        ("file", [f"{x:.5g}" for x in found.of_file]),
+        ("estimate", [f"{x:.5g}" for x in found.values]),
+        ("deviation", [f"{x:.2g}" for x in found.deviation]),
+        ("relative", [f"{x:.1%}" for x in found.relative]),
+        ("possible robot", [f"{x:.5g}" for x in found.of_robot]),
+    ]
 
 
 def _possible(found: Identification) -> str:
@@ -251,6 +249,8 @@ def _possible(found: Identification) -> str:
     )
 
 
-def _table(head: Sequence[str], rows: Iterator[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
+def _table(columns: Sequence[Column]) -> str:
+    """Write columns as a table in Markdown."""
+    heads, cells = zip(*columns, strict=True)
+    lines = [heads, ["---"] * len(heads), *zip(*cells, strict=True)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,7 +1,5 @@
 """From a log to the rows of tau = Y base + known: loops closed, rows thinned, units tested."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -14,15 +12,13 @@ from ..compiled.model import CompiledRobot
 from ..description.names import did_you_mean, listed
 from ..effects.choice import Choice
 from ..errors import HybridynError, ModelError, TrajectoryError
-from ..spatial import Array, Index, Mask
+from ..spatial import Array, Mask
 from ..streams.other_units import other_unit
 from ..structure.robot import HybridRobot
-from .base_parameters import BaseParameters, _independent, _name
+from .base_parameters import RANK, BaseParameters, led
 from .regressor import regressor
 from .signals import Log, means, processed
 
-#: Singular value that counts in the rank of the free parameters.
-FREE = 1e-9
 #: Entries of the whole regressor that are held at once.
 ENTRIES = 4_000_000
 #: Samples of a second after thinning, per hertz of the band: more tell hardly more.
@@ -41,31 +37,13 @@ NEAR = 0.15
 Triple = tuple[Array, Array, Array]
 
 
-@dataclass(frozen=True, eq=False)
-class LinearModel:
-    """tau = Y base + known: parameters that are identified, and others that are known.
-
-    Attributes:
-        columns: Standard parameter that leads each base parameter, shape (rank,).
-        combination: base = combination standard, shape (rank, p); zero for known parameters.
-        names: Names of the base parameters.
-        known: Whether each standard parameter is known, shape (p,).
-        standard: The robot's own standard parameters, shape (p,).
-    """
-
-    columns: Index
-    combination: Array
-    names: tuple[str, ...]
-    known: Mask
-    standard: Array
-
-
-def linear_model(base: BaseParameters, unit: Array, known: Sequence[str], only: Sequence[str]) -> LinearModel:
-    """Return the model of the parameters that are to be identified.
+def linear_model(
+    base: BaseParameters, known: Sequence[str] = (), only: Sequence[str] = ("*",)
+) -> tuple[BaseParameters, Mask]:
+    """Return the base parameters that are to be identified, and which standard parameters are known, (p,).
 
     Args:
         base: Base parameters of all.
-        unit: Unit of each standard parameter, in which they compare, shape (p,).
         known: Names of parameters, or patterns, whose numbers are known.
         only: Names or patterns of those that are to be identified; the others are known.
 
@@ -84,18 +62,13 @@ def linear_model(base: BaseParameters, unit: Array, known: Sequence[str], only: 
         return out
 
     fixed = matching(known) | ~matching(only)
-    K = np.where(fixed, 0.0, base.combination) * unit / unit[base.columns, None]
-    rank = int((linalg.svdvals(K) > FREE).sum())
+    K = np.where(fixed, 0.0, base.combination) * base.unit / base.unit[base.columns, None]
+    rank = int((linalg.svdvals(K) > RANK).sum())
     if not rank:
         raise ModelError("nothing is left to be identified: no effort depends on the chosen parameters")
     if not fixed.any():
-        return LinearModel(base.columns, base.combination, base.names, fixed, base.standard_values)
-    columns = _independent(K, rank)
-    combination = linalg.lstsq(K[:, columns], K)[0]
-    combination[np.abs(combination) < FREE] = 0.0
-    combination *= unit[columns, None] / unit
-    names = tuple(_name(row, lead, base.standard) for row, lead in zip(combination, columns, strict=True))
-    return LinearModel(columns, combination, names, fixed, base.standard_values)
+        return base, fixed
+    return led(K, rank, base.standard, base.standard_values, base.unit), fixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +98,8 @@ class Source:
 
     Attributes:
         robot: The robot.
-        model: The linear model.
+        model: The base parameters of tau = Y base + known.
+        known: Whether each standard parameter is known, shape (p,).
         effects: As in `identify`, like all that follow.
         symmetric: Whether equal legs share parameters.
         compiled: Compiled models, or None.
@@ -135,13 +109,14 @@ class Source:
     """
 
     robot: HybridRobot
-    model: LinearModel
+    model: BaseParameters
+    known: Mask
     effects: Choice
     symmetric: bool
     compiled: CompiledRobot | None
-    band: float | None
-    period: float | None
-    every: int | None
+    band: float | None = None
+    period: float | None = None
+    every: int | None = None
 
     def rows(self, log: Log) -> Rows:
         """Filter, differentiate, close the loops, and compute the rows of a log."""
@@ -179,8 +154,8 @@ class Source:
     def of_states(self, q: Array, v: Array, a: Array) -> Triple:
         """Compute Y, known efforts and those by the file's numbers at closed states."""
         Y = regressor(self.robot, q, v, a, effects=self.effects, symmetric=self.symmetric).Y
-        held = np.where(self.model.known, self.model.standard, 0.0)
-        return Y[:, :, self.model.columns], Y @ held, Y @ self.model.standard
+        held = np.where(self.known, self.model.standard_values, 0.0)
+        return Y[:, :, self.model.columns], Y @ held, Y @ self.model.standard_values
 
     def closed(self, motors: Triple, guess: Array | None) -> Triple:
         """Close the loops for a motion of the motors; return q, v, a."""

@@ -6,8 +6,6 @@ are thinned in parallel, by means of blocks: the mean of white noise stays white
 both sides of tau = Y x changes no x.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -205,7 +203,10 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
             file=log.file,
         )
     smooth = signal.sosfiltfilt(sections, position, axis=0, padlen=edge)
-    rates = [_convolved(smooth, FIRST) * rate, _convolved(smooth, SECOND) * rate**2]
+    rates = [
+        signal.oaconvolve(smooth, weights[:, None], mode="same", axes=0) * rate**order
+        for order, weights in ((1, FIRST), (2, SECOND))
+    ]
     remarks.append(
         f"positions filtered forwards and backwards by a Butterworth filter of order {ORDER}, band "
         f"{band:.4g} Hz, and differentiated centrally; {edge} samples left out at each end"
@@ -237,11 +238,6 @@ def _series(log: Log, position: Array, band: float, period: float) -> list[Array
     return [x[0] + c @ a + s @ b, c @ (w * b) - s @ (w * a), -c @ (w**2 * a) - s @ (w**2 * b)]
 
 
-def _convolved(values: Array, weights: Array) -> Array:
-    out: Array = signal.oaconvolve(values, weights[:, None], mode="same", axes=0)
-    return out
-
-
 def without_spikes(values: Array) -> tuple[Array, int]:
     """Replace single outliers of smooth signals, shape (T, n), by cubics through their neighbours.
 
@@ -262,8 +258,5 @@ def without_spikes(values: Array) -> tuple[Array, int]:
 
 def means(values: Array, every: int) -> Array:
     """Return the means of blocks of `every` rows, shape (T // every, ...)."""
-    if every == 1:
-        return values
     rows = len(values) // every * every
-    out: Array = values[:rows].reshape(-1, every, *values.shape[1:]).mean(axis=1)
-    return out
+    return np.asarray(values[:rows].reshape(-1, every, *values.shape[1:]).mean(axis=1))

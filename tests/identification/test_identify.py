@@ -9,7 +9,7 @@ from scipy import stats
 import hybridyn
 from hybridyn.effects import Payload
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
-from hybridyn.identification.base_parameters import base_parameters, random_motions, units
+from hybridyn.identification.base_parameters import base_parameters, random_motions
 from hybridyn.identification.identify import estimate
 from hybridyn.identification.inertial import consistent, pseudo_inertia
 from hybridyn.identification.parameters import standard_parameters, with_parameters
@@ -58,10 +58,9 @@ def test_the_filter_leaves_little_behind() -> None:
 def rows(of: Case) -> np.ndarray:
     """Return Y of the base parameters, shape (T, motors, rank)."""
     base = base_parameters(of.robot, effects="model", symmetric=True)
-    standard = standard_parameters(of.robot, effects="model", symmetric=True)
-    model = linear_model(base, units(of.robot, standard), (), ("*",))
+    model, known = linear_model(base)
     return (
-        Source(of.robot, model, "model", True, None, None, None, 2)
+        Source(of.robot, model, known, "model", True, None, every=2)
         .rows(read_log(of.robot, of.log(rates=True)))
         .Y
     )
