@@ -86,7 +86,7 @@ def wrench_matrix(acceleration: Array, w: Array, w_dot: Array) -> Array:
 
 def _times_inertia(x: Array) -> Array:
     """Compute the matrix that turns the six numbers of an inertia I into I x, shape (..., 3, 6)."""
-    return np.asarray(np.einsum("ijk,...j->...ik", np.eye(6)[PLACE], x))
+    return np.tensordot(x, np.eye(6)[PLACE], 1)
 
 
 def pseudo_inertia(ten: Array) -> Array:
