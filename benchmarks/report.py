@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -15,6 +16,8 @@ from benchmarks.goals import reached
 from benchmarks.results import CHECK, NAN, SECTIONS, Row, read_machines, read_rows
 from benchmarks.texts import number, table
 
+#: Folder of the rows of `benchmarks.batches`.
+RESULTS = Path(__file__).parent / "results"
 Results = dict[str, list[Row]]
 Table = tuple[Sequence[str], list[list[str]]]
 
@@ -159,6 +162,22 @@ def cold(results: Results) -> Table:
     return ["robot", "model", "method", "cold [us]", "hot [us]", "code [KiB]"], rows
 
 
+def batches(_: Results) -> Table:
+    """List the most samples a second on a GPU, and how long NVRTC builds each model."""
+    rows = list(csv.DictReader((RESULTS / "batches.csv").read_text().splitlines()))
+    speeds: dict[tuple[str, ...], float] = {}
+    for row in rows:
+        at = row["robot"], row["model"].partition("_")[0], row["dtype"], row["device"]
+        if row["engine"] == "hybridyn.warp":
+            speeds[at] = max(speeds.get(at, 0.0), float(row["per_second"]))
+    lines = []
+    for row in (row for row in rows if row["engine"] == "NVRTC"):
+        at = row["robot"], row["model"].partition("_")[0], row["dtype"], row["device"]
+        speed = number(speeds[at]) if at in speeds else "not measured"
+        lines.append([row["robot"], at[1], row["device"], speed, number(float(row["seconds"]))])
+    return ["robot", "model", "device", "samples a second", "NVRTC [s]"], lines
+
+
 def derivatives(results: Results) -> Table:
     """Compare derivatives with Pinocchio's, a line for each robot and model."""
     lines = []
@@ -299,6 +318,7 @@ QUESTIONS = (
     Question("What does an effect cost?", texts.EFFECTS, ("effects",), effects, "effects"),
     Question("What happens near singularities?", texts.SINGULAR, ("singular",), singular, "singular"),
     Question("What does a cold call cost?", texts.COLD, ("cold",), cold, "cold"),
+    Question("How fast are batches on a GPU?", texts.BATCHES, (), batches),
     Question("What do derivatives cost?", texts.DERIVATIVES, ("derivatives",), derivatives, "derivatives"),
     Question("What does a sweep cost?", texts.SWEEPS, ("sweeps",), sweeps, "sweeps"),
     Question("What does a module cost?", texts.MODULES, ("scaling",), modules, "scaling"),

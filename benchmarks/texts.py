@@ -54,6 +54,12 @@ each of some hundred calls; "cold" is the median of their times, "hot" the least
 is the size of the file that was compiled for the robot.
 """
 
+BATCHES = """\
+Models of `hybridyn.warp` in double precision: the most samples a second of 2^10 to 2^20 on a GPU, and how
+long NVRTC builds a model for sm_80 and sm_90, which needs none. `python -m benchmarks.batches` measures them,
+beside compiled models on all cores and MuJoCo Warp.
+"""
+
 DERIVATIVES = """\
 Processor time of a sample [us], with ratios to Pinocchio's. `computeConstraintDynamicsDerivatives` needs
 `constraintDynamics`, which is not counted. In Pinocchio 4.1.0 its derivatives over q of robots with loops
