@@ -4,5 +4,8 @@ Read `native` (programs as the body of one function), `models` (what the functio
 functions and kernels of them), `arrays` (whose arrays come and go), `laws`, then `batch`. `c/` holds what is
 written by hand: the walk along a branch, and a step.
 
-May import: `compiled` and below.
+The general path that samples in doubt take is `fallback`: its steps are those of `simulation`, under
+controllers of `scenes`.
+
+May import: `scenes` and below.
 """

@@ -73,7 +73,7 @@ class Batch:
         self._designs = DesignsInSlots(robot, parameters)
         self._arrays = Arrays(device, dtype)
         self._models = Models(robot, effects, parameters.slots, dtype)
-        self._general = General(robot, effects, self._designs)
+        self._general = General(robot, effects, self._designs, dtype)
         self._made: dict[str, InWarp] = {}
         self._checked: set[str] = set()
         self._counters: dict[str, Any] = {}
@@ -232,6 +232,7 @@ class Batch:
         *,
         law: str = "constant",
         parameters: Any = None,
+        fallback: bool = False,
         **reads: Any,
     ) -> tuple[Any, ...]:
         """Take time steps of Runge-Kutta's method of order four on the closed loops.
@@ -249,6 +250,8 @@ class Batch:
                 that acceleration, and the gains `kp` and `kd`. Computed torque knows the robot's own numbers,
                 not the samples' parameters.
             parameters: As in `idm`; none that change the loops.
+            fallback: Whether the general path takes the steps of samples whose guard is above 1, in
+                coordinates of its own: results agree to the error of the method.
             reads: What the law reads, a number, shape (motors,) or (N, motors); zero where left out.
 
         Returns:
@@ -256,7 +259,8 @@ class Batch:
             relative to its usual size; infinite if a step could not be taken with certainty.
 
         Raises:
-            HybridynError: An array or the law is wrong, or the robot has no such steps.
+            HybridynError: An array or the law is wrong, or the robot has no such steps; or what
+                `hybridyn.simulate` raises, and a SingularityError where it ends early, with `fallback`.
         """
         if law not in LAWS:
             raise ModelError(f"there is no law '{law}'{did_you_mean(law, LAWS)}: {', '.join(LAWS)}")
@@ -264,7 +268,8 @@ class Batch:
             if name not in LAWS[law]:
                 raise ModelError(f"the law '{law}' reads {', '.join(LAWS[law])}, not '{name}'")
         given = {"q": q, "v": v, "clock": np.array([h, steps])} | self._numbers(parameters)
-        return self._run(f"step_{law}", given | {n: reads.get(n, 0.0) for n in LAWS[law]})
+        given |= {name: reads.get(name, 0.0) for name in LAWS[law]}
+        return self._run(f"step_{law}", given, partial(self._general.step, law) if fallback else None)
 
     def joint_map(self, joints: Sequence[str]) -> BatchMap:
         """Return the map between output joints and motors, as of a parallel ankle, see `hybridyn.joint_map`.
@@ -276,8 +281,8 @@ class Batch:
             HybridynError: The joints do not fit their modules, or the batch has parameters.
         """
         with as_compile_error(self.robot):
-            natives = {native.name: native for native in self._models.maps(joints)}
-        return BatchMap(self, natives, self._run_native)
+            made = {native.name: in_warp(native, self.dtype) for native in self._models.maps(joints)}
+        return BatchMap(self, made, self._run_native, partial(self._general.map, tuple(joints)))
 
     def random_states(self, count: int, seed: int = 0, *, tries: int = 64) -> tuple[Any, Any, Any, int]:
         """Draw closed states within the limits of the joints, on the device.
@@ -355,7 +360,7 @@ class Batch:
         made = self.made(name)
         if name in ("idm", "ddm") and name not in self._checked:
             self._checked.add(name)
-            self._general.check(name, self.dtype, partial(self._run_native, made))
+            self._general.check(name, partial(self._run_native, made))
             self._counters.pop(name, None)  # its samples are not the user's
         return self._run_native(made, given, fallback)
 
@@ -412,17 +417,21 @@ class BatchMap:
         functions: "map_to_joints" and "map_to_motors" as Warp functions, for kernels of your own.
     """
 
-    def __init__(self, batch: Batch, natives: dict[str, Native], run: Callable[..., Any]) -> None:
-        self._batch, self._natives, self._run = batch, natives, run
-        self._made: dict[str, InWarp] = {}
-        self.functions = Functions(tuple(natives), self._in_warp)
+    def __init__(
+        self, batch: Batch, made: dict[str, InWarp], run: Callable[..., Any], general: Fallback
+    ) -> None:
+        self._batch, self._made, self._run, self._general = batch, made, run, general
+        self.functions = Functions(tuple(made), made.__getitem__)
 
-    def _in_warp(self, name: str) -> InWarp:
-        if name not in self._made:
-            self._made[name] = in_warp(self._natives[name], self._batch.dtype)
-        return self._made[name]
-
-    def to_joints(self, position: Any, rate: Any = 0.0, effort: Any = 0.0, *, near: Any = None) -> Any:
+    def to_joints(
+        self,
+        position: Any,
+        rate: Any = 0.0,
+        effort: Any = 0.0,
+        *,
+        near: Any = None,
+        fallback: bool = False,
+    ) -> tuple[Any, ...]:
         """Compute the output joints from the motors of their modules.
 
         Args:
@@ -430,22 +439,33 @@ class BatchMap:
             rate: Their rates, of the same shape; zero by default.
             effort: Their efforts, of the same shape; zero by default.
             near: As in `Batch.close`.
+            fallback: Whether the general path computes samples whose guard is above 1, each assembled from
+                its own posture `near`.
 
         Returns:
             q, positions, rates and efforts of equal power of the joints, shapes (N, nq), (N, k), (N, k),
             (N, k), the rates' matrix by rows, shape (N, k m), and guards, shape (N,).
 
         Raises:
-            HybridynError: An array is wrong.
+            HybridynError: An array is wrong; or what `hybridyn.joint_map` raises, with `fallback`.
         """
-        return self._from("motor", position, rate, effort, near)
+        return self._from("motor", (position, rate, effort), near, fallback)
 
-    def to_motors(self, position: Any, rate: Any = 0.0, effort: Any = 0.0, *, near: Any = None) -> Any:
+    def to_motors(
+        self,
+        position: Any,
+        rate: Any = 0.0,
+        effort: Any = 0.0,
+        *,
+        near: Any = None,
+        fallback: bool = False,
+    ) -> tuple[Any, ...]:
         """Compute the motors from the output joints, as `to_joints` the other way."""
-        return self._from("joint", position, rate, effort, near)
+        return self._from("joint", (position, rate, effort), near, fallback)
 
-    def _from(self, side: str, position: Any, rate: Any, effort: Any, near: Any) -> Any:
-        given = {"position": position, "rate": rate, "effort": effort}
-        named = {f"{side}_{name}": x for name, x in given.items()}
-        named["near"] = self._batch.robot.home if near is None else near
-        return self._run(self._in_warp("map_to_joints" if side == "motor" else "map_to_motors"), named)
+    def _from(self, side: str, motion: tuple[Any, ...], near: Any, fallback: bool) -> tuple[Any, ...]:
+        given = dict(zip((f"{side}_{name}" for name in ("position", "rate", "effort")), motion, strict=True))
+        given["near"] = self._batch.robot.home if near is None else near
+        made = self._made["map_to_joints" if side == "motor" else "map_to_motors"]
+        found: tuple[Any, ...] = self._run(made, given, self._general if fallback else None)
+        return found

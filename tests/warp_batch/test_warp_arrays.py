@@ -119,6 +119,26 @@ def test_the_map_of_an_ankle_is_that_of_the_general_path(tmp_path: Path, dtype: 
         hybridyn.warp(batch.robot, parameters=["mass:foot"], device="cpu").joint_map(JOINTS)
 
 
+def test_maps_in_doubt_are_those_of_the_general_path(tmp_path: Path) -> None:
+    batch = hybridyn.warp(ankle(tmp_path), device="cpu")
+    relation = batch.joint_map(JOINTS)
+    joints = np.array([[0.1, -0.2], [0.3, 0.15]])
+    rate, effort = np.array([[0.3, -0.2], [0.1, 0.4]]), np.array([[5.0, 2.0], [1.0, -3.0]])
+    near = np.tile(batch.robot.home, (2, 1))
+    near[1] += 0.4  # open: the walk begins from a closed posture
+    for side, right, x in (("motors", relation.to_motors, joints), ("joints", relation.to_joints, None)):
+        x = relation.to_motors(joints)[1] if x is None else x
+        wanted = right(x, rate, effort)
+        refused = right(x, rate, effort, near=near)
+        assert (refused[-1] <= 1).tolist() == [True, False], side
+        assert np.isnan(refused[0][1]).all()
+        found = right(x, rate, effort, near=near, fallback=True)
+        for one, other in zip(found[:-1], wanted[:-1], strict=True):
+            close_to(one, other, 1e-9)
+    with pytest.raises(hybridyn.AssemblyError):
+        relation.to_motors([[3.0, -3.0]], fallback=True)
+
+
 REFUSED = {
     "the batch has float64": lambda b, q: b.ddm(as_warp(q.astype(np.float32)), q, q),
     "q is no array of numbers": lambda b, q: b.ddm([["a"]], q, q),

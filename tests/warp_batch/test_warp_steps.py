@@ -20,6 +20,8 @@ wp.config.quiet = True
 SAMPLES, STEPS, H = 3, 5, 2e-3
 #: Both take the same steps in the same coordinates; what is left is rounding through five steps.
 SAME = 1e-10
+#: Motors of the five-bar, from home, where its closures are nearly singular [rad].
+NEAR_SINGULAR = [-1.09136963, 0.49274858]
 
 
 def start(robot: hybridyn.HybridRobot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -68,6 +70,43 @@ def test_steps_are_those_of_simulate(name: str, law: str, dtype: str) -> None:
         )
         for one, other in zip(found, (run.q, run.v, run.a), strict=True):
             assert np.abs(one[t] - other[-1]).max() <= within * max(np.abs(other[-1]).max(), 1.0)
+
+
+@pytest.mark.parametrize("dtype", ["float64", slow("float32")])
+def test_steps_in_doubt_are_those_of_the_general_path(dtype: str) -> None:
+    robot = hybridyn.load("five_bar")
+    batch = hybridyn.warp(robot, dtype=dtype, device="cpu")
+    exact = hybridyn.warp(robot, device="cpu")
+    positions = MotorAxes.of(robot).positions(robot.home) + np.array([[0.0, 0.0], NEAR_SINGULAR])
+    q, v, _, guard = exact.close(positions, [[0.1, -0.1]] * 2)
+    assert (guard <= 1).all()
+    *found, guard = batch.step(q, v, H, STEPS, tau=1.0, fallback=True)
+    assert (guard <= 1).tolist() == [True, False]
+    assert batch.failed == {"step_constant": 1}
+    run = hybridyn.simulate(
+        robot, q[1], v[1], (0.0, H * STEPS), effort=np.ones(2), method="rk4", step=H,
+    )  # fmt: skip
+    for one, other in zip(found, (run.q, run.v, run.a), strict=True):
+        np.testing.assert_allclose(one[1], other[-1], rtol=1e-10 if dtype == "float64" else 1e-3)
+    if dtype == "float64":
+        v[1] *= 1e9
+        with pytest.raises(hybridyn.HybridynError):
+            batch.step(q, v, H, tau=0.0, fallback=True)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_laws_of_the_general_path_are_those_of_the_device(law: str) -> None:
+    robot = hybridyn.load("five_bar")
+    batch = hybridyn.warp(robot, device="cpu")
+    q, v, position = start(robot)
+    reads = {"tau": 2.0, "tau_rate": 30.0, "tau_bend": -4e3, "position": position + 0.01}
+    reads |= {"rate": 0.3, "acceleration": 5.0, "kp": 40.0, "kd": 4.0}
+    chosen = {name: np.broadcast_to(reads[name], position.shape) for name in LAWS[law]}
+    right = batch.step(q, v, H, STEPS, law=law, **chosen)
+    clock = np.tile([H, STEPS], (SAMPLES, 1))
+    found = batch._general.step(law, np.array([2, 0]), {"q": q, "v": v, "clock": clock} | chosen)
+    for one, other in zip(found, right[:3], strict=True):  # the coordinates differ: the method's error
+        np.testing.assert_allclose(one, other[[2, 0]], rtol=1e-6, atol=1e-6 * np.abs(other).max())
 
 
 def effort_of(law: str, robot: hybridyn.HybridRobot, reads: dict[str, np.ndarray]) -> Callable[..., Any]:
