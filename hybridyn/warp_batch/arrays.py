@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -23,9 +23,10 @@ def device_of(name: Any) -> Any:
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:
-        known = ", ".join(str(device) for device in wp.get_devices())
         hint = "" if wp.is_cuda_available() else "; Warp finds no driver of CUDA"
-        raise ModelError(f"there is no device {name!r}: Warp has {known}{hint}") from error
+        raise ModelError(
+            f"there is no device {name!r}: Warp has {', '.join(map(str, wp.get_devices()))}{hint}"
+        ) from error
 
 
 class Arrays:
@@ -54,6 +55,8 @@ class Arrays:
                 numbers = np.asarray(x, dtype=self.dtype)
                 numbers = np.full(width, numbers) if numbers.ndim == 0 else numbers
                 found = wp.array(numbers, dtype=self._number, device=self.device)
+            except RuntimeError as error:
+                raise self._full(f"the array {name}") from error
             except (TypeError, ValueError) as error:
                 raise TrajectoryError(f"{name} is no array of numbers ({_line(error)})") from error
         else:
@@ -88,9 +91,8 @@ class Arrays:
             return x
         if x.ndim == 2:
             raise TrajectoryError(f"{name} has {x.shape[0]} samples; wanted {count}")
-        strides = (0, x.strides[0])
-        shape = (count, x.shape[0])
-        row = wp.array(ptr=x.ptr, dtype=x.dtype, shape=shape, strides=strides, device=x.device)
+        layout = {"shape": (count, x.shape[0]), "strides": (0, x.strides[0])}
+        row = wp.array(ptr=x.ptr, dtype=x.dtype, device=x.device, **layout)
         row.kept = x  # the memory is its own
         return row
 
@@ -105,10 +107,25 @@ class Arrays:
             return make(shape, dtype=number or self._number, device=self.device)
         except (RuntimeError, MemoryError, ValueError) as error:  # or longer than an array can be
             size = np.prod(shape, dtype=float) * np.dtype(self.dtype).itemsize
-            raise TrajectoryError(
-                f"the device '{self.device}' is full: an array of {size / 1e9:.3g} GB does not fit; "
-                "take fewer samples at once"
-            ) from error
+            raise self._full(f"an array of {size / 1e9:.3g} GB") from error
+
+    def launch(self, kernel: Any, count: int, inputs: Sequence[Any]) -> None:
+        """Launch a kernel for each sample.
+
+        Raises:
+            TrajectoryError: The device is full.
+        """
+        try:
+            wp.launch(kernel, dim=count, inputs=inputs, device=self.device)
+        except Exception as error:  # of Warp: RuntimeError at the launch, Exception where a module is loaded
+            if "out of memory" in str(error).lower().replace("_", " "):
+                raise self._full("what its kernel needs") from error
+            raise
+
+    def _full(self, what: str) -> TrajectoryError:
+        return TrajectoryError(
+            f"the device '{self.device}' is full: {what} does not fit; take fewer samples at once"
+        )
 
     def back(self, like: Any) -> Callable[[Any], Any]:
         """Return the function that gives results the kind of an array."""
@@ -124,8 +141,7 @@ class Arrays:
         """Return the context in which kernels run on the stream of the library of an array."""
         torch = sys.modules.get("torch")
         if self.device.is_cuda and torch is not None and isinstance(like, torch.Tensor):
-            own: AbstractContextManager[Any] = wp.ScopedStream(wp.stream_from_torch(like.device))
-            return own
+            return wp.ScopedStream(wp.stream_from_torch(like.device))  # type: ignore[no-any-return]
         return nullcontext()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import Any
@@ -21,7 +22,6 @@ from .drawing import Draw
 from .fallback import General
 from .functions import InWarp, in_warp, wp
 from .models import LAWS, Models
-from .native import Native
 
 #: Computes some samples by the general path: numbers of the samples and all inputs, to rows of the outputs.
 Fallback = Callable[[Index, dict[str, Array]], Sequence[Array]]
@@ -75,9 +75,8 @@ class Batch:
         self._models = Models(robot, effects, parameters.slots, dtype)
         self._general = General(robot, effects, self._designs, dtype)
         self._made: dict[str, InWarp] = {}
-        self._checked: set[str] = set()
-        self._counters: dict[str, Any] = {}
-        self.functions = Functions(self._models.names, self.made)
+        self._counters = defaultdict[str, Any](partial(self._arrays.empty, 1, number=wp.int32))
+        self.functions = Functions(tuple(self._models.makers), self.made)
 
     @property
     def failed(self) -> dict[str, int]:
@@ -289,7 +288,8 @@ class Batch:
 
         The motors' positions are drawn within their limits, and the loops are closed along the way from
         home. Motors without limits turn by up to half a turn, or move by up to the length of their module.
-        Rates are drawn up to the limits, or 1. A state outside a limit or out of reach is drawn again.
+        Rates are drawn up to the limits, or 1. A state outside a limit or out of reach is drawn again,
+        and so is one whose pivots would give `step` a guard above 1/2.
 
         Args:
             count: Number of states.
@@ -327,21 +327,23 @@ class Batch:
         """Return a model in Warp."""
         if name not in self._made:
             with as_compile_error(self.robot):
-                self._made[name] = in_warp(self._models.of(name), self.dtype)
+                self._made[name] = in_warp(self._models.makers[name](), self.dtype)
         return self._made[name]
 
     @cached_property
     def _drawn(self) -> Draw | None:
-        fixed = self._models.fixed and not self.parameters.size
-        return Draw(self.robot, self.made("close"), self._arrays) if fixed else None
+        if self.parameters.size:
+            return None
+        with as_compile_error(self.robot):
+            regular = in_warp(self._models.regular(), self.dtype)
+        return Draw(self.robot, self.made("close"), regular, self._arrays)
 
     def _numbers(self, parameters: Any) -> dict[str, Any]:
         """Return the input "parameters" of the models, or nothing if they have none."""
         if not self.parameters.size and parameters is None:
             return {}
-        if isinstance(parameters, wp.array):
-            return {"parameters": parameters}
-        return {"parameters": self.numbers(self.parameters.nominal if parameters is None else parameters)}
+        given = self.parameters.nominal if parameters is None else parameters
+        return {"parameters": given if isinstance(given, wp.array) else self.numbers(given)}
 
     def _motion(
         self, position: Any, rate: Any, acceleration: Any, near: Any, parameters: Any
@@ -358,10 +360,9 @@ class Batch:
     def _run(self, name: str, given: dict[str, Any], fallback: Fallback | None = None) -> tuple[Any, ...]:
         """Run a model, which is compared with the general path before it is first used."""
         made = self.made(name)
-        if name in ("idm", "ddm") and name not in self._checked:
-            self._checked.add(name)
-            self._general.check(name, partial(self._run_native, made))
-            self._counters.pop(name, None)  # its samples are not the user's
+        if name in ("idm", "ddm") and name not in self._counters:
+            self._general.check(made.native, partial(self._run_native, made))
+            self._counters[name].zero_()  # its samples are not the user's
         return self._run_native(made, given, fallback)
 
     def _run_native(
@@ -383,20 +384,13 @@ class Batch:
             count = read[first].shape[0]
             read = {name: arrays.rows(name, read[name], count) for name in widths}
             results = [arrays.empty(count, width) for _, width in native.outputs]
-            guard, counter = arrays.empty(count), self._counter(native)
+            guard, counter = arrays.empty(count), self._counters[native.name]
             with as_compile_error(self.robot):
-                inputs = [*read.values(), *results, guard, counter]
-                wp.launch(made.kernel, dim=count, inputs=inputs, device=self.device)
+                arrays.launch(made.kernel, count, [*read.values(), *results, guard, counter])
             if fallback is not None:
                 self._hand_over(read, results, guard, fallback)
             back = arrays.back(like)
             return (*(back(x) for x in results), back(guard))
-
-    def _counter(self, native: Native) -> Any:
-        """Return the counter of a model's failed samples."""
-        if native.name not in self._counters:
-            self._counters[native.name] = self._arrays.empty(1, number=wp.int32)
-        return self._counters[native.name]
 
     def _hand_over(self, read: dict[str, Any], results: list[Any], guard: Any, fallback: Fallback) -> None:
         """Compute samples whose guard is above 1 by the general path, in the memory of this computer."""
@@ -418,7 +412,7 @@ class BatchMap:
     """
 
     def __init__(
-        self, batch: Batch, made: dict[str, InWarp], run: Callable[..., Any], general: Fallback
+        self, batch: Batch, made: dict[str, InWarp], run: Callable[..., tuple[Any, ...]], general: Fallback
     ) -> None:
         self._batch, self._made, self._run, self._general = batch, made, run, general
         self.functions = Functions(tuple(made), made.__getitem__)
@@ -467,5 +461,4 @@ class BatchMap:
         given = dict(zip((f"{side}_{name}" for name in ("position", "rate", "effort")), motion, strict=True))
         given["near"] = self._batch.robot.home if near is None else near
         made = self._made["map_to_joints" if side == "motor" else "map_to_motors"]
-        found: tuple[Any, ...] = self._run(made, given, self._general if fallback else None)
-        return found
+        return self._run(made, given, self._general if fallback else None)

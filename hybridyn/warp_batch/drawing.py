@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..scenes.references import MotorAxes
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .arrays import Arrays
@@ -35,6 +36,8 @@ def draw(
             for k in range(low_q.shape[0]):
                 if trial < tries and (q[i, k] < low_q[k] or q[i, k] > high_q[k]):
                     worst = S(2.0)
+            if trial < tries and worst <= S(1.0):
+                worst = wp.max(worst, S(2.0) * regular(q[i], v[i]))
             share = S(1.0)
             for k in range(fastest.shape[0]):
                 if wp.abs(v[i, k]) * share > fastest[k]:
@@ -51,57 +54,49 @@ def draw(
 class Draw:
     """Draws closed states of a robot."""
 
-    def __init__(self, robot: HybridRobot, close: InWarp, arrays: Arrays) -> None:
+    def __init__(self, robot: HybridRobot, close: InWarp, regular: InWarp, arrays: Arrays) -> None:
         """Write the kernel.
 
         Args:
             close: The model "close".
+            regular: The guard of postures by their pivots.
         """
         self._robot, self._arrays = robot, arrays
         number = getattr(wp, arrays.dtype)
-        row, rows = wp.array(dtype=number), wp.array(dtype=number, ndim=2)
-        scope = {"S": number, "row": row, "rows": rows, "close": close.function}
+        scope = {"S": number, "row": wp.array(dtype=number), "rows": wp.array(dtype=number, ndim=2)}
+        scope |= {"close": close.function, "regular": regular.function}
         self._kernel = defined(DRAW, "draw", scope)
 
     def states(self, count: int, seed: int, tries: int) -> tuple[Any, Any, Any, int]:
         """Draw states, see `Batch.random_states`."""
-        robot, empty = self._robot, self._arrays.empty
-        motors = len(robot.motors)
-        drawn = [empty(count, motors), empty(count, motors)]
+        robot, empty, still = self._robot, self._arrays.empty, np.zeros(len(self._robot.motors))
+        drawn = [empty(count, len(robot.motors)) for _ in range(2)]
         states = [empty(count, width) for width in (robot.nq, robot.nv, robot.nv)]
         failed = empty(1, number=wp.int32)
-        given = [self._arrays.given("limits", x, len(x)) for x in (robot.home, *self._limits())]
-        still = self._arrays.given("still", np.zeros(motors), motors)
-        inputs = [seed, tries, *given, *drawn, still, *states, empty(count), failed]
-        wp.launch(self._kernel, dim=count, inputs=inputs, device=self._arrays.device)
+        given = [self._arrays.given("limits", x, len(x)) for x in (robot.home, *self._limits(), still)]
+        inputs = [seed, tries, *given[:-1], *drawn, given[-1], *states, empty(count), failed]
+        self._arrays.launch(self._kernel, count, inputs)
         return (*states, int(failed.numpy()[0]))
 
     def _limits(self) -> list[Array]:
         """Return positions of the motors at home, their range and speed; limits of q, and those of v."""
         robot = self._robot
         low_q, high_q = np.full(robot.nq, -np.inf), np.full(robot.nq, np.inf)
-        fastest, home = np.full(robot.nv, np.inf), np.zeros(robot.nv)
-        length = np.ones(robot.nv)
-        for module in robot.modules:
-            length[module.v_index] = module.mechanism.length
-        reach = np.full(robot.nv, np.pi)
+        fastest, reach = np.full(robot.nv, np.inf), np.full(robot.nv, np.pi)
         for i, name in enumerate(robot.joints):
             at, to, kind = robot.q_slices[i].start, robot.v_slices[i], robot.kinds[i]
             record = robot.records.get(name)
             if record is None or to.stop - to.start != 1:
                 continue
             fastest[to] = record.speed_limit
-            home[to] = robot.home[at]
-            if kind == "continuous":
-                home[to] = np.arctan2(robot.home[at + 1], robot.home[at])
-                continue
-            low_q[at], high_q[at] = record.lower, record.upper
+            if kind != "continuous":
+                low_q[at], high_q[at] = record.lower, record.upper
             if kind == "prismatic":
-                reach[to] = length[to]
-        in_q, in_v = robot.motor_q, robot.motor_v
+                reach[to] = robot.modules[robot.body_owner[robot.body_of_joint[name]][0]].mechanism.length
+        in_q, in_v, home = robot.motor_q, robot.motor_v, MotorAxes.of(robot).positions(robot.home)
         low, high = (
-            np.where(np.isfinite(x[in_q]), x[in_q], home[in_v] + s * reach[in_v])
+            np.where(np.isfinite(x[in_q]), x[in_q], home + s * reach[in_v])
             for x, s in ((low_q, -1), (high_q, 1))
         )
         speed = np.where(np.isfinite(fastest[in_v]), fastest[in_v], 1.0)
-        return [home[in_v], low, high, speed, low_q, high_q, fastest]
+        return [home, low, high, speed, low_q, high_q, fastest]

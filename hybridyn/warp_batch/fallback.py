@@ -24,6 +24,7 @@ from ..simulation.motion_law import Effort
 from ..simulation.simulate import simulate
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
+from .functions import Native
 from .models import LAWS
 
 
@@ -84,7 +85,7 @@ class General:
 
     def _law(self, law: str, reads: list[Array]) -> Effort:
         """Return a law of `Batch.step`, one of `LAWS`, as `simulate` takes it, from what it reads."""
-        start, slope, bend = (*reads, 0.0, 0.0)[:3]
+        start, slope, bend = [*reads, np.zeros(1), np.zeros(1)][:3]
 
         def at(t: float) -> tuple[Any, ...]:
             return start + t * slope + t * t / 2 * bend, slope + t * bend, bend
@@ -92,9 +93,8 @@ class General:
         if law in ("constant", "table"):
             return lambda t, q, v: at(t)[0]
         gains = (dict(zip(self._robot.motors, x, strict=True)) for x in reads[3:])
-        reference: Any = SimpleNamespace(at=at)
         make: Any = Pd if law == "pd" else partial(ComputedTorque, effects=self._effects)
-        return make(self._robot, reference, *gains)  # type: ignore[no-any-return]
+        return make(self._robot, SimpleNamespace(at=at), *gains)  # type: ignore[no-any-return]
 
     def map(self, joints: Sequence[str], rows: Index, given: dict[str, Array]) -> Sequence[Array]:
         """Compute the map between output joints and motors of some samples, from the side that is given."""
@@ -126,28 +126,22 @@ class General:
     def _at(self, robot: HybridRobot) -> Effects:
         return self._effects if robot is self._robot else at_robot(self._effects, robot)
 
-    def check(self, name: str, run: Callable[[dict[str, Any]], Any]) -> None:
+    def check(self, native: Native, run: Callable[[dict[str, Any]], Any]) -> None:
         """Compare a new model with the general path at random states, see `compiled.verifying.verify`.
 
         Args:
-            run: Computes results and guards from the inputs by name.
+            native: The model.
+            run: Computes results and guards from its inputs by name.
 
         Raises:
             CompileError: They differ.
         """
-        last = ("a",) if name == "idm" else ("tau",)
-        names = [
-            "q",
-            "v",
-            *last,
-            *(["base_acceleration"] if self._robot.base == "moving" and name == "ddm" else []),
-        ]
+        names = [name for name, _ in native.inputs]
         design = self._designs.numbers(None, ()) if self._designs.parameters.size else None
-        names += [] if design is None else ["parameters"]
 
         def batch(_: str, *inputs: Array) -> tuple[tuple[Any, ...], Any]:
             *results, guard = run(dict(zip(names, inputs, strict=True)))
             return tuple(results), guard
 
-        library = SimpleNamespace(dtype=self._dtype, programs={name: None}, batch=batch)
+        library = SimpleNamespace(dtype=self._dtype, programs={native.name: None}, batch=batch)
         verify(library, self._robot, self._effects, design=design)

@@ -1,17 +1,28 @@
-"""Make Warp functions and kernels of native functions. Only this file imports Warp."""
+"""Programs as native Warp functions: the plain numbers of exported C, on the stack; and kernels of them.
+
+The programs are static members of a structure that is local to the function, so that nothing of them is seen
+outside of it. Macros are undefined at the end. Only this file imports Warp.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import itertools
 import linecache
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
+from importlib import import_module, resources
 from importlib.util import find_spec
 from typing import Any
 
-from ..compiled.code.scalars import GUARD_LIMIT
-from .native import Native
+from ..compiled.code.across_lanes import across_samples
+from ..compiled.code.drivers import Tables
+from ..compiled.code.kernels import kernel_graph, kernel_text
+from ..compiled.code.plain_c import FUNCTIONS, MOVES, REAL, SINES
+from ..compiled.code.rules import check, trimmed
+from ..compiled.code.scalars import GUARD_LIMIT, text_of
+from ..compiled.program import Program, stored
 
 #: Warp; None where it is not installed, as where the pages are built.
 wp: Any = import_module("warp") if find_spec("warp") else None
@@ -27,6 +38,147 @@ def kernel({arguments}, guard: wp.array(dtype=S), failed: wp.array(dtype=wp.int3
         wp.atomic_add(failed, 0, 1)
 """
 _numbers = itertools.count()
+
+#: Mark of a function of the device.
+ON_DEVICE = "CUDA_CALLABLE "
+#: What the C of programs needs before it, beside `plain_scalar.h`.
+HEAD = """#define restrict __restrict__
+#if defined(__CUDA_ARCH__) || defined(__FMA__)
+#define FAST_FMA
+#endif"""
+#: Run a program for one sample: its guard, NaN where a number that is not finite comes in or out.
+RUN = """static S {name}_run(const S *given, S *result) {{
+    S shared[{shared}], own[{own}], guard = 0;
+    for (int k = 0; k < {given}; k++) guard += given[k] * (S)0;
+    {name}_samples(given, result, shared, own, &guard);
+    for (int k = 0; k < {result}; k++) guard += result[k] * (S)0;
+    return guard;
+}}
+static int {name}_single_at(const S *const *in, S *out) {{
+    S given[{given}];
+    {gathered}
+    return !({name}_run(given, out) <= {limit});
+}}"""
+
+
+@dataclass(frozen=True)
+class Native:
+    """A native function of one sample, which returns the guard.
+
+    Attributes:
+        name: Its name.
+        inputs: Name and width of each array that it reads.
+        outputs: Name and width of each array that it writes: NaN where the guard is above its limit.
+        text: C of its body; the arrays have the names above.
+    """
+
+    name: str
+    inputs: tuple[tuple[str, int], ...]
+    outputs: tuple[tuple[str, int], ...]
+    text: str
+
+
+def native(
+    name: str,
+    ends: tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]],
+    programs: Mapping[str, Program],
+    run: str,
+    dtype: str,
+    more: str = "",
+) -> Native:
+    """Return a native function.
+
+    Args:
+        ends: Its inputs and outputs.
+        programs: Programs that it calls, by name.
+        run: C expression of the guard, from `given` (all inputs one after the other) and `result`.
+        more: C of members of the structure that follow the programs.
+    """
+    inputs, outputs = (tuple(end) for end in ends)
+    members = "\n".join([*_programs(programs, dtype), more])
+    used = [word for word in FUNCTIONS if re.search(rf"\b{word}\(", members)]
+    head = [
+        f"#define FUNCTION(name) name{'##f' if dtype == 'float32' else ''}",
+        HEAD,
+        text_of("plain_scalar.h"),
+        *(f"#define {word} FUNCTION({word.lower()})" for word in used),
+    ]
+    given, result = (max(sum(size for _, size in end), 1) for end in (inputs, outputs))
+    read = "\n".join(_moved(n, size, f"given[{at} + k] = {{}}") for n, size, at in stored(inputs))
+    written = "\n".join(_moved(n, size, f"{{}} = result[{at} + k]") for n, size, at in stored(outputs))
+    macros = re.findall(r"#define (\w+)", "\n".join([*head, members]))
+    lines = [
+        f"typedef {REAL[dtype]} S;",
+        *head,
+        f"struct Code {{\n{_on_device(members)}\n}};",
+        f"S given[{given}], result[{result}];",
+        read,
+        f"const S guard = Code::{run};",
+        f"if (!(guard <= {GUARD_LIMIT}))",
+        f"    for (int k = 0; k < {result}; k++) result[k] = (S)(HUGE_VAL - HUGE_VAL);",
+        written,
+        "const S answer = guard;",
+        *(f"#undef {macro}" for macro in dict.fromkeys(macros)),
+        "return answer;",
+    ]
+    return Native(name, inputs, outputs, "\n" + "\n".join(lines) + "\n")
+
+
+def own_text(file: str, **sizes: int) -> str:
+    """Return one of the C sources of the folder `c` of this room, after an enumeration of sizes."""
+    text = (resources.files("hybridyn.warp_batch") / "c" / file).read_text()
+    return sizes_text(**sizes) + text if sizes else text
+
+
+def sizes_text(**sizes: int) -> str:
+    """Return the C of an enumeration of sizes."""
+    return f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};\n"
+
+
+def _moved(array: str, size: int, move: str) -> str:
+    """Return the C of a loop over the numbers of an array of Warp."""
+    at = f"*(S *)((char *){array}.data + (size_t)k * {array}.strides[0])"
+    return f"for (int k = 0; k < {size}; k++) {move.format(at)};"
+
+
+def _programs(programs: Mapping[str, Program], dtype: str) -> list[str]:
+    """Return the C of programs: what they call, their kernels, drivers, and functions of one sample."""
+    kernels: dict[str, str] = {}
+    drivers: list[str] = []
+    for called, program in programs.items():
+        program = trimmed(program)
+        check(program)
+        texts = [kernel_text(kernel_graph(kernel)) for kernel in program.kernels]
+        for text in texts:
+            kernels.setdefault(text, f"kernel_{len(kernels)}")
+        drivers.append(_driver(called, program, [kernels[text] for text in texts], dtype))
+    code = "\n".join([*(f"static void {name}{text}" for text, name in kernels.items()), *drivers])
+    moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
+    return [*moves, SINES, code]
+
+
+def _driver(name: str, program: Program, kernels: list[str], dtype: str) -> str:
+    """Return the C of a program that calls its kernels, and runs for one sample."""
+    tables = Tables(dtype)
+    head = f"static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
+    first, rest = across_samples(program, kernels, tables, head=head).split("\n", 1)
+    gathered = [
+        f"for (int k = 0; k < {size}; k++) given[{at} + k] = in[{n}][k];"
+        for n, (_, size, at) in enumerate(stored(program.inputs))
+    ]
+    given, result = (max(sum(size for _, size in end), 1) for end in (program.inputs, program.outputs))
+    run = RUN.format(
+        name=name, shared=max(program.shared, 1), own=max(program.own, 1), given=given, result=result,
+        gathered="\n    ".join(gathered), limit=GUARD_LIMIT,
+    )  # fmt: skip
+    return "\n".join([first, tables.text, rest, run])
+
+
+def _on_device(text: str) -> str:
+    """Mark the functions of C for the device."""
+    return re.sub(
+        r"^static (?=(?:inline )?(?:void|int|S|V) \*?\w+\()", f"static {ON_DEVICE}", text, flags=re.M
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +200,16 @@ class InWarp:
 
 def in_warp(native: Native, dtype: str) -> InWarp:
     """Return a native function in Warp; Warp compiles it when it is first launched."""
-    key = hashlib.sha256(native.text.encode()).hexdigest()[:12]
-    called = f"{native.name}_{key}"  # Warp knows functions by their names
+    # Warp knows functions by their names
+    called = f"{native.name}_{hashlib.sha256(native.text.encode()).hexdigest()[:12]}"
     names = [name for name, _ in (*native.inputs, *native.outputs)]
     scope = {"S": getattr(wp, dtype)}
-    row, rows = (f"wp.array(dtype=S{ndim})" for ndim in ("", ", ndim=2"))
-    stub = STUB.format(name=called, arguments=", ".join(f"{name}: {row}" for name in names))
+    of_one, of_all = (
+        ", ".join(f"{name}: wp.array(dtype=S, ndim={ndim})" for name in names) for ndim in (1, 2)
+    )
+    stub = STUB.format(name=called, arguments=of_one)
     function = defined(stub, called, scope | {"text": native.text})
-    arguments = ", ".join(f"{name}: {rows}" for name in names)
-    text = KERNEL.format(arguments=arguments, rows=", ".join(f"{n}[i]" for n in names), limit=GUARD_LIMIT)
+    text = KERNEL.format(arguments=of_all, rows=", ".join(f"{n}[i]" for n in names), limit=GUARD_LIMIT)
     return InWarp(native, function, defined(text, "kernel", scope | {"function": function}))
 
 

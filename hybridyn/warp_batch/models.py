@@ -16,13 +16,12 @@ from ..compiled.programs.direct import direct_program
 from ..compiled.programs.inverse import inverse_program
 from ..compiled.programs.kinematics import kinematics_program
 from ..compiled.programs.map_programs import map_programs
-from ..description.names import did_you_mean
 from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Effects
 from ..errors import ModelError
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from .native import Native, native, own_text
+from .functions import Native, native, own_text, sizes_text
 
 #: Fields of numbers on which the closures depend.
 GEOMETRY = ("placement", "frame_a", "frame_b", "offset")
@@ -60,36 +59,20 @@ class Models:
 
     Attributes:
         fixed: Whether no parameter changes the closures.
+        makers: What writes each function, but for the maps of output joints, by name.
     """
 
     def __init__(self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot], dtype: str) -> None:
         self.robot, self.effects, self.dtype, self._slots = robot, effects, dtype, tuple(slots)
         self.fixed = all(slot.field not in GEOMETRY for slot in slots)
-        self._makers: dict[str, Callable[[], Native]] = {name: partial(self._plain, name) for name in PLAIN}
-        self._makers |= {"close": self._close, "idm_from_motors": self._control}
-        self._makers |= {f"step_{law}": partial(self.step, law) for law in LAWS}
-
-    def of(self, name: str) -> Native:
-        """Return a native function, one of `names`.
-
-        Raises:
-            ModelError: The robot has no such function.
-        """
-        if name not in self._makers:
-            raise ModelError(
-                f"a batch has no function '{name}'{did_you_mean(name, self.names)}", element=name
-            )
-        return self._makers[name]()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the native functions, but for the maps of output joints."""
-        return tuple(self._makers)
+        self.makers: dict[str, Callable[[], Native]] = {name: partial(self._plain, name) for name in PLAIN}
+        self.makers |= {"close": self._close, "idm_from_motors": self._control}
+        self.makers |= {f"step_{law}": partial(self.step, law) for law in LAWS}
 
     def _plain(self, name: str) -> Native:
         program = PLAIN[name](self._request)
-        ends = (program.inputs, program.outputs)
-        return native(name, ends, {name: program}, f"{name}_run(given, result)", self.dtype)
+        return native(name, (program.inputs, program.outputs), {name: program},
+                      f"{name}_run(given, result)", self.dtype)  # fmt: skip
 
     def maps(self, joints: Sequence[str]) -> list[Native]:
         """Return the map between output joints and motors, "map_to_joints" and "map_to_motors".
@@ -101,16 +84,28 @@ class Models:
         if self._slots:
             raise ModelError("the map of output joints has no parameters: make a batch without them")
         sides = motors_beside(self.robot, joints), tuple(joints)
-        out = []
-        for program, side in zip(map_programs(self._request, joints), sides, strict=True):
-            walk, ends = self._walk(program, side, posed=True), (program.inputs, program.outputs)
-            run = f"walk(given, given + {self.robot.nq}, result)"
-            out.append(native(program.name, ends, {"close": program}, run, self.dtype, walk))
-        return out
+        run = f"walk(given, given + {self.robot.nq}, result)"
+        return [
+            native(program.name, (program.inputs, program.outputs), {"close": program}, run, self.dtype,
+                   self._walk(program, side, posed=True))
+            for program, side in zip(map_programs(self._request, joints), sides, strict=True)
+        ]  # fmt: skip
 
     @cached_property
     def _request(self) -> Request:
         return request(self.robot, self.effects, parameters=self._slots, dtype=self.dtype)
+
+    @cached_property
+    def _plain_request(self) -> Request:
+        return request(self.robot, self.effects, dtype=self.dtype)
+
+    @cached_property
+    def _lift(self) -> Program | None:
+        return lift_program(self._plain_request)
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        return {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
 
     @cached_property
     def _motions(self) -> tuple[Ends, Ends]:
@@ -163,16 +158,13 @@ class Models:
         Raises:
             ModelError: The robot has no such steps.
         """
-        robot, motors = self.robot, len(self.robot.motors)
-        plain = request(robot, self.effects, dtype=self.dtype)
-        lift = lift_program(plain)
+        robot, motors, plain, lift = self.robot, len(self.robot.motors), self._plain_request, self._lift
         if lift is None or not self.fixed:
             why = (
                 "its parameters change the loops" if not self.fixed else "its loops close by more than pivots"
             )
             raise ModelError(f"robot '{robot.description.name}' has no closed steps in a batch: {why}")
-        ddm = direct_program(self._request)
-        called, efforts = {"lift": lift, "ddm": ddm}, _own(text_of("laws.h"))
+        called, efforts = {"lift": lift, "ddm": direct_program(self._request)}, _own(text_of("laws.h"))
         if law == "torque":
             called["following"] = close_program(plain)
             called["idm"] = inverse_program(replace(plain, compared=False))
@@ -180,13 +172,22 @@ class Models:
             calls = f"{name}_single_at(" if name in called else "absent("
             efforts = _replaced(efforts, f"law->{'close' if name == 'following' else name}(", calls)
         given = [("q", robot.nq), ("v", robot.nv), ("clock", 2), *((name, motors) for name in LAWS[law])]
+        given += self._request.parameter_inputs
         outputs = [("q_next", robot.nq), ("v_next", robot.nv), ("a_next", robot.nv)]
-        text = STEP_HEAD + self._places(robot.motors) + _replaced(efforts, "law->function(t)", "1")
+        text = sizes_text(EFFORTS=motors, **self._sizes) + STEP_HEAD + self._places(robot.motors)
+        text += _replaced(efforts, "law->function(t)", "1")
         text += _steps_text(self.dtype) + f"enum {{ KIND = {KINDS[law]} }};\n" + own_text("step.h")
-        sizes = {"NQ": robot.nq, "NV": robot.nv, "EFFORTS": motors, "MODULES": len(robot.modules)}
-        head = f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};\n"
-        ends = [*given, *self._request.parameter_inputs], outputs
-        return native(f"step_{law}", ends, called, "stepped(given, result)", self.dtype, head + text)
+        return native(f"step_{law}", (given, outputs), called, "stepped(given, result)", self.dtype, text)
+
+    def regular(self) -> Native:
+        """Return the guard of a posture by the pivots of its closures, as of a step; zero without steps."""
+        ends: tuple[Ends, Ends] = [("q", self.robot.nq), ("v", self.robot.nv)], []
+        if self._lift is None:
+            more = "static S regular(const S *given) { return 0; }\n"
+            return native("regular", ends, {}, "regular(given)", self.dtype, more)
+        lifted = _steps_text(self.dtype).partition("typedef struct {\n    Long")[0]
+        more = sizes_text(**self._sizes) + lifted + own_text("regular.h")
+        return native("regular", ends, {"lift": self._lift}, "regular(given)", self.dtype, more)
 
 
 def _steps_text(dtype: str) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.warp_batch import arrays as arrays_of
 from hybridyn.warp_batch import functions
 from tests.comparing import close_to
 from tests.extras import needs
@@ -18,6 +19,7 @@ from tests.samples import slow
 
 wp = needs("gpu")
 wp.config.quiet = True
+wp_array = wp.array
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +162,42 @@ def test_wrong_arrays_are_refused_in_one_line(robot: hybridyn.HybridRobot, words
     with pytest.raises(hybridyn.HybridynError, match=words) as refused:
         REFUSED[words](batch, np.tile(robot.home, (3, 1)))
     assert "\n" not in str(refused.value)
+
+
+#: What Warp raises on a full device: at a launch, where it loads a module, and where it copies an array.
+FULL: dict[str, Exception] = {
+    "launch": RuntimeError(
+        "Error launching kernel: kernel on device cuda:0: Warp CUDA error 2: out of memory "
+        "(in function wp_cuda_launch_kernel, warp.cu:4000)"
+    ),
+    "load": Exception("Failed to load CUDA module 'm' (CUDA_ERROR_OUT_OF_MEMORY)\nmore"),
+    "array": RuntimeError("Failed to allocate 1024 bytes on device 'cuda:0'"),
+}
+
+
+@pytest.mark.parametrize("where", FULL)
+def test_a_device_that_is_full_at_the_launch_says_so(
+    robot: hybridyn.HybridRobot, where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raises(*_: Any, **__: Any) -> None:
+        raise FULL[where]
+
+    batch = hybridyn.warp(robot, device="cpu")
+    q, v, _, tau = random_states(robot, 3)
+    batch.ddm(q, v, tau)
+    assert batch._drawn is not None
+    monkeypatch.setattr(functions.wp, "array" if where == "array" else "launch", raises)
+    monkeypatch.setattr(arrays_of, "_has_dlpack", lambda x: False)
+    for call in (lambda: batch.ddm(q, v, tau), lambda: batch.random_states(3)):
+        with pytest.raises(
+            hybridyn.TrajectoryError, match=r"the device 'cpu' is full: .* fewer samples"
+        ) as e:
+            call()
+        assert "\n" not in str(e.value)
+    monkeypatch.setattr(functions.wp, "launch", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(functions.wp, "array", wp_array)
+    with pytest.raises(hybridyn.CompileError, match="ZeroDivisionError"):
+        batch.ddm(q, v, tau)
 
 
 class Elsewhere(str):

@@ -10,6 +10,7 @@ import pytest
 import hybridyn
 from hybridyn.scenes.controllers import ComputedTorque, Pd
 from hybridyn.scenes.references import MotorAxes
+from hybridyn.warp_batch.drawing import Draw
 from hybridyn.warp_batch.models import LAWS
 from tests.extras import needs
 from tests.samples import slow
@@ -92,6 +93,34 @@ def test_steps_in_doubt_are_those_of_the_general_path(dtype: str) -> None:
         v[1] *= 1e9
         with pytest.raises(hybridyn.HybridynError):
             batch.step(q, v, H, tau=0.0, fallback=True)
+
+
+@pytest.mark.parametrize(("name", "count"), [("five_bar", 40), slow("gough_stewart", 60), slow("lx4", 40)])
+def test_states_that_are_drawn_can_be_stepped_from(
+    name: str, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if name == "five_bar":  # its own limits keep it away from singularities
+        limits = Draw._limits
+        monkeypatch.setattr(Draw, "_limits", lambda self: widened(limits(self)))
+    batch = hybridyn.warp(hybridyn.load(name), device="cpu")
+    q, v, _, failed = batch.random_states(count, seed=0)
+    *_, guard = batch.step(q, v, 1e-4, tau=0.0)
+    assert (guard.numpy() <= 0.6).all()  # drawn at 1/2; the pivots change by little in a short step
+    loose = Draw(batch.robot, batch.made("close"), SimpleNamespace(function=any_posture), batch._arrays)  # type: ignore[arg-type]
+    assert failed > loose.states(count, 0, 64)[3]
+
+
+def widened(limits: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the limits of draws without those of positions, the motors' by a radian wider."""
+    home, low, high, speed, low_q, high_q, fastest = limits
+    return [home, low - 1.0, high + 1.0, speed, low_q - np.inf, high_q + np.inf, fastest]
+
+
+@wp.func
+def any_posture(
+    q: wp.array(dtype=wp.float64), v: wp.array(dtype=wp.float64),
+):  # type: ignore[no-untyped-def] # fmt: skip
+    return wp.float64(0.0)
 
 
 @pytest.mark.parametrize("law", LAWS)
