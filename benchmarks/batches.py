@@ -106,6 +106,10 @@ def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any
                     found["of_arithmetic"] = count * operations(threaded, model) / seconds / fused
                     host = best(getattr(threaded, model), *(x.numpy() for x in arrays))
                     yield row("compile", name, model, dtype, count, host)
+                if model == "close":  # rows in order, each near the one before: more than the batch does
+                    motors = dict(zip(robot.motors, x.numpy().T, strict=True))
+                    host = best(threaded.assemble, motors=motors, guess=robot.home)
+                    yield row("compile", name, model, dtype, count, host)
                 yield found
 
 
