@@ -123,9 +123,8 @@ def inverse_model(
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     residual = check_closed(robot, states, q, v, a)
-    hint = HINT if passive == "given" else "Add a motor there"
-    if not robot.motors:
-        hint = "The robot has no motors: name them, motors=[...]"
+    driven = HINT if passive == "given" else "Add a motor there"
+    hint = driven if robot.motors else "The robot has no motors: name them, motors=[...]"
     if robot.description.left_out:
         hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
     sharing = Sharing(_weights(robot, weights), on_singular, hint)

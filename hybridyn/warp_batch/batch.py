@@ -306,7 +306,7 @@ class Batch:
         if count < 1:
             raise TrajectoryError(f"random_states needs one state at least, not {count}")
         if self._drawn is None:
-            raise ModelError("parameters change the loops: draw states by a batch without them")
+            raise ModelError("a batch with parameters draws no states: draw them by a batch without")
         return self._drawn.states(count, seed, tries)
 
     def numbers(self, parameters: Any) -> Any:
