@@ -23,7 +23,6 @@ import math
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -43,7 +42,6 @@ UNIT_PART = {"continuous": 0, "spherical": 0, "planar": 2, "floating": 3}
 UNIT_SLACK = 1e-4
 
 
-@lru_cache(maxsize=16)  # of the designs of a study
 def read_model_file(text: bytes, file: str) -> dict[str, Any]:
     """Read the text of a model file; a text that was read before is not checked again.
 
