@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from .records import Array, RotationKind
+from .placement import turned
+from .records import Array, Closure, RotationKind
+
+#: One side of a closure: link, and the frame placed on it by the author, shape (4, 4).
+Side = tuple[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,32 @@ SINGLE_ROTATION = (
     'lock two (the remaining axes stay parallel), three or none, or use type="universal" '
     "(two axes kept perpendicular)"
 )
+
+
+def closure_of(
+    name: str,
+    kind: str,
+    sides: Iterable[Side],
+    turns: Sequence[Array] = (np.eye(3),) * 2,
+    form: Form | None = None,
+    line: int | None = None,
+) -> Closure:
+    """Return the closure of a kind.
+
+    Args:
+        name: Its name.
+        kind: Its kind, a key of `FORMS` where no form is given.
+        sides: Both sides.
+        turns: Rotations of both frames about their own axes that map z to the closure's axis, shapes (3, 3).
+        form: Its form, where that is not the one of its kind.
+        line: Line in the file, or None.
+    """
+    form = form or FORMS[kind]
+    (link_a, at_a), (link_b, at_b) = sides
+    frames = turned(at_a, turns[0]), turned(at_b, turns[1])
+    return Closure(
+        name, kind, link_a, frames[0], link_b, frames[1], form.translations, form.rotation, line, turns[0]
+    )
 
 
 def form_of_rows(text: str) -> Form:

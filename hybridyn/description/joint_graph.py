@@ -10,21 +10,25 @@ Bodies have keys; the key of the world is "".
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from ..spatial import quaternion_from_rotation
-from .closure_forms import FORMS
+from .closure_forms import closure_of
 from .groups import Groups
 from .names import unique
-from .placement import inverse, turned
-from .records import Array, Closure, Joint, JointKind, Link, RotationKind
-from .robot_file import RobotFile
+from .placement import inverse
+from .records import Array, Closure, Joint, JointKind, massless
+from .robot_file import FREEDOMS, RobotFile
 
 #: Key of the world among those of bodies.
 WORLD = ""
+
+#: The axis of a joint that has none.
+NO_AXIS = np.array([1.0, 0.0, 0.0])
 
 #: Largest distance from a body's origin at which an axis still passes through it, relative to its offset.
 ON_AXIS = 4 * np.finfo(float).eps
@@ -130,43 +134,35 @@ def outwards(bodies: Iterable[str], joints: Iterable[J]) -> Iterator[tuple[str, 
                 waiting += near.get(body, ())
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A joint of a chain.
+#: Joints from a parent link to a child link, without links, whose axes are in the frame of the stated joint
+#: (any axis where a joint has none), and this frame in both links, shapes (4, 4).
+Chain = tuple[Sequence[Joint], tuple[Array, Array]]
 
-    Attributes:
+
+def step(name: str, kind: JointKind, axis: Array | None = None, /, **numbers: Any) -> Joint:
+    """Return a joint of a chain, without links.
+
+    Args:
         name: Its name.
         kind: Its kind.
-        axis: Unit vector in the frame of the stated joint, shape (3,); any where it has none.
+        axis: Unit vector, shape (3,), where it has one.
         numbers: Limits, friction and rotor, as in `records.Joint`.
     """
-
-    name: str
-    kind: JointKind
-    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    return Joint(name, kind, "", "", np.eye(4), NO_AXIS if axis is None else axis, **numbers)
 
 
-#: Joints from a parent link to a child link, and the stated joint's frame in both, shapes (4, 4).
-Chain = tuple[Sequence[Step], tuple[Array, Array]]
+def add_chain(robot: RobotFile, chain: Sequence[Joint], links: Sequence[str]) -> None:
+    """Add joints one behind the other to a robot, and the massless links between them.
 
-
-@dataclass(frozen=True, eq=False)
-class Closing:
-    """What a joint locks that closes a loop.
-
-    Attributes:
-        kind: The author's word for its kind.
-        frames: Its frames in its two bodies, shapes (4, 4).
-        translations, rotation: What it locks, as in `records.Closure`.
-        turns: Axes of the closure's frames in those of the joint, shapes (3, 3).
+    Args:
+        robot: The robot.
+        chain: The joints, without links.
+        links: Names of the links that they join; the first and the last are not added.
     """
-
-    kind: str
-    frames: Sequence[Array]
-    translations: tuple[int, ...]
-    rotation: RotationKind
-    turns: Sequence[Array]
+    between = zip(links[1:-1], chain, strict=False)
+    robot.links += [massless(name, joint.line, between=True) for name, joint in between]
+    pairs = zip(chain, pairwise(links), strict=True)
+    robot.joints += [replace(joint, parent=above, child=below) for joint, (above, below) in pairs]
 
 
 @dataclass
@@ -194,7 +190,7 @@ class JointGraph:
         poses: Mapping[str, Array],
         welds: Iterable[J],
         chain: Callable[[J, bool], Chain],
-        closing: Callable[[J], Closing],
+        closing: Callable[[J, tuple[str, str]], Closure],
     ) -> None:
         """Add the joints to the record, and choose its root.
 
@@ -203,17 +199,16 @@ class JointGraph:
             poses: Pose of each body in the world, shapes (4, 4).
             welds: Joints that hold a body with the frame of the world.
             chain: Returns a joint as a chain; its second argument says whether the second body is the child.
-            closing: Returns what a joint locks.
+            closing: Returns a joint as a closure between links of these names.
         """
         for joint, forward in self._stand(tree, poses, welds):
-            steps, frames = chain(joint, forward)
-            self._carry(steps, self._ends(joint, forward), frames, joint, forward)
+            self._carry(joint, forward, *chain(joint, forward), *self._ends(joint, forward))
         for joint in tree.cut:
             if joint.needed:
                 forward = joint.ends[1] != WORLD
-                self._carry_and_weld(*chain(joint, forward), joint, forward)
+                self._carry_and_weld(joint, forward, *chain(joint, forward))
             else:
-                self._close(joint, closing(joint))
+                self.robot.closures.append(closing(joint, self._ends(joint, True)))
 
     def _stand(self, tree: Tree[J], poses: Mapping[str, Array], welds: Iterable[J]) -> list[tuple[J, bool]]:
         """Choose the root link, let bodies float that nothing holds, and return the joints that are left.
@@ -230,11 +225,11 @@ class JointGraph:
             first, second = held[0][0].ends
             self.links[WORLD] = self.links[first or second]
             return [branch for branch in tree.branches if branch is not held[0]]
-        self.links[WORLD] = self._link("world", None, between=False)
-        robot.links.insert(0, robot.links.pop())
+        self.links[WORLD] = unique("world", self._taken)
+        robot.links.insert(0, massless(self.links[WORLD]))
         for root in tree.roots:
             name = self.joint_name(f"{self.links[root]}_free")
-            robot.joints.append(_joint(Step(name, "floating"), self.links[WORLD], self.links[root], None))
+            add_chain(robot, [step(name, "floating")], [self.links[WORLD], self.links[root]])
             robot.home[name] = pose_coordinates(poses[root])
         return tree.branches
 
@@ -245,63 +240,53 @@ class JointGraph:
 
     def _carry(
         self,
-        steps: Sequence[Step],
-        ends: tuple[str, str],
-        frames: tuple[Array, Array],
         stated: StatedJoint,
         forward: bool,
+        steps: Sequence[Joint],
+        frames: tuple[Array, Array],
+        parent: str,
+        child: str,
     ) -> None:
         """Add a joint of the tree as a chain of joints, with massless links between them.
 
         If an axis does not pass through the origin of the child link, the chain ends in a massless link at
         the joint, to which the child is welded.
         """
-        (parent, child), (at, far) = ends, frames
-        chain = [*steps] or [Step(stated.name, "fixed")]
+        chain, (at, far) = [*steps] or [step(stated.name, "fixed")], frames
         if steps and _misses(chain[-1], far):
-            name = self.joint_name(self.weld.format(child=child, joint=chain[-1].name))
-            chain.append(Step(name, "fixed"))
-        for step in chain[:-1]:
-            link = self._link(f"{child}_{step.name}", stated.line)
-            self.robot.joints.append(_joint(step, parent, link, stated.line, at, forward=forward))
-            parent, at = link, np.eye(4)
-        self.robot.joints.append(_joint(chain[-1], parent, child, stated.line, at, far, forward))
-
-    def _close(self, stated: StatedJoint, closing: Closing) -> None:
-        """Add a joint as a closure."""
-        (link_a, link_b), (first, second) = self._ends(stated, True), closing.turns
-        frame_a, frame_b = closing.frames
-        self.robot.closures.append(Closure(
-            stated.name, closing.kind, link_a, turned(frame_a, first), link_b, turned(frame_b, second),
-            closing.translations, closing.rotation, stated.line, first,
-        ))  # fmt: skip
+            chain.append(step(self.joint_name(self.weld.format(child=child, joint=chain[-1].name)), "fixed"))
+        places, turns = [np.eye(4)] * len(chain), [np.eye(3)] * len(chain)
+        places[-1], turns[-1] = inverse(far), far[:3, :3]
+        places[0] = at @ places[0]
+        sign = 1.0 if forward else -1.0
+        chain = [
+            replace(
+                one,
+                line=stated.line,
+                placement=place,
+                axis=turn @ one.axis * sign if FREEDOMS[one.kind] == 1 else one.axis,
+            )
+            for one, place, turn in zip(chain, places, turns, strict=True)
+        ]
+        between = [unique(f"{child}_{one.name}", self._taken) for one in chain[:-1]]
+        add_chain(self.robot, chain, [parent, *between, child])
 
     def _carry_and_weld(
-        self, steps: Sequence[Step], frames: tuple[Array, Array], stated: StatedJoint, forward: bool
+        self, stated: StatedJoint, forward: bool, steps: Sequence[Joint], frames: tuple[Array, Array]
     ) -> None:
         """Add a joint whose position is needed and that closes a loop: its massless child is welded on."""
         parent, child = self._ends(stated, forward)
         name = unique(f"{child}_at_{stated.name}", self._taken)
-        self._carry(steps, (parent, name), frames, stated, forward)
-        self._massless(name, stated.line)
+        self._carry(stated, forward, steps, frames, parent, name)
+        self.robot.links.append(massless(name, stated.line, between=True))
         taken = {closure.name for closure in self.robot.closures}
-        self.robot.closures.append(Closure(
-            unique(f"{stated.name}_closure", taken), "fixed", name, np.eye(4), child, np.eye(4),
-            FORMS["fixed"].translations, FORMS["fixed"].rotation, stated.line,
-        ))  # fmt: skip
+        sides = (name, np.eye(4)), (child, np.eye(4))
+        own = unique(f"{stated.name}_closure", taken)
+        self.robot.closures.append(closure_of(own, "fixed", sides, line=stated.line))
 
     def joint_name(self, name: str) -> str:
         """Return a name for a joint that none has, and take it."""
         return unique(name, self.joints)
-
-    def _link(self, name: str, line: int | None, *, between: bool = True) -> str:
-        """Add a massless link, and return its name, which none has."""
-        out = unique(name, self._taken)
-        self._massless(out, line, between=between)
-        return out
-
-    def _massless(self, name: str, line: int | None, *, between: bool = True) -> None:
-        self.robot.links.append(Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), line, between))
 
 
 def pose_coordinates(frame: Array) -> tuple[float, ...]:
@@ -309,7 +294,7 @@ def pose_coordinates(frame: Array) -> tuple[float, ...]:
     return tuple(float(x) for x in (*frame[:3, 3], *quaternion_from_rotation(frame[:3, :3])))
 
 
-def _misses(step: Step, far: Array) -> bool:
+def _misses(step: Joint, far: Array) -> bool:
     """Return whether the motion of a joint is no motion about or along the origin of its child."""
     offset = far[:3, 3]
     if not offset.any() or step.kind == "prismatic":
@@ -317,19 +302,3 @@ def _misses(step: Step, far: Array) -> bool:
     axis = far[:3, :3] @ step.axis
     across = offset - axis * (axis @ offset)
     return step.kind == "spherical" or bool(np.abs(across).max() > ON_AXIS * np.abs(offset).max())
-
-
-def _joint(
-    step: Step,
-    parent: str,
-    child: str,
-    line: int | None,
-    at: Array | None = None,
-    far: Array | None = None,
-    forward: bool = True,
-) -> Joint:
-    """Return the record of a step; `at` and `far` are the stated joint's frames in its links."""
-    at, far = (np.eye(4) if frame is None else frame for frame in (at, far))
-    bare = step.kind in ("fixed", "floating", "spherical")
-    axis = step.axis if bare else far[:3, :3] @ step.axis * (1.0 if forward else -1.0)
-    return Joint(step.name, step.kind, parent, child, at @ inverse(far), axis, line=line, **step.numbers)

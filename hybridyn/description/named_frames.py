@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ModelError
-from .closure_forms import FORMS
+from .closure_forms import FORMS, closure_of
 from .groups import Groups
 from .names import listed
-from .placement import placement_from, poses_at_zero, relative, rotation_to_axis
+from .placement import poses_at_zero, relative, rotation_to_axis
 from .records import Array, Closure
 from .robot_file import MotorStatement, RobotFile
 
@@ -33,8 +33,8 @@ SAME_DISTANCE = 1e-5
 
 def weld_or_point(name: str, kind: str, link_a: str, link_b: str, line: int | None) -> Closure:
     """Return the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
-    form = CLOSURE_TYPES[kind]
-    return Closure(name, kind, link_a, np.eye(4), link_b, np.eye(4), form.translations, form.rotation, line)
+    sides = (link_a, np.eye(4)), (link_b, np.eye(4))
+    return closure_of(name, kind, sides, form=CLOSURE_TYPES[kind], line=line)
 
 
 def apply_welded_frames(robot: RobotFile) -> None:
@@ -97,15 +97,11 @@ def apply_closing_frames(robot: RobotFile) -> None:
 
 def _mate(robot: RobotFile, title: str, ends: dict[str, str]) -> Closure:
     """Return the closure of one mate: a ball, or a hinge with z towards the second point of each side."""
-    kind, turns = "spherical", [np.eye(3), np.eye(3)]
-    if len(ends) > 2:
-        kind, turns = "revolute", _turns(robot, title, ends)
-    frames = [placement_from(turn, np.zeros(3)) for turn in turns]
+    sides = [(ends[key], np.eye(4)) for key in ("1", "2")]
     line = next(link.line for link in robot.links if link.name == ends["1"])
-    return Closure(
-        title, kind, ends["1"], frames[0], ends["2"], frames[1], FORMS[kind].translations,
-        FORMS[kind].rotation, line, turns[0],
-    )  # fmt: skip
+    if len(ends) == 2:
+        return closure_of(title, "spherical", sides, line=line)
+    return closure_of(title, "revolute", sides, _turns(robot, title, ends), line=line)
 
 
 def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:

@@ -44,6 +44,11 @@ class Link:
     between_joints: bool = False
 
 
+def massless(name: str, line: int | None = None, *, between: bool = False) -> Link:
+    """Return a link without mass; `between`: whether the reader made it as a frame between joints."""
+    return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), line, between)
+
+
 @dataclass(frozen=True, eq=False)
 class Load:
     """A body that was added to a link, and the link's own numbers.

@@ -37,7 +37,7 @@ def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
                 f"there is no effect '{word}'{did_you_mean(word, (*UNITS, *WORDS))}; known: "
                 f"{', '.join((*WORDS, *UNITS))}",
             )
-    own = {name: values for name, values in tables.stated() if name not in LISTS}
+    own = {name: values for name, values in tables.stated().items() if name not in LISTS}
     spelled = {*own, *(name for name in LISTS[:3] if getattr(tables, name))}
     words = [word for word in use if word not in spelled]
     try:

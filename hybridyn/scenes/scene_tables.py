@@ -177,7 +177,7 @@ class BaseMotionTable(Schema):
     table: str
 
 
-class SceneEffects(EffectTables):
+class SceneEffects(EffectTables):  # type: ignore[misc]
     """[effects]: the names of effects, and their numbers; others are not computed."""
 
     use: str | list[str] = "default"

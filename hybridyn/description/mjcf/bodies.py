@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..names import unique
 from ..placement import motion_of, placement_from, rotation_from_quaternion
 from ..records import Array, Joint, JointKind, Link
@@ -23,18 +24,12 @@ KINDS: dict[str, JointKind] = {
     "mjJNT_FREE": "floating",
 }  # fmt: skip
 
-#: The axis of a joint that has none.
-NO_AXIS = np.array([1.0, 0.0, 0.0])
-
 #: Endings and kinds of the joints that stand for a free joint with armature. MuJoCo adds armature to the
 #: diagonal of the mass matrix in its own rates: those of the body's origin along the axes of the world, and
 #: angular ones about the axes of the body. Slides along the world's axes and a ball have the same rates.
 FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
     ("_x", "prismatic"), ("_y", "prismatic"), ("_z", "prismatic"), ("_turn", "spherical"),
 )  # fmt: skip
-
-#: Largest distance from a body's origin at which an axis still passes through it, relative to its offset.
-ON_AXIS = 4 * np.finfo(float).eps
 
 
 def pose(position: Array, quaternion: Array) -> Array:
@@ -80,10 +75,9 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> Non
             continue
         if body != root:
             steps = _steps(robot, compiled, body, joints, q)
-            chain = _chain(compiled, body, steps, links, joints)
-            robot.joints += chain
-            for joint in chain[:-1]:
-                robot.links.append(Link(joint.child, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line, True))
+            chain, name = _chain(compiled, body, steps, joints), compiled.bodies[body]
+            between = [unique(f"{name}_{joint.name}", links) for joint in chain[:-1]]
+            add_chain(robot, chain, [compiled.bodies[model.body_parentid[body]], *between, name])
         robot.links.append(_link(compiled, body))
     if root:
         at = int(model.jnt_qposadr[model.body_jntadr[root]])
@@ -181,26 +175,20 @@ def _origin(compiled: Compiled, number: int) -> Array | None:
     return position
 
 
-def _chain(
-    compiled: Compiled, body: int, steps: list[tuple[Joint, Array]], links: set[str], joints: set[str]
-) -> list[Joint]:
-    """Return the joints from a body's parent to the body; add the names that are made to links and joints."""
-    model, name = compiled.model, compiled.bodies[body]
-    parent = compiled.bodies[model.body_parentid[body]]
+def _chain(compiled: Compiled, body: int, steps: list[tuple[Joint, Array]], taken: set[str]) -> list[Joint]:
+    """Return the joints from a body's parent to the body, without links; `taken`: names of joints."""
+    model = compiled.model
     at, before, out = pose(model.body_pos[body], model.body_quat[body]), np.zeros(3), list[Joint]()
     if steps and model.jnt_type[model.body_jntadr[body]] == compiled.code("mjJNT_FREE"):
         at = np.eye(4)  # its position is the pose in the world
     for joint, origin in steps:
-        child = unique(f"{name}_{joint.name}", links)
         shift = placement_from(np.eye(3), origin - before)
-        out.append(replace(joint, parent=parent, child=child, placement=at @ shift @ joint.placement))
-        parent, at, before = child, np.eye(4), origin
+        out.append(replace(joint, placement=at @ shift @ joint.placement))
+        at, before = np.eye(4), origin
     if not steps or before.any():
-        fixed = unique(f"{name}_fixed", joints)
+        fixed = unique(f"{compiled.bodies[body]}_fixed", taken)
         back = at @ placement_from(np.eye(3), -before)
-        out.append(Joint(fixed, "fixed", parent, name, back, NO_AXIS, line=compiled.line("body", body)))
-    else:
-        out[-1] = replace(out[-1], child=name)
+        out.append(Joint(fixed, "fixed", "", "", back, NO_AXIS, line=compiled.line("body", body)))
     return out
 
 

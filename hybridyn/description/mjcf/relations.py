@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import ModelError
-from ..closure_forms import FORMS
+from ..closure_forms import FORMS, closure_of
 from ..names import listed, unique
-from ..records import Array, Closure, Coupling, Joint
+from ..records import Array, Coupling, Joint
 from ..robot_file import MotorStatement, RobotFile
 from .bodies import pose
 from .compiling import Compiled
@@ -54,9 +54,8 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
         elif word in KINDS:
             link_a, link_b = (compiled.bodies[body] for body in compiled.tied_bodies[number])
             name = name or unique(f"{word}_{link_a}_{link_b}", taken)
-            frame_a, frame_b = _frames(compiled, number, word)
-            form = KINDS[word].translations, KINDS[word].rotation
-            robot.closures.append(Closure(name, word, link_a, frame_a, link_b, frame_b, *form, line))
+            sides = zip((link_a, link_b), _frames(compiled, number, word), strict=True)
+            robot.closures.append(closure_of(name, word, sides, form=KINDS[word], line=line))
         else:
             terms, offset = _sum(compiled, number, word)
             name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of its follower

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from ..closure_forms import FORMS
+from ..closure_forms import FORMS, closure_of
 from ..names import did_you_mean, listed
 from ..records import Closure
 from .checking import is_placement
@@ -93,13 +93,10 @@ def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str],
         )
     if problem := _problem(constraint, model.njoints):
         raise ModelError(f"constraint '{name}': {problem}", element=name)
-    form = FORMS[kind or own]
     frames = (constraint.joint1_placement, constraint.joint2_placement)
-    frame_a, frame_b = (np.array(frame.homogeneous) for frame in frames)
-    return Closure(
-        name, kind or own, links[constraint.joint1_id], frame_a, links[constraint.joint2_id], frame_b,
-        form.translations, form.rotation,
-    )  # fmt: skip
+    ends = (links[number] for number in (constraint.joint1_id, constraint.joint2_id))
+    sides = ((link, np.array(frame.homogeneous)) for link, frame in zip(ends, frames, strict=True))
+    return closure_of(name, kind or own, sides)
 
 
 def _problem(constraint: Any, joints: int) -> str:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
+from ..joint_graph import add_chain
 from ..names import counted, listed, unique
 from ..placement import angle_of
-from ..records import Array, Joint, Link
+from ..records import Array, Joint, Link, massless
 from ..robot_file import ZERO, RobotFile
 from .checking import check_model, is_finite
 from .constraints import closures_of, plain_constraints
@@ -110,11 +109,8 @@ def _chain(
     """Add the joints and links from a joint's parent to its body, and return the joints."""
     chain = joints_of(model, number)
     between = [unique(f"{names[number]}_{place}", taken) for place in range(1, len(chain))]
-    ends = [names[model.parents[number]], *between, names[number]]
-    chain = [replace(joint, parent=a, child=b) for joint, (a, b) in zip(chain, pairwise(ends), strict=True)]
-    robot.links += [Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), None, True) for name in between]
+    add_chain(robot, chain, [names[model.parents[number]], *between, names[number]])
     robot.links.append(_link(names[number], model.inertias[number]))
-    robot.joints += chain
     return chain
 
 
@@ -126,7 +122,7 @@ def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first:
     for frame in frames:
         if frame.parentJoint >= first:
             name = unique(str(frame.name), links)
-            robot.links.append(Link(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+            robot.links.append(massless(name))
             robot.joints.append(Joint(
                 unique(f"{name}_frame", joints), "fixed", names[frame.parentJoint], name,
                 np.array(frame.placement.homogeneous), np.array([1.0, 0, 0]),

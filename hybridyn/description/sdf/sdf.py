@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..closure_forms import FORMS
-from ..joint_graph import WORLD, Chain, Closing, JointGraph, Step, span, starts
+from ..closure_forms import FORMS, closure_of
+from ..joint_graph import WORLD, Chain, JointGraph, span, starts, step
 from ..names import noted
 from ..placement import inverse, placement_from, rotation_to_axis
-from ..records import Array, Coupling, JointKind
+from ..records import Array, Closure, Coupling, Joint, JointKind
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
 from .elements import Notes, numbers
@@ -135,27 +135,26 @@ class _Builder:
         names = [joint.name]
         if AXES[joint.kind] == 2:
             names = [self.graph.joint_name(f"{joint.name}_{number}") for number in (1, 2)]
-        steps: list[Step] = []
+        steps: list[Joint] = []
         for name, axis in zip(names, joint.axes, strict=bool(joint.axes)):
             along = tidy(end[:3, :3].T @ axis.direction)
             stated = axis.numbers | joint.rotor | (ENDLESS if joint.kind == "continuous" else {})
-            steps.append(Step(name, KINDS[joint.kind], along, stated))
+            steps.append(step(name, KINDS[joint.kind], along, **stated))
             if axis.initial and not math.isnan(axis.initial):
                 self.robot.home[name] = (axis.initial,)
         if joint.kind == "ball":
-            steps.append(Step(joint.name, "spherical"))
+            steps.append(step(joint.name, "spherical"))
         self.steps[joint.item] = names
         return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
 
-    def _closing(self, joint: Stated) -> Closing:
-        """Return a joint as a closure."""
+    def _closing(self, joint: Stated, links: tuple[str, str]) -> Closure:
+        """Return a joint as a closure between two links."""
         kind = CLOSURES[joint.kind]
-        form, turns = FORMS[kind], [np.eye(3)] * 2
-        if form.has_axis:
-            along = [tidy(joint.at[:3, :3].T @ axis.direction) for axis in joint.axes]
-            turns = [rotation_to_axis(along[0]), rotation_to_axis(along[-1])]
+        along = [tidy(joint.at[:3, :3].T @ axis.direction) for axis in joint.axes]
+        turns = [rotation_to_axis(axis) for axis in along if FORMS[kind].has_axis] or [np.eye(3)]
         frames = [inverse(self.models.pose(link)) @ joint.at for link in joint.links]
-        return Closing(kind, frames, form.translations, form.rotation, turns)
+        sides = zip(links, frames, strict=True)
+        return closure_of(joint.name, kind, sides, (turns[0], turns[-1]), line=joint.line)
 
     def _coupling(self, follower: str, mimic: Node, leader: Item, line: int | None) -> Coupling:
         """Return the coupling: position = multiplier (position of the leader - reference) + offset."""

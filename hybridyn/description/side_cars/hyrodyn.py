@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from ..closure_forms import ROWS, form_of_rows
+from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import poses_at_zero, relative, turned
+from ..placement import poses_at_zero, relative
 from ..records import Closure
 from ..robot_file import MotorStatement, RobotFile
 from .yaml_file import Place, YamlFile
@@ -128,20 +128,16 @@ def _closure(
         form = form_of_rows(" ".join(words))
     except ValueError as error:
         raise document.error((*place, "constraint_axes"), str(error)) from None
-    turn = form.rotation_of_frames
     cut = next((joint.child for joint in robot.joints if joint.name == entry.get("cut_joint")), None)
     closing = links[1] if cut == links[1] else links[0]
-    frame_a, frame_b = (
-        turned(np.eye(4) if link == closing else relative(poses[link], poses[closing]), turn)
-        for link in links
-    )
+    sides = [
+        (link, np.eye(4) if link == closing else relative(poses[link], poses[closing])) for link in links
+    ]
     taken = {closure.name for closure in robot.closures}
     name = str(entry.get("cut_joint") or "-".join(links))
     name = next(one for one in (name, "-".join(links), f"{name}_{len(taken)}") if one not in taken)
-    return Closure(
-        name, "rows", links[0], frame_a, links[1], frame_b, form.translations, form.rotation,
-        document.lines[place][0], turn,
-    )  # fmt: skip
+    turns = (form.rotation_of_frames,) * 2
+    return closure_of(name, "rows", sides, turns, form, document.lines[place][0])
 
 
 def _row(document: YamlFile, place: Place, axis: Any) -> str:

@@ -14,9 +14,9 @@ objects. pydantic's errors become one-line messages: the problem, its key, and t
 from __future__ import annotations
 
 import typing
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, create_model
 
 from ...errors import ModelError
 from ..names import did_you_mean, listed
@@ -33,96 +33,68 @@ class Schema(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
-
-class CoulombTable(Schema):
-    """Dry friction; a missing level is taken from `[joints]` or URDF."""
-
-    level: ByJoint | None = None
-    width: Positive | None = None
+    def stated(self) -> dict[str, Any]:
+        """Return the values by key, tables too, without keys that are left out and have no default."""
+        return self.model_dump(exclude_none=True)
 
 
-class StribeckTable(Schema):
-    """Dry friction that is larger near rest."""
+def table(name: str, **keys: Any) -> Any:
+    """Return the schema of a table.
 
-    level: ByJoint
-    static: ByJoint
-    speed: ByJoint
-    width: Positive | None = None
-
-
-class SpringTable(Schema):
-    """Joint springs."""
-
-    stiffness: ByJoint
-    rest: dict[str, FiniteFloat] | None = None
-
-
-class DamperTable(Schema):
-    """Joint dampers."""
-
-    coefficient: ByJoint
+    Args:
+        name: Name of the table.
+        keys: Type of the value of each key. A key whose type allows None may be left out, and so may one with
+            a type and a default.
+    """
+    given: dict[str, Any] = {
+        key: of if isinstance(of, tuple) else (of, None if type(None) in get_args(of) else ...)
+        for key, of in keys.items()
+    }
+    return create_model(name, __base__=Schema, **given)
 
 
-class StopTable(Schema):
-    """Joint stops; missing limits are taken from URDF."""
+#: Keys of the effects that model.toml may state; payloads, wrenches and base motions belong to scenes. A
+#: missing level of dry friction is taken from `[joints]` or URDF, and missing limits of stops from URDF.
+EFFECTS: dict[str, dict[str, Any]] = {
+    "coulomb_friction": {"level": ByJoint | None, "width": Positive | None},
+    "stribeck_friction": {"level": ByJoint, "static": ByJoint, "speed": ByJoint, "width": Positive | None},
+    "spring": {"stiffness": ByJoint, "rest": dict[str, FiniteFloat] | None},
+    "damper": {"coefficient": ByJoint},
+    "stop": {
+        "stiffness": ByJoint, "damping": NotNegative | None, "lower": dict[str, FiniteFloat] | None,
+        "upper": dict[str, FiniteFloat] | None,
+    },
+    "ground_contact": {
+        "points": dict[str, list[Point]], "stiffness": Positive, "damping": NotNegative | None,
+        "friction": NotNegative | None, "width": Positive | None, "height": FiniteFloat | None,
+    },
+}  # fmt: skip
 
-    stiffness: ByJoint
-    damping: NotNegative | None = None
-    lower: dict[str, FiniteFloat] | None = None
-    upper: dict[str, FiniteFloat] | None = None
+EffectTables: Any = table(
+    "EffectTables", **{name: table(name, **keys) | None for name, keys in EFFECTS.items()}
+)
 
+#: The numbers that model.toml may state for one joint; see `records.Joint`.
+JointNumbers: Any = table(
+    "JointNumbers", rotor_inertia=NotNegative | None, gear_ratio=FiniteFloat | None,
+    damping=NotNegative | None, friction=NotNegative | None,
+)  # fmt: skip
 
-class GroundTable(Schema):
-    """Points on compliant ground."""
+#: A linear relation between joint positions; see `records.Coupling`.
+CouplingTable: Any = table(
+    "CouplingTable", terms=Annotated[dict[str, FiniteFloat], Field(min_length=1)], offset=(FiniteFloat, 0.0)
+)
 
-    points: dict[str, list[Point]]
-    stiffness: Positive
-    damping: NotNegative | None = None
-    friction: NotNegative | None = None
-    width: Positive | None = None
-    height: FiniteFloat | None = None
-
-
-class EffectTables(Schema):
-    """The effects that model.toml may state; payloads, wrenches and base motions belong to scenes."""
-
-    coulomb_friction: CoulombTable | None = None
-    stribeck_friction: StribeckTable | None = None
-    spring: SpringTable | None = None
-    damper: DamperTable | None = None
-    stop: StopTable | None = None
-    ground_contact: GroundTable | None = None
-
-    def stated(self) -> tuple[tuple[str, dict[str, Any]], ...]:
-        """Return the effects as pairs (name, numbers by key), as in `Description.effects`."""
-        return tuple(self.model_dump(exclude_none=True).items())
-
-
-class JointNumbers(Schema):
-    """The numbers that model.toml may state for one joint; see `records.Joint`."""
-
-    rotor_inertia: NotNegative | None = None
-    gear_ratio: FiniteFloat | None = None
-    damping: NotNegative | None = None
-    friction: NotNegative | None = None
-
-
-class CouplingTable(Schema):
-    """A linear relation between joint positions; see `records.Coupling`."""
-
-    terms: Annotated[dict[str, FiniteFloat], Field(min_length=1)]
-    offset: FiniteFloat = 0.0
-
-
-class ModelFile(Schema):
-    """The tables of model.toml; a new table is a new field."""
-
-    motors: list[str] | None = None
-    home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
-    joints: dict[str, JointNumbers] = Field(default_factory=dict)
-    couplings: dict[str, CouplingTable] = Field(default_factory=dict)
-    closures: dict[str, Literal["fixed", "revolute", "spherical"]] = Field(default_factory=dict)
-    effects: EffectTables = Field(default_factory=EffectTables)
+#: The tables of model.toml.
+ModelFile: Any = table(
+    "ModelFile",
+    motors=list[str] | None,
+    home=(dict[str, FiniteFloat | list[FiniteFloat]], {}),
+    joints=(dict[str, JointNumbers], {}),
+    couplings=(dict[str, CouplingTable], {}),
+    closures=(dict[str, Literal["fixed", "revolute", "spherical"]], {}),
+    effects=(EffectTables, EffectTables()),
+)
 
 
 def checked(text: bytes, file: str) -> dict[str, Any]:
@@ -133,7 +105,7 @@ def checked(text: bytes, file: str) -> dict[str, Any]:
     """
     plain, content = parse_toml(text, file)
     try:
-        return ModelFile.model_validate(content).model_dump(exclude_none=True)
+        return dict(ModelFile.model_validate(content).stated())
     except ValidationError as error:
         place, message = first_problem(error, ModelFile)
         keys = tuple(str(part) for part in place)

@@ -12,16 +12,13 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from ..closure_forms import FORMS, Form, form_of_rows
+from ..closure_forms import FORMS, Form, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import placement_from, rotation_to_axis, turned
+from ..placement import placement_from, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint
 from ..robot_file import FREEDOMS
 from .placement import axis_of, origin_of
 from .xml_node import Node
-
-#: One side of a closure: link, and the frame placed on it by the author.
-Side = tuple[str, Array]
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.
@@ -125,13 +122,7 @@ def closure(
         form: Its form, where that is not the one of its kind.
         name: Its name, if it is not the attribute.
     """
-    form = FORMS[kind] if form is None else form
-    frames = [turned(at, turn) if form.has_axis else at for (_, at), turn in zip(sides, turns, strict=True)]
-    (link_a, _), (link_b, _) = sides
-    return Closure(
-        name or node.text("name"), kind, link_a, frames[0], link_b, frames[1], form.translations,
-        form.rotation, node.line, turns[0],
-    )  # fmt: skip
+    return closure_of(name or node.text("name"), kind, sides, turns, form, node.line)
 
 
 def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:

@@ -13,10 +13,10 @@ import numpy as np
 from pxr import Tf
 
 from ...errors import ModelError
-from ..closure_forms import ROWS, form_of_rows
-from ..joint_graph import Chain, Closing, JointGraph, Step, Tree, span
+from ..closure_forms import ROWS, closure_of, form_of_rows
+from ..joint_graph import Chain, JointGraph, Tree, span, step
 from ..names import noted
-from ..records import JointKind
+from ..records import Closure, JointKind
 from ..robot_file import MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
 from .bodies import gravity_of, links_of
@@ -109,11 +109,11 @@ class _Builder:
             joint.names[axis] = name
             numbers = numbers_of(joint.prim, axis)
             if axis == "ball":
-                steps.append(Step(name, "spherical", numbers=numbers))
+                steps.append(step(name, "spherical", **numbers))
             else:
                 lower, upper = joint.limits[axis]
                 kind: JointKind = "revolute" if axis.startswith("rot") else "prismatic"
-                steps.append(Step(name, kind, direction(axis), {"lower": lower, "upper": upper} | numbers))
+                steps.append(step(name, kind, direction(axis), lower=lower, upper=upper, **numbers))
             self._add_motor(joint.prim, axis, name, single)
         self.made.append((joint, forward))
         return (steps, joint.frames) if forward else (steps[::-1], joint.frames[::-1])
@@ -151,14 +151,14 @@ def _drives(prim: Prim) -> list[str]:
     ]  # fmt: skip
 
 
-def _closing(joint: UsdJoint) -> Closing:
-    """Return a joint as a closure."""
+def _closing(joint: UsdJoint, links: tuple[str, str]) -> Closure:
+    """Return a joint as a closure between two links."""
     form = form_of_rows(
         " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.limits)
     )
     kind = joint.prim.kind.removeprefix("Physics").removesuffix("Joint").lower() or "rows"
-    turn = form.rotation_of_frames
-    return Closing(kind, joint.frames, form.translations, form.rotation, (turn, turn))
+    sides, turns = zip(links, joint.frames, strict=True), (form.rotation_of_frames,) * 2
+    return closure_of(joint.name, kind, sides, turns, form, joint.line)
 
 
 def _add_notes(robot: RobotFile, stage: Stage) -> None:

@@ -33,7 +33,7 @@ def solver_fragment(options: dict[str, Any], dtype: str) -> str:
 
 def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
     """Write the table [effects] that requests some of the scene's effects."""
-    own = {name for name, _ in source.scene.effects.stated() if name in UNITS}
+    own = {name for name in source.scene.effects.stated() if name in UNITS}
     use = [name for name in names if name not in own and name not in TABLES]
     gone = sorted(own - set(names) - set(TABLES))
     return "\n".join([_used(use), *(f"# without the table [effects.{name}]" for name in gone)])
