@@ -17,7 +17,8 @@ from hybridyn.dynamics.forward import forward
 from hybridyn.spatial import Array
 from tests.sketch import Place, Sketch, turn, unit
 
-Foot = Literal["ball", "universal"]
+#: "floating": a body of six freedoms, held by a ball at each end.
+Foot = Literal["ball", "universal", "floating", "floating aside"]
 
 
 def plain(seed: int) -> Sketch:
@@ -27,19 +28,27 @@ def plain(seed: int) -> Sketch:
     return s
 
 
-def rod_body(s: Sketch, link: str, along: np.ndarray, length: float, *, thin: bool = False) -> None:
-    """Make a link a round bar from its origin along a world vector; `thin`: without inertia about it."""
+def rod_body(
+    s: Sketch, link: str, start: np.ndarray, along: np.ndarray, length: float, *, thin: bool = False
+) -> None:
+    """Make a link a round bar from a world point along a world vector; `thin`: without inertia about it."""
     at = next(i for i, entry in enumerate(s.links) if entry.name == link)
-    d = s.poses[link][:3, :3].T @ unit(along)
+    back = s.poses[link][:3, :3].T
+    d = back @ unit(along)
     mass, about = 0.3, np.outer(d, d)
     inertia = mass * (length**2 / 12 * (np.eye(3) - about) + (0.0 if thin else 0.01**2 / 2) * about)
-    s.links[at] = Link(link, mass, length / 2 * d, (inertia + inertia.T) / 2)
+    middle = back @ (start - s.poses[link][:3, 3]) + length / 2 * d
+    s.links[at] = Link(link, mass, middle, (inertia + inertia.T) / 2)
 
 
 def footed(s: Sketch, base: str, at: np.ndarray, d: np.ndarray, foot: Foot, stem: str) -> str:
-    """Draw a link along d on a ball, or on a universal joint; give it."""
+    """Draw a link along d on a ball, on a universal joint, or free and on a closure; give it."""
     if foot == "ball":
         return s.joint("spherical", base, at, stem=stem)
+    if foot != "universal":  # the frame's origin is at the ball, or beside the rod's line
+        link = s.joint("floating", base, at + ("aside" in foot) * np.array([0.1, -0.2, 0.05]), stem=stem)
+        s.close("spherical", base, link, at)
+        return link
     x = s.perpendicular(d)
     cross = s.joint("revolute", base, at, x, massless=True, stem="cross")
     return s.joint("revolute", cross, at, np.cross(d, x), stem=stem)
@@ -51,7 +60,7 @@ def rod(
     """Draw a rod from E on an arm to P on the platform, which the rod carries if there is none; give it."""
     d = unit(P - E)
     link = footed(s, arm, E, d, foot, "rod")
-    rod_body(s, link, d, float(np.linalg.norm(P - E)), thin=thin)
+    rod_body(s, link, E, d, float(np.linalg.norm(P - E)), thin=thin)
     if platform is None:
         return s.joint("spherical", link, P, stem="platform")
     s.close("spherical", link, platform, P)
@@ -104,9 +113,9 @@ def ball_gough(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Des
     for B, P in six_legs(s, p):
         d = unit(P - B)
         lower = footed(s, "base", B, d, foot, "lower")
-        rod_body(s, lower, d, 0.4, thin=thin)
+        rod_body(s, lower, B, d, 0.4, thin=thin)
         upper = s.joint("prismatic", lower, B + 0.3 * d, d, motor=True, stem="slide")
-        rod_body(s, upper, d, 0.4, thin=thin)
+        rod_body(s, upper, B + 0.3 * d, d, 0.4, thin=thin)
         if platform is None:
             platform = s.joint("spherical", upper, P, stem="platform")
         else:

@@ -33,7 +33,13 @@ SPUN = 1e-7
 MACHINES = [
     (slow if name != "crank" else pytest.param)(name, *how)
     for name in ("crank", "ball_delta", "ball_gough", "slides")
-    for how in ((0, "ball", False), (1, "ball", True), (2, "universal", False))
+    for how in (
+        (0, "ball", False),
+        (1, "ball", True),
+        (2, "universal", False),
+        (3, "floating", False),
+        (4, "floating aside", True),
+    )
 ]
 
 
@@ -62,7 +68,7 @@ def spins(robot: hybridyn.HybridRobot) -> int:
 def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: bool) -> None:
     """Away from singular postures, where motions are as wide as the machine allows."""
     robot = build_robot(getattr(rods, name)(seed, foot, thin=thin))
-    assert spins(robot) == {"universal": 0, "ball": 1 if name == "crank" else 6}[foot]
+    assert spins(robot) == (0 if foot == "universal" else 1 if name == "crank" else 6)
     compare(robot, 0.04 if name in ("ball_gough", "slides") else 0.4)
 
 
@@ -131,12 +137,15 @@ def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_d
             assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
 
 
+@pytest.mark.parametrize("foot", ["ball", "floating", "floating aside"])
 @pytest.mark.parametrize(
     ("name", "size"), [("crank", 0.4), slow("ball_delta", 0.4), slow("ball_gough", 0.02)]
 )
-def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: float) -> None:
+def test_rates_of_closed_loops_are_those_of_the_general_path(
+    name: str, size: float, foot: rods.Foot
+) -> None:
     """The spins get the least rates and accelerations, and joints beyond a rod follow it."""
-    robot = build_robot(getattr(rods, name)(5))
+    robot = build_robot(getattr(rods, name)(5, foot))
     motors = rods.swings(robot, 5, size)
     q, v, a = hybridyn.assemble(robot, motors=motors)
     wanted = module_requests(robot, gather_requests(robot, motors, {}))
@@ -157,10 +166,15 @@ def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: fl
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("foot", ["ball", "floating", "floating aside"])
 @pytest.mark.parametrize(("name", "size"), [("crank", 0.4), ("ball_delta", 0.3)])
-def test_loops_of_spinning_rods_close_in_c(name: str, size: float) -> None:
-    """Tables, control steps and designs: no sample is left to the general path, and efforts are the same."""
-    robot = build_robot(getattr(rods, name)(5))
+def test_loops_of_spinning_rods_close_in_c(name: str, size: float, foot: rods.Foot) -> None:
+    """Tables and control steps: no sample is left to the general path, and efforts are the same.
+
+    The least rates of a rod whose frame is beside its line turn it, by rates that depend on how far it has
+    spun: there it is thin.
+    """
+    robot = build_robot(getattr(rods, name)(5, foot, thin=foot == "floating aside"))
     motors = rods.swings(robot, 25, size)
     q, v, a = hybridyn.assemble(robot, motors=motors)
     wanted = hybridyn.idm(robot, q, v, a)
@@ -177,11 +191,12 @@ def test_loops_of_spinning_rods_close_in_c(name: str, size: float) -> None:
 
 
 @pytest.mark.slow
-def test_designs_of_spinning_rods_close_in_c() -> None:
+@pytest.mark.parametrize("foot", ["ball", "floating"])
+def test_designs_of_spinning_rods_close_in_c(foot: rods.Foot) -> None:
     """Also where a design makes the rod longer; beside its line it is no longer idle, which is told."""
-    robot = build_robot(rods.crank(4))
+    robot = build_robot(rods.crank(4, foot))
     link = next(link.name for link in robot.description.links if "rod" in link.name)
-    closure = robot.description.closures[0]
+    closure = robot.description.closures[-1]
     side, frame = (
         ("predecessor", closure.frame_a) if closure.link_a == link else ("successor", closure.frame_b)
     )
@@ -199,11 +214,14 @@ def test_designs_of_spinning_rods_close_in_c() -> None:
     assert "could still move" in compiled.designs(beside, motors=motors).errors[0]
 
 
-@pytest.mark.parametrize("thin", [slow(False), True])
-def test_derivatives_along_a_closed_motion(thin: bool, interpreted: None) -> None:
+@pytest.mark.parametrize(
+    ("foot", "thin"), [slow("ball", False), ("ball", True), ("floating", True), slow("floating aside", True)]
+)
+def test_derivatives_along_a_closed_motion(foot: rods.Foot, thin: bool, interpreted: None) -> None:
     """Without inertia about its line a rod's spin gets the least acceleration, at every state alike."""
-    robot = build_robot(rods.crank(1, thin=thin))
+    robot = build_robot(rods.crank(1, foot, thin=thin))
     found, jerk = along_a_motion(robot)
     limits = np.full(robot.nv, DIFFERENCES * np.abs(jerk).max())
-    limits[robot.v_slices[[*robot.kinds].index("spherical")]] *= 1.0 if thin else SPUN / ROUNDING
+    rod = next(i for i, kind in enumerate(robot.kinds) if kind in ("spherical", "floating"))
+    limits[robot.v_slices[rod]] *= 1.0 if thin else SPUN / ROUNDING
     assert (np.abs(found - jerk) <= limits).all()

@@ -140,7 +140,7 @@ def _along_motions(core: Core, plan: Plan, a: Expression) -> Expression:
         y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
     u_dot = y[plan.motions]
     for i, spin in enumerate(plan.parts.spins):
-        u_dot[i] = along(spin.axis, y[list(spin.cols)])
+        u_dot[i] = along(spin.share, y[list(spin.cols)])
     return u_dot
 
 

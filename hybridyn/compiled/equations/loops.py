@@ -225,7 +225,7 @@ def _rod_rows(
         for row, col in np.ndindex(own.shape):
             if not isinstance(own[row, col], ca.SX) and abs(own[row, col]) < UNFELT * np.abs(point).max():
                 own[row, col] = 0.0
-        own[2, 6 + np.array(rod.turns)] = 0.0
+        own[2, [6 + col for col in rod.turns]] = 0.0
     moved = minus(far.J[:3], dot(hat(chain.p0[body] + dot(chain.R0[body], numbers(point))), far.J[3:]))
     return [R[:, i] for i in range(3)], minus(own, dot(R.T, moved)) * sign
 

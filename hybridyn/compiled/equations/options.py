@@ -102,7 +102,7 @@ def _massless(request: Request, k: int) -> bool:
     motion, rotor = m.tree.sweep(m.postures[:1]), np.array(request.rotor(request.robot.modules[k]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
-    thin = _spins(request, k)[:, list(_thin(request, k))]
+    thin = _spins(request, k)[:, list(_thin(request, k))] / m.reduction.col_scale[:, None]
     if thin.size:
         motions = np.linalg.svd(motions - thin @ (thin.T @ motions))[0][:, : m.mobility - thin.shape[1]]
     motions = motions * m.reduction.col_scale[:, None]

@@ -1,6 +1,6 @@
 """Idle spins: a rod between two balls turns about its axis, which moves no output, motor or centre of mass.
 
-A spin is a motion of one joint about an axis that is fixed in the joint's body. The closure of the loop does
+A spin is a motion of one joint about a line that is fixed in the joint's body. The closures of the loops do
 not feel it, so it is an independent motion, however the others are chosen. The motions of a module are its
 spins, and motions orthogonal to them, as the general path takes them: those need the same forces whatever
 accelerations the caller gives to the spins.
@@ -9,7 +9,7 @@ accelerations the caller gives to the spins.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,13 +18,14 @@ from ...linkage.closures import TreeClosure
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.wrists import axis_frame
-from .expressions import Expression, cross, dot, is_zero, numbers, plus, snap, times
-from .rigid import TURNING, Link
+from .chains import motion_subspace
+from .expressions import Expression, dot, is_zero, numbers, snap, times
+from .rigid import TURNING, Link, momentum, to_child
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding.
 UNFELT = 1e-13
 #: Joints that may spin.
-SPINNING = ("spherical", *TURNING)
+SPINNING = ("spherical", "floating", *TURNING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +35,12 @@ class Spin:
     Attributes:
         cols: Freedoms of the joint, in the tree after the cuts, a core or a leg.
         axis: Rates of these freedoms at a spin of one.
+        share: Weights of these freedoms: the spin in a motion is their sum, 0 for motions orthogonal to it.
     """
 
     cols: tuple[int, ...]
     axis: Expression
+    share: Expression
 
     @property
     def col(self) -> int:
@@ -47,12 +50,12 @@ class Spin:
     @property
     def main(self) -> int:
         """The number of this freedom in the joint."""
-        return int(np.argmax(np.abs(np.array(self.axis, dtype=float))))
+        return int(np.argmax(np.abs(np.array(self.axis * self.share, dtype=float))))
 
     def taken_out(self, X: Expression) -> None:
         """Make motions orthogonal to the spin in place, shape (n, motions)."""
         at = list(self.cols)
-        share = dot(self.axis, X[at])
+        share = dot(self.share, X[at])
         for i, x in zip(at, self.axis, strict=True):
             X[i] = [
                 y if is_zero(x) or is_zero(z) else y - times(x, z) for y, z in zip(X[i], share, strict=True)
@@ -60,7 +63,7 @@ class Spin:
 
     def at(self, number: dict[int, int]) -> Spin:
         """Return the spin with its freedoms numbered anew."""
-        return Spin(tuple(number[col] for col in self.cols), self.axis)
+        return replace(self, cols=tuple(number[col] for col in self.cols))
 
 
 def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
@@ -77,7 +80,7 @@ def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
     motion = m.tree.sweep(m.postures)
     moved = effects(m, motion)
     for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.v_slices, strict=True)):
-        cols = range(at.start, at.stop)
+        cols, unit = range(at.start, at.stop), m.reduction.col_scale[at]
         if joint.kind not in SPINNING or i in m.spec.platforms or any(col in driven for col in cols):
             continue
         _, s, Vt = np.linalg.svd(K[:, :, at].reshape(-1, len(cols)))
@@ -86,26 +89,21 @@ def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
         if (
             s[-1] <= UNFELT * np.sqrt(len(K))
             and alone
-            and np.abs(moved[:, :, at] @ axis).max(initial=0.0) <= IDLE
+            and np.abs(moved[:, :, at] @ (unit * axis)).max(initial=0.0) <= IDLE
         ):
-            out.append(Spin(tuple(cols), axis))
+            out.append(Spin(tuple(cols), unit * axis, axis / unit))
     return out
 
 
 def first_moment(spin: Spin, links: Sequence[Link]) -> Expression:
     """Compute how far a spin of one moves the mass of its body and of slides on it, shape (3 bodies,)."""
     ends = np.cumsum([0, *(link.nv for link in links)]).tolist()
-    ball = ends.index(spin.cols[0])
-    axes = {ball + 1: spin.axis if len(spin.cols) == 3 else links[ball].axis}
-    out = [cross(numbers(axes[ball + 1]), numbers(links[ball].inertia[1:4]))]
+    first = ends.index(spin.cols[0])
+    twists = {first + 1: dot(motion_subspace(links[first]), numbers(spin.axis))}
     for i, link in enumerate(links):
-        if link.kind == "prismatic" and link.parent in axes:
-            axes[i + 1] = dot(numbers(link.R).T, axes[link.parent])
-            out.append(cross(numbers(axes[i + 1]), numbers(link.inertia[1:4])))
-            out[-1] = plus(
-                out[-1], cross(axes[i + 1], dot(numbers(link.R).T, numbers(link.p))) * link.inertia[0]
-            )
-    return np.concatenate(out)
+        if link.kind == "prismatic" and link.parent in twists:
+            twists[i + 1] = to_child(numbers(link.R), numbers(link.p), twists[link.parent])
+    return np.concatenate([momentum(numbers(links[i - 1].inertia), V)[:3] for i, V in twists.items()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,15 +126,33 @@ class Rod:
 def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
     """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
     out: dict[int, Rod] = {}
-    for k, c in enumerate(closures):
-        if c.translations != (0, 1, 2) or c.rotation != "free" or k in out:
-            continue
-        for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b)):
-            found = _rod(links, body, point)
-            if found:
-                out[k] = Rod(on_a, *found)
-                break
+    balls = [k for k, c in enumerate(closures) if c.translations == (0, 1, 2) and c.rotation == "free"]
+    sides = [
+        (k, on_a, *((c.body_a, c.p_a) if on_a else (c.body_b, c.p_b)))
+        for k, c in ((k, closures[k]) for k in balls)
+        for on_a in (True, False)
+    ]
+    for k, on_a, body, point in sides:
+        others = [p for other, _, b, p in sides if b == body and other != k]
+        found = _free_rod(links, body, point, others) or _rod(links, body, point)
+        if found and k not in out:
+            out[k] = Rod(on_a, *found)
     return out
+
+
+def _free_rod(
+    links: Sequence[Link], body: int, point: Array, others: list[Array]
+) -> tuple[Array, tuple[int, ...]] | None:
+    """Return `_rod` of a body on a floating joint, from one other ball of which it turns."""
+    if not body or links[body - 1].kind != "floating" or len(others) != 1:
+        return None
+    line = point - others[0]
+    length, first = float(np.linalg.norm(line)), sum(link.nv for link in links[: body - 1])
+    if not length:
+        return None
+    beside = np.abs(np.cross(point, line)).max() > UNFELT * length
+    turns = () if beside else tuple(range(first + 3, first + 6))
+    return snap(axis_frame(snap(line / length))), turns
 
 
 def _rod(links: Sequence[Link], body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:

@@ -244,12 +244,12 @@ def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
     """Return the idle spins of a module that neither loops nor targets determine."""
     from ...equations.spins import UNFELT, spins_of
 
-    m = module.mechanism
+    m, unit = module.mechanism, problem.col_scale
     K = problem.matrix(m.tree.sweep(m.postures))
     return tuple(
         spin
         for spin in spins_of(m, module.motor_columns)
-        if problem.free[list(spin.cols)].all() and np.abs(K[:, :, spin.cols] @ spin.axis).max() <= UNFELT
+        if problem.free[list(spin.cols)].all() and np.abs(K[:, :, spin.cols] @ (spin.axis / unit[list(spin.cols)])).max() <= UNFELT
     )
 
 

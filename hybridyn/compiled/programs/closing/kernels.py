@@ -152,7 +152,7 @@ class ModuleKernels:
         solved, trust = solve(rows.K[:, [*self.u.free, *spins]], right, self.pivots)
         out[self.u.free] = solved[: len(self.u.free), :k]
         for i, spin in enumerate(self.u.spins):
-            share = -spin.axis[spin.main] * dot(spin.axis, out[list(spin.cols)])
+            share = -spin.axis[spin.main] * dot(spin.share, out[list(spin.cols)])
             out[spin.col] = share
             out[self.u.free] = plus(
                 out[self.u.free], dot(solved[: len(self.u.free), k + i][:, None], share[None])
