@@ -141,9 +141,7 @@ def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_d
 @pytest.mark.parametrize(
     ("name", "size"), [("crank", 0.4), slow("ball_delta", 0.4), slow("ball_gough", 0.02)]
 )
-def test_rates_of_closed_loops_are_those_of_the_general_path(
-    name: str, size: float, foot: rods.Foot
-) -> None:
+def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: float, foot: rods.Foot) -> None:
     """The spins get the least rates and accelerations, and joints beyond a rod follow it."""
     robot = build_robot(getattr(rods, name)(5, foot))
     motors = rods.swings(robot, 5, size)

@@ -249,7 +249,8 @@ def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
     return tuple(
         spin
         for spin in spins_of(m, module.motor_columns)
-        if problem.free[list(spin.cols)].all() and np.abs(K[:, :, spin.cols] @ (spin.axis / unit[list(spin.cols)])).max() <= UNFELT
+        if problem.free[list(spin.cols)].all()
+        and np.abs(K[:, :, spin.cols] @ (spin.axis / unit[list(spin.cols)])).max() <= UNFELT
     )
 
 
