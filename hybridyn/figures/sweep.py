@@ -130,7 +130,7 @@ def _columns(
     masks: list[Mask] = [np.empty((2, 0), dtype=bool)]
     for shard in read_shards(str(folder), [*numbers, "status"]):
         good: Mask = np.array(shard.pop("status")) == "ok"
-        met = good if condition is None else good & np.broadcast_to(condition(shard), good.shape)
+        met = good if condition is None else good & np.asarray(condition(shard), dtype=bool)
         rows = shard["design"] % stride == 0
         kept.append({name: values[rows] for name, values in shard.items()})
         masks.append(np.stack([good[rows], met[rows]]))

@@ -52,8 +52,7 @@ def find_best(folder: str | PathLike[str], objectives: str, where: str | None = 
     """
     about = about_of(str(folder))
     numbers = ["design", *about.parameters, "unreachable", "singular", *about.measures]
-    whole = Expression(objectives, numbers, "--best", several=True)
-    aims = [Expression(text, numbers, "--best") for text in whole.parts()]
+    aims = [Expression(text, numbers, "--best") for text in objectives.split(",")]
     condition = None if where is None else Expression(where, numbers, "--where")
     extra = [aim.text for aim in aims if aim.text not in numbers]
     columns = ("design", *about.parameters, *about.measures, *extra)

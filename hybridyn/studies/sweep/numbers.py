@@ -43,7 +43,7 @@ class Numbers:
         for name, text in source.study.numbers.items():
             with naming(source, ("numbers", name)):
                 self.expressions[name] = Expression(text, list(source.study.parameters), "its expression")
-        self.parameters = {name for one in self.expressions.values() for name in one.names}
+        self.parameters = {name for one in self.expressions.values() for name in one.used}
 
     def in_slots(
         self, description: Description, values: Mapping[str, Array]
