@@ -16,7 +16,7 @@ from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..studies.sweep.best import Best
-    from ..studies.sweep.engines import PoolName
+    from ..studies.sweep.pools import PoolName
     from ..studies.sweep.sensitivity import Index
     from ..studies.sweep.sweep import Swept
 

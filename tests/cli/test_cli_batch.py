@@ -10,7 +10,7 @@ import pytest
 from hybridyn.description.writing import locked
 from tests.extras import needs
 from tests.files import save
-from tests.studies.test_sweep import Here, pendulum_in
+from tests.studies.test_sweep import pendulum_in, pool_here
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         times[name] = times.get(name, 0) - 1
         return times[name] >= 0
 
-    monkeypatch.setattr("hybridyn.studies.sweep.engines.open_pool", lambda *_: nullcontext(Here(deaths)))
+    monkeypatch.setattr("hybridyn.studies.sweep.pools.open_pool", lambda *_: nullcontext(pool_here(deaths)))
     return times
 
 

@@ -4,7 +4,8 @@ import itertools
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Future
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -24,7 +25,7 @@ from hybridyn.studies.sweep.designs import Designs, generator
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
 from hybridyn.studies.sweep.identity import identity
 from hybridyn.studies.sweep.numbers import _number
-from hybridyn.studies.sweep.pool import WorkerDiedError
+from hybridyn.studies.sweep.pools import Pool, ThisProcess
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.sensitivity import sensitivity
 from hybridyn.studies.sweep.shards import About, Shards, read_shards
@@ -118,36 +119,36 @@ def rows_of(output: str) -> dict[str, list[Any]]:
     return {name: [value for part in parts for value in part[name]] for name in parts[0]}
 
 
-class Here:
-    """A pool that works in this process; it loses the processes of some calls."""
+class Here(ThisProcess):
+    """An executor that works in this process; it loses the processes of some calls."""
 
-    workers = 2
-
-    def __init__(self, deaths: Callable[..., bool] = lambda *task: False) -> None:
+    def __init__(self, deaths: Callable[..., bool]) -> None:
         self.deaths = deaths
 
-    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
-        """Call a function of each task, the last given first."""
-        waiting: list[Any] = []
-        for task in itertools.chain(tasks, [None] * at_once):
-            waiting += [task] if task is not None else []
-            if waiting and (len(waiting) == at_once or task is None):
-                chosen = waiting.pop()  # out of order
-                if self.deaths(*chosen):
-                    raise WorkerDiedError
-                yield function(*chosen)
+    def submit(self, function: Callable[..., Any], /, *task: Any, **words: Any) -> Future[Any]:
+        """Call a function, or lose its process."""
+        if not self.deaths(*task):
+            return super().submit(function, *task, **words)
+        future: Future[Any] = Future()
+        future.set_exception(BrokenExecutor())
+        return future
+
+
+def pool_here(deaths: Callable[..., bool] = lambda *task: False) -> Pool:
+    """A pool of two processes that are this one; results come out of order."""
+    return Pool(2, lambda: Here(deaths))
 
 
 @pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> Callable[[Here], None]:
+def here(monkeypatch: pytest.MonkeyPatch) -> Callable[[Pool], None]:
     """Sweep in this process, design by design; the function takes another pool."""
 
-    def use(pool: Here) -> None:
+    def use(pool: Pool) -> None:
         monkeypatch.setattr(sweeping, "open_pool", lambda *_: nullcontext(pool))
 
     monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 1e9)  # the clock decides nothing
     monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 1)
-    use(Here())
+    use(pool_here())
     return use
 
 
@@ -215,7 +216,7 @@ def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) ->
         left[designs.start] = left.get(designs.start, 0) - 1
         return left[designs.start] >= 0
 
-    here(Here(deaths))
+    here(pool_here(deaths))
     state = hybridyn.sweep(written("method = 'grid'"), "out", format="csv")
     rows = rows_of("out")
     assert rows["design"] == list(range(6))
@@ -254,7 +255,7 @@ def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None
         told.append(str(refused(again, hybridyn.HybridynError, "another process writes its results here")))
         return False
 
-    here(Here(meanwhile))
+    here(pool_here(meanwhile))
     state = hybridyn.sweep(study, "out", format="csv")
     assert (state.done, rows_of("out")["design"]) == (6, list(range(6)))
     assert told[0].startswith("out: ")

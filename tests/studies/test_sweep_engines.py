@@ -96,7 +96,7 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     needs("dask")
-    monkeypatch.setattr("hybridyn.studies.sweep.dask_pool.PATIENCE", 0.2)
+    monkeypatch.setattr("hybridyn.studies.sweep.clusters.PATIENCE", 0.2)
     path = written("method = 'grid'")
     with socket.socket() as deaf:
         deaf.bind(("127.0.0.1", 0))

@@ -16,13 +16,13 @@ import click
 from ...description.files_read import recorded
 from ...description.writing import locked, write_text
 from ...errors import HybridynError
-from .one_table import Outcome, outcomes
+from .one_table import Outcome, compute, lost
 from .options import RobotChoice
 from .progress import Progress
 from .text import counted
 
 if TYPE_CHECKING:
-    from ...studies.sweep.engines import PoolName
+    from ...studies.sweep.pools import PoolName
     from .tables import TableCommand
 
 #: The file that says what the shards of a folder are: a digest of the command, then for each table that was
@@ -64,7 +64,7 @@ class Batch:
                 scheduler does not answer.
             OSError: The disk is full; the shards so far are complete.
         """
-        from ...studies.sweep.engines import check_pool, open_pool
+        from ...studies.sweep.pools import check_pool, open_pool
 
         started = time.perf_counter()
         for name in ("plot", "reactions"):
@@ -76,14 +76,15 @@ class Batch:
         self.options["load"]()  # a robot that does not load is one error, and not one for each table
         with locked(folder):
             left = _begin(folder, self._identity(), shards, resume=resume)
-            tasks = [self._of_one(source, shards[source], elsewhere=scheduler is not None) for source in left]
+            far = scheduler is not None
+            tasks = [(self.module, self._of_one(file, shards[file], elsewhere=far)) for file in left]
             try:
                 if left:
                     with (
                         open_pool(pool, self.options["jobs"], scheduler) as processes,
                         Progress("tables") as bar,
                     ):
-                        for outcome in outcomes(processes, self.module, tasks):
+                        for outcome in processes.run(compute, tasks, lost):
                             self._take(outcome, folder, left[outcome.source], shards[outcome.source])
                             bar.show(self.done, self.done / len(left))
             finally:

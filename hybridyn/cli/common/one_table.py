@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from collections.abc import Iterator, Sequence
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,13 +17,7 @@ from .text import counted
 
 if TYPE_CHECKING:
     from ...structure.robot import HybridRobot
-    from ...studies.sweep.pool import Pool
     from .tables import TableCommand
-
-#: Tables per process that are given in advance.
-AHEAD = 2
-#: Times that a table may end its process before it counts as failed.
-MOST_DEATHS = 2
 
 #: The robot of the last table that this process computed, by the choice of the user.
 _kept: dict[str, HybridRobot] = {}
@@ -46,34 +39,13 @@ class Outcome(NamedTuple):
     error: str = ""
 
 
-def outcomes(pool: Pool, module: str, tasks: Sequence[dict[str, Any]]) -> Iterator[Outcome]:
-    """Compute tables in other processes; after the death of one, its tables are computed one at a time."""
-    from ...studies.sweep.pool import WorkerDiedError
+def lost(module: str, options: dict[str, Any]) -> Outcome:
+    """Return what became of a table that ended its process each time."""
+    from ...studies.sweep.pools import MOST_DEATHS
 
-    left = {task["source"]: (module, task) for task in tasks}
-
-    def some(given: Sequence[str], at_once: int) -> Iterator[Outcome]:
-        """Compute some tables."""
-        for outcome in pool.run(compute, (left[source] for source in given), at_once=at_once):
-            del left[outcome.source]
-            yield outcome
-
-    def alone(source: str) -> Iterator[Outcome]:
-        """Compute a table that may have ended its process."""
-        for _ in range(MOST_DEATHS):
-            with contextlib.suppress(WorkerDiedError):
-                yield from some([source], 1)
-                return
-        del left[source]
-        times = counted(MOST_DEATHS, "time")
-        yield Outcome(source, error=f"{source}: its process ended without a result {times}")
-
-    while left:
-        try:
-            yield from some(list(left), AHEAD * pool.workers)
-        except WorkerDiedError:
-            for source in list(left)[: AHEAD * pool.workers]:  # the tables that were given are the first
-                yield from alone(source)
+    source = options["source"]
+    times = counted(MOST_DEATHS, "time")
+    return Outcome(source, error=f"{source}: its process ended without a result {times}")
 
 
 def compute(module: str, options: dict[str, Any]) -> Outcome:

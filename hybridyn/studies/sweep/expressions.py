@@ -33,6 +33,9 @@ class Expression(SimpleEval):  # type: ignore[misc]
         used: The columns that it needs.
     """
 
+    nodes: dict[type[ast.AST], Callable[..., Any]]
+    names: Mapping[str, Any]
+
     def __init__(self, text: str, columns: Sequence[str], what: str) -> None:
         """Parse an expression, and try it on a row.
 

@@ -17,10 +17,9 @@ from ...spatial import Index
 from .compiled_chunks import evaluate_chunk, plan_for
 from .compiled_designs import Plan
 from .designs import Designs
-from .engines import PoolName, check_pool, open_pool
 from .evaluation import Chunk, Designer, Evaluated, Row
 from .identity import identity
-from .pool import Pool, WorkerDiedError
+from .pools import MOST_DEATHS, Pool, PoolName, Task, check_pool, open_pool
 from .reading import read_study
 from .shards import About, Shards, best_format, read_shards, shards_in
 from .study_file import StudyFile
@@ -31,10 +30,6 @@ CHUNK_SECONDS = 1.0
 MOST_IN_CHUNK = 10_000
 #: Designs, spread over the study, of which one has to load before the sweep starts.
 TRIALS = 16
-#: Chunks per process that are drawn in advance.
-AHEAD = 2
-#: Times that a design may end its process before it counts as failed.
-MOST_DEATHS = 2
 
 
 @dataclass
@@ -167,28 +162,17 @@ class _Run:
     ) -> None:  # fmt: skip
         self.source, self.designs, self.shards, self.state = source, designs, shards, state
         self.pool, self.plan, self.pace, self.progress, self.started = pool, plan, pace, progress, started
-        self.given: dict[int, Chunk] = {}
 
     def all(self) -> None:
-        """Evaluate what has no row. After the death of a process, its designs are evaluated one at a time."""
-        while gaps := self.shards.gaps():
-            try:
-                self._some(self._chunks(gaps), AHEAD * self.pool.workers)
-            except WorkerDiedError:
-                self.state.restarts += 1
-                for chunk in list(self.given.values()):
-                    self._alone(chunk)
-
-    def _some(self, chunks: Iterator[Chunk], at_once: int) -> None:
-        """Evaluate chunks and write their shards."""
-        tasks = ((self.source, chunk, self.plan) for chunk in chunks)
-        for done in self.pool.run(evaluate_chunk, tasks, at_once=at_once):
+        """Evaluate what has no row, and write the shards."""
+        tasks = ((self.source, chunk, self.plan) for chunk in self._chunks(self.shards.gaps()))
+        for done in self.pool.run(evaluate_chunk, tasks, self._deadly, _designs):
             self._keep(done)
 
     def _keep(self, done: Evaluated) -> None:
         """Write a shard, and learn how long designs take."""
         self.shards.write(done.rows)
-        self.given.pop(done.rows[0].design, None)
+        self.state.restarts = self.pool.deaths
         self.state.work += done.seconds
         self.state.compiled += done.compiled
         self.state.checked += done.checked
@@ -204,43 +188,28 @@ class _Run:
 
     def _chunks(self, gaps: list[tuple[int, int]]) -> Iterator[Chunk]:
         """Divide designs into chunks of about a second, by the pace so far."""
-        self.given.clear()
         for start, stop in gaps:
             while start < stop:
                 size = min(self._size(), stop - start)
-                chunk = Chunk(start, self.designs.values(start, start + size))
-                self.given[start] = chunk
-                yield chunk
+                yield Chunk(start, self.designs.values(start, start + size))
                 start += size
 
     def _size(self) -> int:
         """Return the number of designs in the next chunk."""
         return min(max(1, round(CHUNK_SECONDS / max(self.pace, 1e-9))), MOST_IN_CHUNK)
 
-    def _alone(self, chunk: Chunk) -> None:
-        """Evaluate a chunk that may have ended its process, with nothing beside: whole, else by designs."""
-        parts = [chunk]
-        if len(chunk.values) > 1:
-            if self._survives(chunk):
-                return
-            parts = [Chunk(chunk.start + i, chunk.values[i : i + 1]) for i in range(len(chunk.values))]
-        for part in parts:
-            if not any(self._survives(part) for _ in range(MOST_DEATHS)):
-                self._keep(Evaluated((self._deadly(part),), 0.0))
-
-    def _survives(self, chunk: Chunk) -> bool:
-        try:
-            self._some(iter([chunk]), 1)
-        except WorkerDiedError:
-            self.state.restarts += 1
-            return False
-        return True
-
-    def _deadly(self, chunk: Chunk) -> Row:
+    def _deadly(self, source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evaluated:
         """Return the row of a design that ends every process that evaluates it."""
-        nothing = (float("nan"),) * len(self.source.columns)
+        nothing = (float("nan"),) * len(source.columns)
         message = f"its worker process ended without a result {MOST_DEATHS} times; memory may have run out"
-        return Row(chunk.start, tuple(chunk.values[0].tolist()), "failed", 0, 0, nothing, message)
+        row = Row(chunk.start, tuple(chunk.values[0].tolist()), "failed", 0, 0, nothing, message)
+        return Evaluated((row,), 0.0)
+
+
+def _designs(task: Task) -> list[Task]:
+    """Divide the task of a chunk into those of its designs."""
+    source, chunk, plan = task
+    return [(source, Chunk(chunk.start + i, chunk.values[i : i + 1]), plan) for i in range(len(chunk.values))]
 
 
 def _count_rows(state: Swept) -> None:
