@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..spatial import Array, Mask
-from ..studies.sweep.expressions import Expression
+from ..studies.sweep.best import rows_of
 from ..studies.sweep.sensitivity import KINDS, sensitivity
-from ..studies.sweep.shards import About, about_of, read_shards
+from ..studies.sweep.shards import About, about_of
 from .blank import empty_figure
 
 if TYPE_CHECKING:
@@ -33,9 +33,8 @@ def figure_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Fi
     Raises:
         HybridynError: matplotlib is missing, the folder has no results, or the condition is wrong.
     """
-    about = about_of(str(folder))
+    about, columns, masks = _columns(folder, where, MOST_POINTS)
     parameters, measures = about.parameters[:MOST_PANELS], about.measures[:MOST_PANELS]
-    columns, masks = _columns(folder, about, where, MOST_POINTS)
     figure = empty_figure(2.6 * len(parameters) + 0.8, 2.1 * len(measures) + 0.6)
     panels = figure.subplots(len(measures), len(parameters), squeeze=False, sharex="col", sharey="row")
     for row, measure in zip(panels, measures, strict=True):
@@ -58,8 +57,7 @@ def figure_of_coordinates(folder: str | PathLike[str], where: str | None = None)
     Raises:
         HybridynError: matplotlib is missing, the folder has no results, or the condition is wrong.
     """
-    about = about_of(str(folder))
-    columns, masks = _columns(folder, about, where, MOST_LINES)
+    about, columns, masks = _columns(folder, where, MOST_LINES)
     names = [*about.parameters, *about.measures]
     rows = np.column_stack([columns[name] for name in names])
     shown = np.isfinite(rows).all(axis=1) & masks[0]
@@ -117,26 +115,16 @@ def figure_of_indices(folder: str | PathLike[str]) -> Figure:
 
 
 def _columns(
-    folder: str | PathLike[str], about: About, where: str | None, most: int
-) -> tuple[dict[str, Array], Mask]:
+    folder: str | PathLike[str], where: str | None, most: int
+) -> tuple[About, dict[str, Array], Mask]:
     """Read evenly spaced designs: columns, shape (designs,), and masks, shape (2, designs).
 
     The masks say which designs were evaluated, and which of them meet the condition.
     """
-    numbers = ["design", *about.parameters, "unreachable", "singular", *about.measures]
-    condition = None if where is None else Expression(where, numbers, "--where")
-    stride = -(-about.designs // most)
-    kept: list[dict[str, Array]] = [{name: np.empty(0) for name in numbers}]
-    masks: list[Mask] = [np.empty((2, 0), dtype=bool)]
-    for shard in read_shards(str(folder), [*numbers, "status"]):
-        good: Mask = np.array(shard.pop("status")) == "ok"
-        met = good if condition is None else good & np.asarray(condition(shard), dtype=bool)
-        rows = shard["design"] % stride == 0
-        kept.append({name: values[rows] for name, values in shard.items()})
-        masks.append(np.stack([good[rows], met[rows]]))
-    return {name: np.concatenate([part[name] for part in kept]) for name in numbers}, np.concatenate(
-        masks, axis=1
-    )
+    about, columns, status, met = rows_of(folder, where)
+    some = columns["design"] % -(-about.designs // most) == 0
+    masks = np.stack([status == "ok", met])
+    return about, {name: values[some] for name, values in columns.items()}, masks[:, some]
 
 
 def _title(figure: Figure, about: About, masks: Mask) -> None:

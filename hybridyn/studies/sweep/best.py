@@ -1,18 +1,34 @@
-"""The best designs of a sweep and the Pareto front of objectives, shard by shard in bounded memory."""
+"""The best designs of a sweep and the Pareto front of objectives."""
 
 from __future__ import annotations
 
-import math
+from collections import Counter
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from ...errors import HybridynError
 from ...spatial import Array, Mask
 from .expressions import Expression
-from .shards import about_of, read_shards
+from .shards import About, about_of, read_shards
+
+
+class Rows(NamedTuple):
+    """All rows of a sweep.
+
+    Attributes:
+        about: What they belong to.
+        columns: Columns of numbers by name, shape (designs,) each: "design", parameters, counts, measures.
+        status: Status of each design, shape (designs,).
+        met: Which designs are "ok" and meet the condition, shape (designs,).
+    """
+
+    about: About
+    columns: dict[str, Array]
+    status: Array
+    met: Mask
 
 
 @dataclass
@@ -26,16 +42,38 @@ class Best:
         front: The Pareto front: designs that no other is better than in one objective and not worse in any.
         designs: Number of designs with a row.
         considered: Number of those that are compared.
-        left_out: Number of the others by reason.
+        left_out: Number of the others by reason, the most frequent first.
     """
 
     columns: tuple[str, ...]
     objectives: tuple[str, ...]
     rows: list[list[float]]
     front: list[list[float]]
-    designs: int = 0
-    considered: int = 0
+    designs: int
+    considered: int
     left_out: dict[str, int] = field(default_factory=dict)
+
+
+def rows_of(folder: str | PathLike[str], where: str | None = None) -> Rows:
+    """Read the rows of a sweep.
+
+    Args:
+        where: A condition on the columns, or None.
+
+    Raises:
+        HybridynError: The folder has no results, or the condition is wrong.
+    """
+    about = about_of(str(folder))
+    numbers = ["design", *about.parameters, "unreachable", "singular", *about.measures]
+    condition = None if where is None else Expression(where, numbers, "--where")
+    nothing: dict[str, Array] = dict.fromkeys(numbers, np.empty(0)) | {"status": np.empty(0, dtype=str)}
+    parts = [nothing, *read_shards(str(folder), [*numbers, "status"])]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in nothing}
+    status = columns.pop("status")
+    met: Mask = status == "ok"
+    if condition is not None:
+        met = met & np.asarray(condition(columns), dtype=bool)
+    return Rows(about, columns, status, met)
 
 
 def find_best(folder: str | PathLike[str], objectives: str, where: str | None = None, top: int = 10) -> Best:
@@ -50,70 +88,35 @@ def find_best(folder: str | PathLike[str], objectives: str, where: str | None = 
     Raises:
         HybridynError: The folder has no results, an expression is wrong, or no design meets the condition.
     """
-    about = about_of(str(folder))
-    numbers = ["design", *about.parameters, "unreachable", "singular", *about.measures]
-    aims = [Expression(text, numbers, "--best") for text in objectives.split(",")]
-    condition = None if where is None else Expression(where, numbers, "--where")
-    extra = [aim.text for aim in aims if aim.text not in numbers]
-    columns = ("design", *about.parameters, *about.measures, *extra)
-    found = Best(columns, tuple(aim.text for aim in aims), [], [])
-    best, front = np.empty((2, 0, len(aims) + len(columns)))
-    for shard in read_shards(str(folder), [*numbers, "status"]):
-        rows = _chosen(found, shard, aims, condition, about.measures)
-        best = _ranked(np.concatenate([best, rows]), len(aims))[:top]
-        front = _front(np.concatenate([front, rows]), len(aims))
-    # The most frequent reason first: which shard has one first depends on computing times.
-    found.left_out = dict(sorted(found.left_out.items(), key=lambda reason: (-reason[1], reason[0])))
-    if not found.considered:
-        why = ", ".join(f"{count:,} {what}" for what, count in found.left_out.items() if count)
+    about, columns, status, met = rows_of(folder, where)
+    aims = {text.strip(): Expression(text, [*columns], "--best") for text in objectives.split(",")}
+    values = np.column_stack([np.broadcast_to(aim(columns), status.shape) for aim in aims.values()])
+    known: Mask = ~np.isnan(values).any(axis=1)
+    left = Counter(status[status != "ok"].tolist())
+    left[f"do not meet '{(where or '').strip()}'"] = int((status == "ok").sum() - met.sum())
+    left["have no number there"] = int((met & ~known).sum())
+    left_out = dict(sorted(((why, n) for why, n in left.items() if n), key=lambda one: (-one[1], one[0])))
+    keep = np.flatnonzero(met & known)
+    if not len(keep):
+        why = ", ".join(f"{count:,} {what}" for what, count in left_out.items())
         raise HybridynError(f"{folder}: no design is left to compare ({why or 'there are no rows'})")
-    found.rows = best[:, len(aims) :].tolist()
-    found.front = _ranked(front, len(aims))[:, len(aims) :].tolist()
-    return found
+    # By the objectives, the first of them first, then by design.
+    keep = keep[np.lexsort([columns["design"][keep], *reversed(values[keep].T)])]
+    shown = {name: columns[name] for name in ("design", *about.parameters, *about.measures)}
+    shown |= {text: x for text, x in zip(aims, values.T, strict=True) if text not in columns}
+    table = np.column_stack([*shown.values()])
+    front = keep[_front(values[keep])]
+    return Best(
+        tuple(shown), tuple(aims), table[keep[:top]].tolist(), table[front].tolist(), len(status), len(keep),
+        left_out,
+    )  # fmt: skip
 
 
-def _chosen(
-    found: Best, shard: dict[str, Any], aims: list[Expression], condition: Expression | None,
-    measures: list[str],
-) -> Array:  # fmt: skip
-    """Return objectives and columns of the designs to compare, shape (designs, ...), and count the others."""
-    statuses = np.array(shard["status"])
-    keep: Mask = statuses == "ok"
-    found.designs += len(statuses)
-    for status in np.unique(statuses[~keep]).tolist():
-        _leave(found, status, int((statuses == status).sum()))
-    if condition is not None:
-        met = np.broadcast_to(np.asarray(condition(shard), dtype=bool), keep.shape)
-        _leave(found, f"do not meet '{condition.text}'", int((keep & ~met).sum()))
-        keep = keep & met
-    values = np.column_stack([np.broadcast_to(aim(shard), keep.shape) for aim in aims]).astype(float)
-    known = ~np.isnan(values).any(axis=1)
-    _leave(found, "have no number there", int((keep & ~known).sum()))
-    keep = keep & known
-    found.considered += int(keep.sum())
-    by_name = {**shard, **{aim.text: values[:, i] for i, aim in enumerate(aims)}}
-    cells = np.column_stack([by_name[name] for name in found.columns]).astype(float)
-    return np.column_stack([values, cells])[keep]
-
-
-def _leave(found: Best, why: str, count: int) -> None:
-    found.left_out[why] = found.left_out.get(why, 0) + count
-
-
-def _ranked(rows: Array, aims: int) -> Array:
-    """Sort rows by their objectives, the first of them first, then by design."""
-    keys = [rows[:, aims], *(rows[:, i] for i in reversed(range(aims)))]
-    return rows[np.lexsort(keys)]
-
-
-def _front(rows: Array, aims: int) -> Array:
-    """Return the rows that no other row dominates."""
-    rows = _ranked(rows, aims)
+def _front(values: Array) -> list[int]:
+    """Return the places of sorted rows, shape (designs, objectives), that no other row dominates."""
     kept: list[int] = []
-    values = rows[:, :aims]
     for i, one in enumerate(values):
         others = values[kept]
-        no_worse, better = (others <= one).all(axis=1), (others < one).any(axis=1)
-        if not (no_worse & better).any() and not math.isnan(one[0]):
+        if not ((others <= one).all(axis=1) & (others < one).any(axis=1)).any():
             kept.append(i)
-    return rows[kept]
+    return kept

@@ -19,8 +19,8 @@ import numpy as np
 
 from ...errors import HybridynError
 from ...spatial import Array
+from .best import rows_of
 from .salib import LEVELS, block_size, package, problem
-from .shards import about_of, read_shards
 
 #: Fewest designs: with these the indices of a linear function are uncertain by 0.1.
 FEWEST = 50
@@ -62,21 +62,16 @@ def sensitivity(folder: str | PathLike[str]) -> list[Index]:
     Raises:
         HybridynError: SALib is missing, the folder has no results, or too few designs.
     """
-    about = about_of(str(folder))
-    names = [*about.parameters, *about.measures]
-    parts = [np.empty((0, len(names) + 2))]
-    for shard in read_shards(str(folder), ["design", *names, "status"]):
-        good = np.array(shard["status"]) == "ok"
-        parts.append(np.column_stack([shard["design"], good, *(shard[name] for name in names)]))
-    number, good, *columns = np.concatenate(parts).T
-    x = np.column_stack(columns[: len(about.parameters)])
+    about, columns, _, good = rows_of(folder)
+    x = np.column_stack([columns[name] for name in about.parameters])
     out = []
-    for measure, y in zip(about.measures, columns[len(about.parameters) :], strict=True):
-        whole, fewest, what, size = (good > 0) & np.isfinite(y), FEWEST, "designs", 1
+    for measure in about.measures:
+        y = columns[measure]
+        whole, fewest, what, size = good & np.isfinite(y), FEWEST, "designs", 1
         if about.method in FEWEST_BLOCKS:
             fewest, what = FEWEST_BLOCKS[about.method], "whole blocks of designs"
             size = block_size(about.method, len(about.parameters))
-            whole = _whole(whole, number, size)
+            whole = _whole(whole, columns["design"], size)
         have = int(whole.sum()) // size
         if have < fewest:
             raise HybridynError(

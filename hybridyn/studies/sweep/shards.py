@@ -8,7 +8,6 @@ twice.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import io
 import json
@@ -17,11 +16,8 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from ...description.writing import naming
 from ...errors import HybridynError
@@ -101,8 +97,7 @@ class Shards:
                     "names has changed: choose another folder"
                 )
             return cls(folder, before)
-        if about.format == "parquet":
-            load_polars(str(folder))
+        load_polars(str(folder))
         _write(folder / ABOUT, (json.dumps(asdict(about), indent=1) + "\n").encode())
         return cls(folder, about)
 
@@ -126,15 +121,10 @@ class Shards:
             name: list(values)
             for name, values in zip(self.about.columns, zip(*map(_cells, rows), strict=True), strict=True)
         }
-        made = _parquet(columns) if self.about.format == "parquet" else _csv(columns)
+        made = _text(columns, self.about.format)
         seal = _seal(self.about, made)
         _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}-{seal}.{self.about.format}", made)
         self._done.append((start, stop))
-
-
-def best_format() -> str:
-    """Return the format of new shards: Parquet where polars is installed."""
-    return "parquet" if find_spec("polars") else "csv"
 
 
 def about_of(folder: str | Path) -> About:
@@ -173,7 +163,7 @@ def read_shards(folder: str | Path, columns: Iterable[str] | None = None) -> Ite
             if start < after:
                 raise ValueError(f"the shard before it has design {start}, too")
             after = stop
-            yield _read(file, content, wanted)
+            yield _read(file, content, wanted, about.columns)
         except (OSError, ValueError, KeyError) as error:
             raise HybridynError(
                 f"{file}: is no result of this sweep ({error}): remove it, and continue with resume=True"
@@ -215,39 +205,33 @@ def _write(file: Path, content: bytes) -> None:
         draft.unlink(missing_ok=True)
 
 
-def _parquet(columns: Columns) -> bytes:
-    polars = load_polars("a shard")
-    kinds = dict.fromkeys(columns, polars.Float64)
-    kinds |= {"design": polars.Int64, "unreachable": polars.Int64, "singular": polars.Int64}
-    kinds |= {"status": polars.String, "message": polars.String}
-    out = io.BytesIO()
-    polars.DataFrame(columns, schema=kinds).write_parquet(out)
+def _text(columns: Columns, format: str) -> bytes:
+    """Return a shard's bytes."""
+    out, frame = io.BytesIO(), load_polars("a shard").DataFrame(columns, schema=_schema(columns))
+    frame.write_parquet(out) if format == "parquet" else frame.write_csv(out)
     return out.getvalue()
 
 
-def _csv(columns: Columns) -> bytes:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return out.getvalue().encode()
+def _read(file: Path, content: bytes, wanted: Sequence[str], every: Sequence[str]) -> Columns:
+    """Return columns of a shard's bytes; `every` one that it has."""
+    polars = load_polars(str(file))
+    try:
+        if file.suffix == ".parquet":
+            frame = polars.read_parquet(content)
+        else:
+            frame = polars.read_csv(content, schema=_schema(every))
+        frame = frame.select(list(wanted)).fill_null(math.nan)
+    except polars.exceptions.PolarsError as error:
+        raise ValueError(str(error)) from error
+    return {
+        name: column.to_list() if column.dtype == polars.String else column.to_numpy().astype(float)
+        for name, column in frame.to_dict().items()
+    }
 
 
-def _read(file: Path, content: bytes, wanted: Sequence[str]) -> Columns:
-    if file.suffix == ".parquet":
-        polars = load_polars(str(file))
-        try:
-            frame = polars.read_parquet(content, columns=list(dict.fromkeys(wanted)))
-        except polars.exceptions.PolarsError as error:
-            raise ValueError(str(error)) from error
-        cells = {name: frame.get_column(name).to_list() for name in wanted}
-    else:
-        header, *rows = csv.reader(io.StringIO(content.decode(), newline=""))
-        table = dict(zip(header, zip(*rows, strict=True), strict=True))
-        cells = {name: list(table[name]) for name in wanted}
-    texts = ("status", "message")
-    return {name: cell if name in texts else _numbers(cell) for name, cell in cells.items()}
-
-
-def _numbers(cells: Sequence[Any]) -> Any:
-    return np.array([math.nan if cell in (None, "") else float(cell) for cell in cells])
+def _schema(columns: Iterable[str]) -> dict[str, Any]:
+    """Return the types of a shard's columns."""
+    polars = load_polars("a shard")
+    kinds = {"design": polars.Int64, "unreachable": polars.Int64, "singular": polars.Int64}
+    kinds |= {"status": polars.String, "message": polars.String}
+    return {name: kinds.get(name, polars.Float64) for name in columns}

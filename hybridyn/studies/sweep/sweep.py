@@ -21,7 +21,7 @@ from .evaluation import Chunk, Designer, Evaluated, Row
 from .identity import identity
 from .pools import MOST_DEATHS, Pool, PoolName, Task, check_pool, open_pool
 from .reading import read_study
-from .shards import About, Shards, best_format, read_shards, shards_in
+from .shards import About, Shards, read_shards, shards_in
 from .study_file import StudyFile
 
 #: Work of a chunk [s]: long against the transfer to another process, short against a wait.
@@ -102,7 +102,7 @@ def sweep(
         resume: Whether to continue from the shards in the folder.
         allow_python: Whether measures may be functions of Python files, which run with all rights of the
             processes.
-        format: Format of the shards, "parquet" or "csv"; by default Parquet where polars is installed.
+        format: Format of the shards, "parquet" (default) or "csv".
         compiled: Whether compiled models may evaluate designs if the study allows it. A resumed run uses the
             choice of the earlier run.
         progress: Called after each chunk.
@@ -126,7 +126,7 @@ def sweep(
             plan, state.why_general = plan_for(source, designs, _tried(designs), first)
     about = About(
         str(study), identity(source, designs), designs.count, designs.names, source.columns,
-        format or best_format(), designs.method, plan is not None,
+        format or "parquet", designs.method, plan is not None,
     )  # fmt: skip
     with locked(output):
         shards = Shards.create(Path(output), about, resume=resume)
