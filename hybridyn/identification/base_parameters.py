@@ -1,7 +1,7 @@
 """Base parameters: the combinations of standard parameters on which the motors' efforts depend.
 
 The columns of Y depend on each other, by constants. A QR with column pivoting over random assembled states
-counts the independent ones. A QR without pivoting, in the order of the parameters, chooses them (Gautier
+counts the independent ones. A QR body by body, with pivoting among the ten of each, chooses them (Gautier
 1991): a parameter is grouped with those of bodies nearer to the base, as in Khalil's rules.
 
 Long measurements are reduced, chunk by chunk, to one triangular factor of the columns that are left, never to
@@ -38,7 +38,7 @@ RANK = 1e-9
 #: Random states: so many, and so many equations for each parameter.
 STATES, EQUATIONS = 40, 3
 #: Random postures lie so far from generic ones [rad, module lengths], with loops and without.
-FAR_WITH_LOOPS, FAR = 0.3, 2.5
+FAR_WITH_LOOPS, FAR = 1.5, 2.5
 #: Entries of Y that are held at once.
 ENTRIES = 4_000_000
 #: Terms that the name of a base parameter shows.
@@ -60,8 +60,7 @@ class BaseParameters:
         columns: The standard parameter that leads each, shape (rank,).
         combination: Coefficient of each standard parameter in each base parameter, shape (rank, p).
         names: Base parameters as sums, such as "m of leg 3 rod + 0.5 m of platform".
-        standard: Names of the standard parameters.
-        standard_values: The robot's own standard parameters, shape (p,).
+        standard: The standard parameters.
         unit: Unit of each standard parameter, in which they compare, shape (p,).
         never: Names of the standard parameters on which no effort depends.
     """
@@ -70,19 +69,18 @@ class BaseParameters:
     columns: Index
     combination: Array
     names: tuple[str, ...]
-    standard: tuple[str, ...]
-    standard_values: Array
+    standard: StandardParameters
     unit: Array
 
     @cached_property
     def values(self) -> Array:
         """The robot's own base parameters, shape (rank,)."""
-        return np.asarray(self.combination @ self.standard_values)
+        return np.asarray(self.combination @ self.standard.values)
 
     @cached_property
     def never(self) -> tuple[str, ...]:
         """Names of the standard parameters on which no effort depends."""
-        return tuple(np.array(self.standard)[~self.combination.any(axis=0)].tolist())
+        return tuple(np.array(self.standard.names)[~self.combination.any(axis=0)].tolist())
 
     def contributions(self, name: str) -> dict[str, float]:
         """Return what a standard parameter contributes: the base parameters it is in, with its coefficients.
@@ -90,7 +88,7 @@ class BaseParameters:
         Raises:
             ValueError: There is no such parameter.
         """
-        column = self.combination[:, self.standard.index(name)]
+        column = self.combination[:, self.standard.names.index(name)]
         return {self.names[i]: float(column[i]) for i in np.flatnonzero(column)}
 
 
@@ -110,28 +108,31 @@ def base_parameters(robot: HybridRobot, *, effects: Choice = None, symmetric: bo
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     unit = units(robot, parameters)
     R = triangular(np.concatenate([*_factors(robot, parameters, unit)]))
+    size = np.linalg.norm(R, axis=0)
+    felt = size > RANK * size.max(initial=0.0)
+    size = np.where(felt, size, 1.0)
+    R, unit = felt * R / size, unit / size
     pivots = np.abs(np.diagonal(scipy.linalg.qr(R, mode="r", pivoting=True)[0]))
     rank = int((pivots > RANK * pivots.max(initial=0.0)).sum())
-    return led(R, rank, parameters.names, parameters.values, unit)
+    return led(R, rank, parameters, unit)
 
 
-def led(R: Array, rank: int, names: tuple[str, ...], values: Array, unit: Array) -> BaseParameters:
+def led(R: Array, rank: int, parameters: StandardParameters, unit: Array) -> BaseParameters:
     """Choose the parameters that lead the groups, and express all others by them.
 
     Args:
         R: Rows over scaled parameters, shape (k, p).
         rank: Their rank.
-        names: Names of the standard parameters.
-        values: Their values, shape (p,).
+        parameters: The standard parameters.
         unit: Their units, shape (p,).
     """
-    columns = _independent(R, rank)
+    columns = _independent(R, rank, parameters)
     combination = scipy.linalg.lstsq(R[:, columns], R)[0] if rank else np.zeros((0, len(unit)))
     combination[np.abs(combination) < RANK**0.75] = 0.0
     combination *= unit[columns, None] / unit
     combination[:, columns] = np.eye(rank)
-    of_base = tuple(_name(row, lead, names) for row, lead in zip(combination, columns, strict=True))
-    return BaseParameters(rank, columns, combination, of_base, names, values, unit)
+    names = tuple(_name(*one, parameters.names) for one in zip(combination, columns, strict=True))
+    return BaseParameters(rank, columns, combination, names, parameters, unit)
 
 
 def units(robot: HybridRobot, parameters: StandardParameters) -> Array:
@@ -142,9 +143,8 @@ def units(robot: HybridRobot, parameters: StandardParameters) -> Array:
     """
     size = robot.bodies.size
     out = np.ones(len(parameters.names))
-    ten = size ** np.array([0.0] + [1.0] * 3 + [2.0] * 6)
-    for at in (*parameters.bodies.values(), *(at for _, at in parameters.payloads)):
-        out[at] = ten
+    for at in parameters.tens:
+        out[at] = size ** np.array([0.0] + [1.0] * 3 + [2.0] * 6)
     for term in parameters.terms:
         turns = np.array([robot.records[name].kind != "prismatic" for name in term.joints])
         out[term.columns] = np.where(turns, size**2, 1.0)
@@ -152,17 +152,17 @@ def units(robot: HybridRobot, parameters: StandardParameters) -> Array:
 
 
 def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -> Iterator[Array]:
-    """Yield triangular factors of Y in scaled parameters and efforts, over random states."""
+    """Yield triangular factors of Y in scaled parameters, rows of length one, over random states."""
     p, motors = len(scale), len(robot.motors)
     count = STATES + EQUATIONS * p // max(motors, 1)
     q, v, a = random_motions(robot, count)
-    effort = np.where(np.array(robot.effort_units) == "N", 1.0, robot.bodies.size)
     step = max(1, ENTRIES // max(p * motors, 1))
     yield np.zeros((0, p))
     for first in range(0, count, step):
         part = slice(first, first + step)
-        Y = effort_rows(robot, parameters, q[part], v[part], a[part]) * scale / effort[:, None]
-        yield triangular(Y.reshape(-1, p))
+        Y = effort_rows(robot, parameters, q[part], v[part], a[part]) * scale
+        size = np.linalg.norm(Y, axis=2, keepdims=True)  # no row near a singular posture outweighs others
+        yield triangular((Y / np.where(size > 0, size, 1.0)).reshape(-1, p))
 
 
 def random_motions(robot: HybridRobot, count: int) -> tuple[Array, Array, Array]:
@@ -196,21 +196,19 @@ def triangular(A: Array) -> Array:
     return np.asarray(np.linalg.qr(A, mode="r"))
 
 
-def _independent(R: Array, rank: int) -> Index:
-    """Choose independent columns, the first that can be had in order; by pivoting where that is unclear."""
+def _independent(R: Array, rank: int, parameters: StandardParameters) -> Index:
+    """Choose independent columns: body by body the clearest; by pivoting of all if the rank is unclear."""
     kept: list[int] = []
-    Q = np.zeros((len(R), 0))
-    largest = np.linalg.norm(R, axis=0).max(initial=0.0)
-    for j in range(R.shape[1]):
-        rest = R[:, j] - Q @ (Q.T @ R[:, j])
-        rest = rest - Q @ (Q.T @ rest)
-        size = float(np.linalg.norm(rest))
-        if size > RANK * largest:
-            kept.append(j)
-            Q = np.column_stack([Q, rest / size])
+    Q, tens = np.zeros((len(R), 0)), parameters.tens
+    for at in (*tens, np.setdiff1d(np.arange(R.shape[1]), tens)):
+        rest = R[:, at] - Q @ (Q.T @ R[:, at])
+        own, pivots, order = scipy.linalg.qr(rest - Q @ (Q.T @ rest), mode="economic", pivoting=True)
+        count = int((np.abs(np.diagonal(pivots)) > RANK).sum())
+        kept += at[order[:count]].tolist()
+        Q = np.column_stack([Q, own[:, :count]])
     if len(kept) != rank:
-        return np.sort(scipy.linalg.qr(R, mode="r", pivoting=True)[1][:rank])
-    return np.array(kept, dtype=int)
+        kept = scipy.linalg.qr(R, mode="r", pivoting=True)[1][:rank].tolist()
+    return np.sort(np.array(kept, dtype=int))
 
 
 def _name(row: Array, lead: int, names: tuple[str, ...]) -> str:
@@ -269,9 +267,8 @@ def triangular_factor(
         CompileError: As `CompiledRows`, if `compiled`.
         AssemblyError, SingularityError, TrajectoryError: As `regressor`.
     """
-    parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     base = base or base_parameters(robot, effects=effects, symmetric=symmetric)
-    rank = base.rank
+    parameters, rank = base.standard, base.rank
     factor = np.ones(len(robot.motors)) if weights is None else np.asarray(weights, dtype=float)
     if factor.shape != (len(robot.motors),) or not (np.isfinite(factor) & (factor > 0)).all():
         raise TrajectoryError(f"weights must be {len(robot.motors)} positive numbers, one for each motor")

@@ -37,7 +37,7 @@ from ..structure.robot import HybridRobot
 from .base_parameters import random_motions
 from .inertial import OF_BODY
 from .parameters import StandardParameters
-from .regressor import effort_rows
+from .regressor import add_laws, effort_rows
 
 #: Largest difference from the general path at the states that a new library is compared at, relative to the
 #: largest entry.
@@ -71,9 +71,8 @@ class SharedInertias(BodyInertias):
         """Return the arguments of a module; those of equal modules have the same symbols."""
         spec, p = module.mechanism.spec, self.parameters
         bodies = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
-        sums = [[p.bodies[body]] if body in p.bodies else [] for body in bodies]
-        for places, body in zip(sums, bodies, strict=True):
-            places += [at for loaded_body, at in p.payloads if loaded_body == body]
+        every = (*p.bodies.items(), *p.payloads)
+        sums = [[at for loaded, at in every if loaded == body] for body in bodies]
         index = np.array(list(dict.fromkeys(chain.from_iterable(chain.from_iterable(sums)))), dtype=int)
         column = symbols.setdefault(id(module.mechanism), ca.SX.sym("parameters", len(index)))
         number = {int(place): i for i, place in enumerate(index)}
@@ -130,8 +129,7 @@ class CompiledRows:
             ModelError: An effect is not available in compiled models.
         """
         self.robot, self.parameters, self.columns = robot, parameters, np.asarray(columns, dtype=int)
-        inertial = [np.zeros(0), *parameters.bodies.values(), *(at for _, at in parameters.payloads)]
-        self._inertial = np.flatnonzero(np.isin(self.columns, np.concatenate(inertial)))
+        self._inertial = np.flatnonzero(np.isin(self.columns, parameters.tens))
         driven = [m.mobility == len(m.motors) == len(m.moving_motors) for m in robot.modules]
         odd = {joint for term in parameters.terms for joint in term.joints}.difference(robot.motors)
         if parameters.terms and (odd or not all(driven)):
@@ -176,13 +174,7 @@ class CompiledRows:
         """
         Y = np.zeros((len(q), len(self.robot.motors), len(self.columns)))
         Y[..., self._inertial], guard = self._run(self._library, q, v, a)
-        place = {int(column): i for i, column in enumerate(self.columns)}
-        motor = {int(freedom): i for i, freedom in enumerate(self.robot.motor_v)}
-        for term in self.parameters.terms:
-            efforts = term.efforts(q, v, a)
-            for i, (freedom, column) in enumerate(zip(term.freedoms, term.columns, strict=True)):
-                if int(column) in place:
-                    Y[:, motor[int(freedom)], place[int(column)]] += efforts[:, i]
+        add_laws(Y, self.robot, self.parameters, self.columns, q, v, a)
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
             at = q[doubtful], v[doubtful], a[doubtful]

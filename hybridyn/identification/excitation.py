@@ -24,7 +24,8 @@ from ..tables.results import open_results
 from ..threads import one_thread
 from .base_parameters import base_parameters
 from .regressor import motions_of_motors
-from .rows import Source, Triple, check_robot, linear_model
+from .rows import Source, check_robot, linear_model
+from .signals import Triple, fourier
 
 #: Samples of a period for each harmonic: the limits are checked there while searching, and finer at the end.
 COARSE, FINE = 30, 60
@@ -64,7 +65,7 @@ class Excitation:
 
     def at(self, time: Array) -> Triple:
         """Compute positions, velocities and accelerations of the motors, shape (T, motors) each."""
-        return _series(self.home, self.sine, self.cosine, self.period, time)
+        return fourier(self.home - self.cosine.sum(axis=0), self.cosine, self.sine, self.period, time)
 
     def columns(self, *, rate: float = 200.0, periods: int = 1) -> dict[str, Array]:
         """Return a table as columns: time, and position, velocity and acceleration of every motor.
@@ -133,7 +134,7 @@ def excitation(
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")
     check_robot(robot)
     model, known = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
-    search = _Search(Source(robot, model, known, effects, symmetric, compiled, every=1), period, gain)
+    search = _Search(Source(robot, model, known, compiled, every=1), period, gain)
     rng = np.random.default_rng(seed)
     shape = 2, harmonics, len(robot.motors)
     spread = search.room / np.arange(1, harmonics + 1)[:, None]
@@ -212,7 +213,7 @@ class _Search:
         """
         robot = self.source.robot
         count = each * len(a)
-        motion = _series(self.home, a, b, self.period, np.arange(count) * self.period / count)
+        motion = fourier(self.home - b.sum(axis=0), b, a, self.period, np.arange(count) * self.period / count)
         for name, x, x_dot in zip(
             robot.motors, motion[0].T, motion[1].T, strict=True
         ):  # before loops are closed
@@ -257,12 +258,3 @@ def _growth(robot: HybridRobot, q: Array) -> float:
         of_motors = unit[s.module.motor_columns]
         out = max(out, float(np.linalg.norm(Phi * of_motors, ord=2, axis=(1, 2)).max(initial=0.0)))
     return out
-
-
-def _series(home: Array, a: Array, b: Array, period: float, time: Array) -> Triple:
-    """Compute a Fourier series that starts at home, and two derivatives, shape (T, motors) each."""
-    w = 2 * np.pi / period * np.arange(1, len(a) + 1)
-    phase = np.asarray(time)[:, None] * w
-    c, s, w = np.cos(phase), np.sin(phase), w[:, None]
-    x = home + s @ a + (c - 1.0) @ b
-    return x, c @ (w * a) - s @ (w * b), -s @ (w**2 * a) - c @ (w**2 * b)

@@ -24,8 +24,8 @@ from ..structure.bodies import BodyJoint
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
-from .base_parameters import RANK, base_parameters, triangular
-from .parameters import StandardParameters, standard_parameters
+from .base_parameters import RANK, base_parameters, triangular, units
+from .parameters import StandardParameters
 
 #: Relations smaller than this part are rounding of the file.
 RELATED = 1e-7
@@ -68,11 +68,12 @@ def grouping(robot: HybridRobot, *, effects: Choice = None, symmetric: bool = Fa
         symmetric: As in `regressor`.
     """
     base = base_parameters(robot, effects=effects, symmetric=symmetric)
-    parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
+    parameters = base.standard
     vectors = Vectors(robot)
     rows = vectors.rows(parameters)
     rank = int(np.linalg.matrix_rank(rows, rtol=RANK)) if rows.size else 0
-    loops = _loops(robot, parameters, rows, base.combination * base.unit) if rank != base.rank else ""
+    scale = units(robot, parameters)
+    loops = _loops(robot, parameters, rows, base.combination * scale) if rank != base.rank else ""
     return Grouping(rank, base.rank, tuple(vectors.rules), loops)
 
 

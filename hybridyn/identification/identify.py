@@ -22,7 +22,7 @@ from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .base_parameters import BaseParameters, base_parameters
 from .inertial import consistent
-from .parameters import StandardParameters, standard_parameters, with_parameters
+from .parameters import with_parameters
 from .result import Identification, Residuals, residuals
 from .rows import Rows, Source, check_robot, check_scales, linear_model
 from .signals import read_log
@@ -115,19 +115,15 @@ def _solved(Y: Array, tau: Array, weights: Array, names: Sequence[str], instrume
 
     With Z = Q R the instruments, x solves (Q^T Y) x = Q^T tau, whose condition is that of Y, not its square.
     """
-    rows, scale = _scaled(Y, weights)
-    of_z = rows if instruments is None else _scaled(instruments, weights)[0]
-    Q, R, order = linalg.qr(of_z, mode="economic", pivoting=True, check_finite=False)
-    check_rank(np.asarray(R, dtype=float), order.astype(int), names)
-    square = R[:, np.argsort(order)] if instruments is None else Q.T @ rows
-    root = (
-        linalg.solve_triangular(R, np.eye(len(R)))[np.argsort(order)]
-        if instruments is None
-        else np.linalg.inv(square)
-    )
-    x = root @ (Q.T @ (tau * weights).ravel()) / scale
-    condition = float(np.linalg.cond(square))
-    return Fit(x, root / scale[:, None], np.ones(0), np.ones(0), tau - Y @ x, condition)
+    (rows, scale), right = _scaled(Y, weights), (tau * weights).ravel()
+    if instruments is not None:
+        Q = _factors(_scaled(instruments, weights)[0], names)[0]
+        rows, right = Q.T @ rows, Q.T @ right
+    Q, R, order = _factors(rows, names)
+    back = np.argsort(order)
+    x = linalg.solve_triangular(R, Q.T @ right)[back] / scale
+    root = linalg.solve_triangular(R, np.eye(len(R)))[back] / scale[:, None]
+    return Fit(x, root, np.ones(0), np.ones(0), tau - Y @ x, float(np.linalg.cond(R)))
 
 
 def _scaled(Y: Array, weights: Array) -> tuple[Array, Array]:
@@ -138,12 +134,13 @@ def _scaled(Y: Array, weights: Array) -> tuple[Array, Array]:
     return rows / scale, scale
 
 
-def check_rank(R: Array, order: Index, names: Sequence[str]) -> None:
-    """Check the rank of a triangular factor with pivots.
+def _factors(rows: Array, names: Sequence[str]) -> tuple[Array, Array, Index]:
+    """Return Q, R and the order of the columns of a QR with pivots, shapes (k, p), (p, p) and (p,).
 
     Raises:
         TrajectoryError: The columns lose rank in the data; the message names those that depend on others.
     """
+    Q, R, order = linalg.qr(rows, mode="economic", pivoting=True, check_finite=False)
     diagonal = np.abs(np.diag(R))
     rank = int(np.sum(diagonal > DATA_RANK * diagonal[0]))
     if rank < len(names):
@@ -153,6 +150,7 @@ def check_rank(R: Array, order: Index, names: Sequence[str]) -> None:
             f"(pivot {diagonal[rank]:.1e} against {DATA_RANK * diagonal[0]:.1e}); record a richer motion "
             "(hybridyn.excitation), or leave effects out"
         )
+    return np.asarray(Q, dtype=float), np.asarray(R, dtype=float), order.astype(int)
 
 
 @one_thread()
@@ -203,6 +201,47 @@ def identify(
         ModelError: Effects or names are unknown, or the robot's base is not fixed.
         AssemblyError: The loops cannot be closed at some sample.
     """
+    _check_method(method, reference)
+    check_robot(robot)
+    base = base_parameters(robot, effects=effects, symmetric=symmetric)
+    model, held = linear_model(base, known, only)
+    source = Source(robot, model, held, compiled, band, period, every)
+    data = source.rows(read_log(robot, table))
+    check_scales(source, data)
+    command = None if reference is None else read_log(robot, reference, efforts=False)
+    instruments = None if command is None else source.instruments(command, data)
+    fit, constants = _estimated(robot, model, data, method, instruments)
+    x, constrained = _possible(base, robot.bodies.size, model, held, fit, prior)
+    second = None if validate is None else source.rows(read_log(robot, validate))
+    return Identification(
+        robot=robot,
+        identified=with_parameters(robot, x, effects=effects, symmetric=symmetric),
+        effects=effects,
+        method=method,
+        names=model.names,
+        values=fit.x,
+        deviation=fit.deviation,
+        of_file=model.combination @ base.standard.values,
+        of_robot=model.combination @ x,
+        standard=dict(zip(base.standard.names, x.tolist(), strict=True)),
+        constants=constants,
+        noise=fit.sigma,
+        condition=fit.condition,
+        outliers=float(np.mean(fit.weights < 0.5)),
+        fit=_judged(data, fit.x, constants, fit.weights),
+        validation=None if second is None else _judged(second, fit.x, constants),
+        constrained=constrained,
+        never=base.never,
+        remarks=data.log.remarks,
+    )
+
+
+def _check_method(method: str, reference: Any) -> None:
+    """Check that there is such a method, and that instruments have a reference.
+
+    Raises:
+        ModelError: They do not fit.
+    """
     if method not in METHODS:
         raise ModelError(
             f"there is no method '{method}'{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}"
@@ -211,48 +250,12 @@ def identify(
         raise ModelError(
             "the method 'iv' takes a reference, the commanded motion, and other methods take none"
         )
-    check_robot(robot)
-    base = base_parameters(robot, effects=effects, symmetric=symmetric)
-    standard = standard_parameters(robot, effects=effects, symmetric=symmetric)
-    model, held = linear_model(base, known, only)
-    source = Source(robot, model, held, effects, symmetric, compiled, band, period, every)
-    data = source.rows(read_log(robot, table))
-    check_scales(source, data)
-    instruments = None
-    if reference is not None:
-        instruments = source.instruments(read_log(robot, reference, efforts=False), data)
-    fit, constants = _estimated(robot, model, data, method, instruments)
-    count = len(model.names)
-    own = replace(fit, x=fit.x[:count], root=fit.root[:count])
-    x, constrained = _possible(standard, robot.bodies.size, model, held, own, prior)
 
-    def judged(data: Rows, weights: Array | None = None) -> Residuals:
-        """Judge what the estimate leaves over of a motion."""
-        efforts = data.measured if constants is None else data.measured * constants[0]
-        return residuals(data.time, efforts, efforts - data.known - data.Y @ fit.x[:count], weights)
 
-    second = None if validate is None else judged(source.rows(read_log(robot, validate)))
-    return Identification(
-        robot=robot,
-        identified=with_parameters(robot, x, effects=effects, symmetric=symmetric),
-        effects=effects,
-        method=method,
-        names=model.names,
-        values=fit.x[:count],
-        deviation=fit.deviation[:count],
-        of_file=model.combination @ base.standard_values,
-        of_robot=model.combination @ x,
-        standard=dict(zip(base.standard, x.tolist(), strict=True)),
-        constants=constants,
-        noise=fit.sigma,
-        condition=fit.condition,
-        outliers=float(np.mean(fit.weights < 0.5)),
-        fit=judged(data, fit.weights),
-        validation=second,
-        constrained=constrained,
-        never=base.never,
-        remarks=data.log.remarks,
-    )
+def _judged(data: Rows, x: Array, constants: Array | None, weights: Array | None = None) -> Residuals:
+    """Judge what an estimate leaves over of a motion."""
+    efforts = data.measured if constants is None else data.measured * constants[0]
+    return residuals(data.time, efforts, efforts - data.known - data.Y @ x, weights)
 
 
 def _estimated(
@@ -271,28 +274,27 @@ def _estimated(
     names = [*model.names, *(f"constant of {motor}" for motor in robot.motors)]
     more = None if instruments is None else np.concatenate([instruments, each], axis=2)
     fit = estimate(np.concatenate([data.Y, each], axis=2), -data.known, names, method, more)
-    count = len(model.names)
-    return fit, np.stack([fit.x[count:], fit.deviation[count:]])
+    constants = np.stack([fit.x, fit.deviation])[:, len(model.names) :]
+    own = slice(len(model.names))
+    return replace(fit, x=fit.x[own], root=fit.root[own]), constants
 
 
 def _possible(
-    standard: StandardParameters, length: float, model: BaseParameters, known: Mask, fit: Fit, weight: float
+    base: BaseParameters, length: float, model: BaseParameters, known: Mask, fit: Fit, weight: float
 ) -> tuple[Array, bool]:
     """Compute standard parameters of a robot that can exist, and whether the conic program was needed."""
-    values, unit = standard.values, np.abs(standard.values)
-    bodies = {tuple(at): at for at in (*standard.bodies.values(), *(at for _, at in standard.payloads))}
-    for at in bodies.values():
+    bodies, terms, values = base.standard.tens, base.standard.terms, base.standard.values
+    unit = np.abs(values)
+    for at in bodies:
         about = values[at[[4, 6, 9]]].sum() / 2 / max(values[at[0]], TINY)
         size = np.sqrt(max(about, (SMALL * length) ** 2))
         unit[at] = values[at[0]] * np.repeat([1.0, size, size**2], [1, 3, 6])
     bare = model.columns[unit[model.columns] == 0]  # what the file does not state is as large as it is found
     unit[bare] = np.abs(fit.x[unit[model.columns] == 0]) + TINY
     unit[known] = 0.0
-    positive = [
-        int(i) for term in standard.terms if term.symbol != "offset" for i in term.columns if unit[i] > 0
-    ]
-    own = [at for at in bodies.values() if unit[at].all()]
-    positive += [int(at[0]) for at in bodies.values() if unit[at[0]] and not unit[at].all()]
+    positive = [int(i) for term in terms if term.symbol != "offset" for i in term.columns if unit[i] > 0]
+    own = [at for at in bodies if unit[at].all()]
+    positive += [int(at[0]) for at in bodies if unit[at[0]] and not unit[at].all()]
     return consistent(
         model.combination, fit.x, fit.root, values, unit, own, sorted(set(positive)), weight=weight
     )

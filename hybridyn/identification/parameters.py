@@ -95,6 +95,12 @@ class StandardParameters:
     payloads: tuple[tuple[int, Index], ...] = ()
     terms: tuple[Term, ...] = ()
 
+    @property
+    def tens(self) -> list[Index]:
+        """The ten parameters of each body and of each payload, shape (10,); those that are shared once."""
+        every = (*self.bodies.values(), *(at for _, at in self.payloads))
+        return list({tuple(at): at for at in every}.values())
+
     def vector(self, values: Mapping[str, float] | Array) -> Array:
         """Return all parameters, shape (p,), from some by name or from all.
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..dynamics.actuation import Need, Sharing, least_norm, load_share
@@ -21,13 +22,17 @@ from ..dynamics.guards import SINGULAR_MOTOR_MAP
 from ..dynamics.inverse_recursion import output_jacobians
 from ..dynamics.state_checks import check_closed
 from ..effects.choice import Choice
+from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ..linkage.tree import Motion
-from ..spatial import Array, Index, cross, hat, rotate_back
+from ..spatial import Array, Index, cross, motion_matrix, rotate_back
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, same_samples
 from .inertial import wrench_matrix
 from .parameters import StandardParameters, standard_parameters
+
+#: Samples whose rows stay in the processor's cache.
+IN_CACHE = 128
 
 #: Columns of parameters, and per sample a matrix with a column for each.
 Block = tuple[Index, Array]
@@ -85,6 +90,9 @@ def regressor(
 def effort_rows(robot: HybridRobot, parameters: StandardParameters, q: Array, v: Array, a: Array) -> Array:
     """Compute Y, shape (T, motors, p), from checked arrays of shapes (T, nq), (T, nv), (T, nv)."""
     on = parameters.effects
+    usual = robot.base == "fixed" and all((on.gravity, on.inertia, on.velocity))
+    if usual and not any(module.mechanism.closures.rows for module in robot.modules):
+        return _rows_of_tree(robot, parameters, q, v, a)
     rates, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, rates, a, on.gravity, classical=on.velocity is not None)
     check_closed(robot, states, q, rates, a)
@@ -100,19 +108,46 @@ def effort_rows(robot: HybridRobot, parameters: StandardParameters, q: Array, v:
                 own[0, s.module.v_index == term.freedoms[i]] = 1.0
                 along = Phi[:, np.flatnonzero(s.mechanism.cut.to_tree(own)[0])]
                 Y[:, s.module.motor_index, term.columns[i]] += efforts[:, i, None] * along.sum(axis=1)
-        passed = []
+        passed, motors = [], s.module.motor_index
         for R, p, J, (columns, W) in _wrenches(s, parameters, robot, received[k]):
-            Y[:, s.module.motor_index[:, None], columns] += np.matmul(np.swapaxes(np.matmul(J, Phi), 1, 2), W)
-            passed.append((columns, _to_base(R, p, W)))
+            onto = [np.matmul(J, Phi), *([motion_matrix(R, p)] if s.module.parent >= 0 else [])]
+            moved = np.matmul(np.swapaxes(np.concatenate(onto, axis=2), 1, 2), W)
+            Y[:, motors[:, None], columns] += moved[:, : len(motors)]
+            passed.append((columns, moved[:, len(motors) :]))
         if s.module.parent >= 0:
             received[s.module.parent][s.module.parent_output] += passed
     return Y
 
 
+def _rows_of_tree(robot: HybridRobot, parameters: StandardParameters, q: Array, v: Array, a: Array) -> Array:
+    """Compute Y of a robot without loops by Pinocchio, one sample after the other."""
+    model, Y = robot.unchanged_model, np.zeros((len(q), len(robot.motors), len(parameters.names)))
+    data = model.createData()
+    for at_once in (slice(first, first + IN_CACHE) for first in range(0, len(q), IN_CACHE)):
+        states = zip(q[at_once], v[at_once], a[at_once], strict=True)
+        tens = np.array([pin.computeJointTorqueRegressor(model, data, *state) for state in states])
+        for body, at in (*parameters.bodies.items(), *parameters.payloads):
+            Y[at_once][..., at] += tens[:, robot.motor_v, 10 * body - 10 : 10 * body]
+    add_laws(Y, robot, parameters, np.arange(Y.shape[2]), q, v, a)
+    return Y
+
+
+def add_laws(
+    Y: Array, robot: HybridRobot, parameters: StandardParameters, columns: Index, q: Array, v: Array, a: Array
+) -> None:
+    """Add what laws do at the motors' own joints to some columns of Y, shape (T, motors, k), in place."""
+    place = {int(column): i for i, column in enumerate(columns)}
+    motor = {int(freedom): i for i, freedom in enumerate(robot.motor_v)}
+    for term in parameters.terms:
+        for freedom, column, effort in zip(term.freedoms, term.columns, term.efforts(q, v, a).T, strict=True):
+            if int(freedom) in motor and int(column) in place:
+                Y[:, motor[int(freedom)], place[int(column)]] += effort
+
+
 def _wrenches(
     s: ModuleState, parameters: StandardParameters, robot: HybridRobot, received: list[list[Block]]
 ) -> Iterable[tuple[Array, Array, Array, Block]]:
-    """Yield the wrench matrices on the bodies of a module, with placement (R, p) and Jacobian of the body."""
+    """Yield the wrench matrix on each body of a module, with placement (R, p) and Jacobian of the body."""
     m, on = s.mechanism, parameters.effects
     rest = np.zeros_like(s.v)
     legs = s.motion if on.velocity else m.tree.sweep(s.q, rest, s.a)
@@ -128,8 +163,7 @@ def _wrenches(
         else:
             J, blocks = m.jacobian(s.motion, number), []
             W_own = _of_leg(s, legs.of_body(number), on.velocity is not None)
-        own = [at for at in (parameters.bodies.get(body),) if at is not None]
-        own += [at for loaded_body, at in parameters.payloads if loaded_body == body]
+        own = [at for loaded, at in (*parameters.bodies.items(), *parameters.payloads) if loaded == body]
         blocks += [(at, wrench_matrix(*W_own)) for at in own]
         for block in blocks:
             yield s.motion.R[:, number], s.motion.p[:, number], J, block
@@ -144,12 +178,6 @@ def _of_leg(s: ModuleState, body: Motion, velocity: bool) -> tuple[Array, Array,
     vectors = start + swept + body.p_ddot, body.w + w0, body.w_dot + wd0 + cross(w0, body.w)
     acceleration, w, w_dot = (rotate_back(body.R, x) for x in vectors)
     return acceleration, w, w_dot
-
-
-def _to_base(R: Array, p: Array, W: Array) -> Array:
-    """Compute X^T W: columns of wrenches about the base's origin, shape (T, 6, columns)."""
-    force = np.matmul(R, W[:, :3])
-    return np.concatenate([force, np.matmul(R, W[:, 3:]) + np.matmul(hat(p), force)], axis=1)
 
 
 def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
@@ -167,20 +195,19 @@ def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
     if not len(columns):
         return out
     unit = module.mechanism.reduction.col_scale[columns]
-    B = np.swapaxes(basis.Psi[:, columns], 1, 2) / unit
-    inverse = np.zeros((T, len(columns), N))
-    hard = np.arange(T)
+    B, Psi_t = np.swapaxes(basis.Psi[:, columns], 1, 2) / unit, np.swapaxes(basis.Psi, 1, 2)
+    solved, hard = np.zeros((T, len(columns), n)), np.arange(T)
     if len(columns) == N:
-        sizes = np.linalg.cond(B)
-        hard = np.flatnonzero(~(sizes * SINGULAR_MOTOR_MAP * N < 1))
-        easy = np.setdiff1d(np.arange(T), hard)
-        inverse[easy] = np.linalg.inv(B[easy])
+        R, order = pivoted_qr(np.concatenate([B, Psi_t], axis=2), N, N)
+        np.put_along_axis(solved, order[..., None], back_substitute(R[..., :N], R[..., N:]), axis=1)
+        hard = np.flatnonzero(pivot_ratio(R, N) < SINGULAR_MOTOR_MAP * N)
     if len(hard):
         share = load_share(robot, module, None) * unit if len(columns) > N else np.ones(len(columns))
+        each = [
+            Need(basis.Psi, np.tile(one, (T, 1)), np.zeros(T), np.zeros(T), s.motion) for one in np.eye(N)
+        ]
         sharing = Sharing(None, "raise", "")
-        for i in range(N):
-            Q = np.tile(np.eye(N)[i], (T, 1))
-            need = Need(basis.Psi, Q, np.zeros(T), np.zeros(T), s.motion)
-            inverse[hard, :, i] = least_norm(module, B, need, share, sharing, hard)
-    out[:, :, module.moving_motors] = np.matmul(basis.Psi, np.swapaxes(inverse, 1, 2)) / unit
+        inverse = [least_norm(module, B, need, share, sharing, hard) for need in each]
+        solved[hard] = np.matmul(np.stack(inverse, axis=2), Psi_t[hard])
+    out[:, :, module.moving_motors] = np.swapaxes(solved, 1, 2) / unit
     return out

@@ -10,14 +10,13 @@ from scipy import interpolate, linalg
 from ..assembly.assemble import assemble
 from ..compiled.model import CompiledRobot
 from ..description.names import did_you_mean, listed
-from ..effects.choice import Choice
 from ..errors import HybridynError, ModelError, TrajectoryError
 from ..spatial import Array, Mask
 from ..streams.other_units import other_unit
 from ..structure.robot import HybridRobot
 from .base_parameters import RANK, BaseParameters, led
-from .regressor import regressor
-from .signals import Log, means, processed
+from .regressor import effort_rows
+from .signals import Log, Triple, means, processed
 
 #: Entries of the whole regressor that are held at once.
 ENTRIES = 4_000_000
@@ -31,10 +30,6 @@ LEAST = 500
 TESTED, TELLING = 60, 0.95
 #: Largest deviation from a factor of a thousand, in decades.
 NEAR = 0.15
-
-
-#: Positions, velocities and accelerations, shape (T, n) each.
-Triple = tuple[Array, Array, Array]
 
 
 def linear_model(
@@ -53,11 +48,11 @@ def linear_model(
 
     def matching(patterns: Sequence[str]) -> Mask:
         """Return which parameters match a pattern, shape (p,)."""
-        out = np.zeros(len(base.standard), dtype=bool)
+        out = np.zeros(len(base.standard.names), dtype=bool)
         for pattern in patterns:
-            own = np.array([fnmatchcase(name, pattern) for name in base.standard])
+            own = np.array([fnmatchcase(name, pattern) for name in base.standard.names])
             if not own.any():
-                raise ModelError(f"'{pattern}' is no parameter{did_you_mean(pattern, base.standard)}")
+                raise ModelError(f"'{pattern}' is no parameter{did_you_mean(pattern, base.standard.names)}")
             out |= own
         return out
 
@@ -68,7 +63,7 @@ def linear_model(
         raise ModelError("nothing is left to be identified: no effort depends on the chosen parameters")
     if not fixed.any():
         return base, fixed
-    return led(K, rank, base.standard, base.standard_values, base.unit), fixed
+    return led(K, rank, base.standard, base.unit), fixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +95,7 @@ class Source:
         robot: The robot.
         model: The base parameters of tau = Y base + known.
         known: Whether each standard parameter is known, shape (p,).
-        effects: As in `identify`, like all that follow.
-        symmetric: Whether equal legs share parameters.
-        compiled: Compiled models, or None.
+        compiled: Compiled models, or None; as in `identify`, like all that follow.
         band: Band of the positions [Hz], or None.
         period: Period of the motion [s], or None.
         every: Samples that are averaged, or None.
@@ -111,8 +104,6 @@ class Source:
     robot: HybridRobot
     model: BaseParameters
     known: Mask
-    effects: Choice
-    symmetric: bool
     compiled: CompiledRobot | None
     band: float | None = None
     period: float | None = None
@@ -141,7 +132,7 @@ class Source:
         """Compute Y, known efforts and those by the file's numbers, thinned, from the motors' motion."""
         parts: list[list[Array]] = []
         guess, m = None, self.model
-        step = max(1, ENTRIES // (len(self.robot.motors) * len(m.standard)) // every) * every
+        step = max(1, ENTRIES // (len(self.robot.motors) * len(m.standard.names)) // every) * every
         rows = len(motion[0]) // every * every
         for first in range(0, rows, step):
             x, x_dot, x_ddot = (level[first : min(first + step, rows)] for level in motion)
@@ -153,9 +144,8 @@ class Source:
 
     def of_states(self, q: Array, v: Array, a: Array) -> Triple:
         """Compute Y, known efforts and those by the file's numbers at closed states."""
-        Y = regressor(self.robot, q, v, a, effects=self.effects, symmetric=self.symmetric).Y
-        held = np.where(self.known, self.model.standard_values, 0.0)
-        return Y[:, :, self.model.columns], Y @ held, Y @ self.model.standard_values
+        Y, values = effort_rows(self.robot, self.model.standard, q, v, a), self.model.standard.values
+        return Y[:, :, self.model.columns], Y @ np.where(self.known, values, 0.0), Y @ values
 
     def closed(self, motors: Triple, guess: Array | None) -> Triple:
         """Close the loops for a motion of the motors; return q, v, a."""

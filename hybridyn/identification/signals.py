@@ -39,6 +39,9 @@ MOVES = 1e-4
 #: Fewest samples: the filter swings in and out, and a spectrum needs some.
 FEWEST = 50
 
+#: Positions, velocities and accelerations, shape (T, n) each.
+Triple = tuple[Array, Array, Array]
+
 
 @dataclass(frozen=True, eq=False)
 class Log:
@@ -70,7 +73,7 @@ class Log:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
-    def motion(self) -> tuple[Array, Array, Array]:
+    def motion(self) -> Triple:
         """Positions, velocities and accelerations of a processed log, shape (T, motors) each."""
         assert self.rates is not None
         return self.position, *self.rates
@@ -188,12 +191,12 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
         )
     remarks = [f"{spikes} outliers of positions replaced"] if spikes else []
     if period is not None:
-        x, *rates = _series(log, position, band, period)
+        x, x_dot, x_ddot = _series(log, position, band, period)
         count = int(band * period + 1e-9)
         remarks.append(
             f"Fourier series of {count} harmonics of {1 / period:.4g} Hz fitted and differentiated"
         )
-        return replace(log, position=x, rates=(rates[0], rates[1]), band=band, remarks=tuple(remarks))
+        return replace(log, position=x, rates=(x_dot, x_ddot), band=band, remarks=tuple(remarks))
     sections = signal.butter(ORDER, band, fs=rate, output="sos")
     edge = int(np.ceil(ENDS * rate / band)) + len(FIRST)
     if len(log.time) < 2 * edge + FEWEST:
@@ -225,17 +228,31 @@ def _band(position: Array, rate: float) -> float:
     return float(min(BANDS * frequency[np.searchsorted(of_all, POWER)], WIDEST * rate))
 
 
-def _series(log: Log, position: Array, band: float, period: float) -> list[Array]:
+def _series(log: Log, position: Array, band: float, period: float) -> Triple:
     """Fit a Fourier series to positions, shape (T, motors), and return it with two derivatives."""
     if log.time[-1] - log.time[0] + log.step < period * (1 - 1e-9):
         raise TrajectoryError(f"the log is shorter than its period, {period:g} s", file=log.file)
-    w = 2 * np.pi / period * np.arange(1, int(band * period + 1e-9) + 1)
-    phase = (log.time - log.time[0])[:, None] * w
-    c, s = np.cos(phase), np.sin(phase)
-    x = np.linalg.lstsq(np.column_stack([np.ones(len(c)), c, s]), position, rcond=None)[0]
-    a, b = x[1 : 1 + len(w)], x[1 + len(w) :]
-    w = w[:, None]
-    return [x[0] + c @ a + s @ b, c @ (w * b) - s @ (w * a), -c @ (w**2 * a) - s @ (w**2 * b)]
+    time, count = log.time - log.time[0], int(band * period + 1e-9)
+    phase = 2 * np.pi / period * np.outer(time, np.arange(1, count + 1))
+    of_all = np.column_stack([np.ones(len(time)), np.cos(phase), np.sin(phase)])
+    x = np.linalg.lstsq(of_all, position, rcond=None)[0]
+    return fourier(x[0], x[1 : 1 + count], x[1 + count :], period, time)
+
+
+def fourier(mean: Array, cosine: Array, sine: Array, period: float, time: Array) -> Triple:
+    """Compute a Fourier series and two derivatives, shape (T, n) each.
+
+    Args:
+        mean: Shape (n,).
+        cosine: Coefficients of cos(k w t), shape (harmonics, n).
+        sine: Coefficients of sin(k w t), shape (harmonics, n).
+        period: 2 pi / w [s].
+        time: Shape (T,), [s].
+    """
+    w = 2 * np.pi / period * np.arange(1, len(cosine) + 1)[:, None]
+    c, s = np.cos(time[:, None] * w[:, 0]), np.sin(time[:, None] * w[:, 0])
+    x_dot, x_ddot = c @ (w * sine) - s @ (w * cosine), -c @ (w**2 * cosine) - s @ (w**2 * sine)
+    return mean + c @ cosine + s @ sine, x_dot, x_ddot
 
 
 def without_spikes(values: Array) -> tuple[Array, int]:

@@ -12,9 +12,8 @@ from tests.shipped import ROBOTS, shipped, states_near_home
 
 #: Base parameters at the states of the tests, relative to the largest effort.
 AGREE = 1e-11
-#: The same on random mechanisms: the first independent columns in order may be a thousand times worse
-#: conditioned than the best ones, and random loops close to 1e-11 (worst seen: 2e-9).
-AGREE_RANDOM = 1e-8
+#: The same on random mechanisms: some base columns have a condition of 1e7 (worst seen: 2e-11).
+AGREE_RANDOM = 1e-9
 EVERY = ["model", "offsets"]
 #: Base parameters of each shipped robot: inertial ones, and with equal legs; both with rotors, friction and
 #: offsets.
@@ -87,8 +86,8 @@ def test_other_numbers_with_equal_base_parameters_give_equal_efforts(symmetric: 
     values = rows.values + np.random.default_rng(3).normal(size=len(rows.values))
     want, got = rows.Y @ values, rows.Y[..., base.columns] @ (base.combination @ values)
     assert np.abs(got - want).max() <= AGREE * np.abs(want).max()
-    assert not rows.Y[..., [base.standard.index(name) for name in base.never]].any() or (
-        np.abs(rows.Y[..., [base.standard.index(name) for name in base.never]]).max()
+    assert not rows.Y[..., [base.standard.names.index(name) for name in base.never]].any() or (
+        np.abs(rows.Y[..., [base.standard.names.index(name) for name in base.never]]).max()
         <= AGREE * np.abs(rows.Y).max()
     )
 
@@ -97,7 +96,7 @@ def test_names_and_contributions_can_be_read() -> None:
     base = hybridyn.base_parameters(hybridyn.load("five_bar"))
     assert base.names[0].startswith("mx of m1_left_upper")
     assert all(name.count(" of ") >= 1 for name in base.names)
-    lead = base.standard[base.columns[0]]
+    lead = base.standard.names[base.columns[0]]
     assert base.contributions(lead) == {base.names[0]: 1.0}
     assert "Ixx of m1_left_upper" in base.never
 

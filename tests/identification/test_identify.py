@@ -59,11 +59,7 @@ def rows(of: Case) -> np.ndarray:
     """Return Y of the base parameters, shape (T, motors, rank)."""
     base = base_parameters(of.robot, effects="model", symmetric=True)
     model, known = linear_model(base)
-    return (
-        Source(of.robot, model, known, "model", True, None, every=2)
-        .rows(read_log(of.robot, of.log(rates=True)))
-        .Y
-    )
+    return Source(of.robot, model, known, None, every=2).rows(read_log(of.robot, of.log(rates=True))).Y
 
 
 @pytest.mark.parametrize("method", ["wls", "irls", "iv"])
@@ -277,42 +273,3 @@ def test_outliers_of_positions_are_replaced() -> None:
     found = hybridyn.identify(one.robot, log, symmetric=True, period=PERIOD, band=BAND)
     assert "2 outliers of positions replaced" in found.remarks
     assert off(found, one) <= 1e-6
-
-
-#: Random mechanisms with fewer motors than freedoms, or motors that share their load by weights.
-UNDRIVEN = {"serial_all", "five_bar_one_motor", "rssr", "star_few", "sps", "gough_eight_motors"}
-#: Those with base parameters of which efforts have less than 1e-8.
-UNTOLD = {"gear_across", "branched", "on_leg", "legged"}
-RANDOM = [
-    (kind, seed) if kind in CHOSEN else slow(kind, seed)
-    for seed, kind in enumerate(KINDS)
-    if kind not in UNDRIVEN
-]
-#: Error of rounding over the condition number.
-ROUNDED = 1e-15
-
-
-@pytest.mark.parametrize(
-    ("kind", "seed"),
-    [*((n, -1) for n in ROBOTS if n not in ("snake", "lx4")), slow("snake", -1), slow("lx4", -1), *RANDOM],
-)
-def test_base_parameters_come_back_on_every_robot(kind: str, seed: int) -> None:
-    """From efforts at random states; the bodies differ from those of the file."""
-    robot = hybridyn.load(kind) if seed < 0 else build_robot(random_mechanism(seed, kind=kind, base="fixed"))
-    effects = "model" if seed < 0 else None
-    base = hybridyn.base_parameters(robot, effects=effects)
-    standard = standard_parameters(robot, effects=effects)
-    values, rng = standard.values.copy(), np.random.default_rng(seed + 1)
-    for at in standard.bodies.values():
-        values[at] *= rng.uniform(0.7, 1.3)
-    true = with_parameters(robot, values, effects=effects)
-    q, v, a = random_motions(robot, 20 + 3 * base.rank // max(len(robot.motors), 1))
-    Y = hybridyn.regressor(robot, q, v, a, effects=effects).Y[:, :, base.columns]
-    tau = hybridyn.idm(true, q, v, a, effects=effects)
-    if kind in UNTOLD:
-        with pytest.raises(TrajectoryError, match="the motion does not tell"):
-            estimate(Y, tau, base.names)
-        return
-    found, wanted = estimate(Y, tau, base.names), base.combination @ values
-    bound = max(EXACT, ROUNDED * found.condition)
-    assert np.abs(found.x - wanted).max() <= bound * np.abs(wanted).max()
