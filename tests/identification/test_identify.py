@@ -9,18 +9,14 @@ from scipy import stats
 import hybridyn
 from hybridyn.effects import Payload
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
-from hybridyn.identification.base_parameters import base_parameters, random_motions
+from hybridyn.identification.base_parameters import base_parameters
 from hybridyn.identification.identify import estimate
 from hybridyn.identification.inertial import consistent, pseudo_inertia
-from hybridyn.identification.parameters import standard_parameters, with_parameters
 from hybridyn.identification.rows import Source, linear_model
 from hybridyn.identification.signals import read_log
-from hybridyn.structure.building import build_robot
 from tests.extras import needs
 from tests.identification.logs import PERIOD, Case, Table, case
-from tests.mechanisms import KINDS, random_mechanism
-from tests.samples import CHOSEN, slow
-from tests.shipped import ROBOTS
+from tests.samples import slow
 
 #: Base parameters without noise, of the largest.
 EXACT = 1e-9
