@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import atan2, cos, hypot, sin
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -37,6 +38,34 @@ def put(element: ET.Element, **attributes: str | float | Iterable[float] | None)
             element.set(name, value)
         elif value is not None:
             element.set(name, numerals(value if isinstance(value, Iterable) else [value]))
+
+
+#: What an element holds: "@name" is an attribute, "" its text, others are children: mappings, or texts; a
+#: list is several of one name. None is left out. Texts may be numbers, which read back as the same.
+Content = Mapping[str, Any]
+
+
+def element(tag: str, content: Content) -> ET.Element:
+    """Return an element with its content."""
+    out = ET.Element(tag)
+    for name, stated in content.items():
+        for value in stated if isinstance(stated, list) else [stated]:
+            if isinstance(value, Mapping):
+                out.append(element(name, value))
+            elif value is not None:
+                text = value if isinstance(value, str) else numerals(np.ravel(value))
+                if name.startswith("@"):
+                    out.set(name[1:], text)
+                else:
+                    (ET.SubElement(out, name) if name else out).text = text
+    return out
+
+
+def document(tag: str, content: Content) -> str:
+    """Return the text of an XML file, whose root has a content."""
+    root = element(tag, content)
+    ET.indent(root)
+    return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
 def angles_of(rotation: Array) -> tuple[float, float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -88,10 +88,31 @@ def add_limits(joint: Joint, losses: Losses, words: Sequence[str] = LIMITS) -> N
         losses.add("limits of joints with several freedoms", joint.name)
 
 
-def add_name(coupling: Coupling, follower: str, losses: Losses) -> None:
-    """List the name of a coupling that is written as `<mimic>`, which has that of its joint."""
-    if coupling.name != follower:
-        losses.add("names of couplings, which are read back with those of joints", coupling.name)
+def followers_of(
+    couplings: Iterable[Coupling], losses: Losses
+) -> tuple[dict[str, tuple[str, float, float]], list[Coupling]]:
+    """Return couplings as `<mimic>`: one of two joints, which follows no other yet, follows the other one.
+
+    Args:
+        couplings: The couplings.
+        losses: Receives their names: a `<mimic>` has that of its joint.
+
+    Returns:
+        Leader, factor and offset of each follower; and the couplings that are left.
+    """
+    found: dict[str, tuple[str, float, float]] = {}
+    left = []
+    for coupling in couplings:
+        ends = (coupling.terms, coupling.terms[::-1]) if len(coupling.terms) == 2 else ()
+        for (follower, own), (leader, other) in ends:
+            if follower not in found:
+                found[follower] = leader, -other / own, coupling.offset / own
+                if coupling.name != follower:
+                    losses.add("names of couplings, which are read back with those of joints", coupling.name)
+                break
+        else:
+            left.append(coupling)
+    return found, left
 
 
 def rows_of(closure: Closure, losses: Losses) -> tuple[str, Array]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -17,10 +16,11 @@ from ...description.names import noted, unique
 from ...description.placement import angle_of, free_pose, motion_of, poses_at
 from ...description.records import Coupling, Description, Joint, Link
 from ...description.side_cars.model_text import model_file
-from ...description.urdf.shapes import Shape
+from ...description.urdf.shapes import SIZES, Shape
 from ..home import home_of
-from ..request import Losses, Request, Written, allowed
-from .joints import TYPES, add, add_closure, add_couplings, add_inertial, add_joint, add_pose, start_joint
+from ..numerals import Content, document
+from ..request import Losses, Request, Written, allowed, followers_of
+from .joints import TYPES, Model, add_closure, add_joint, joint_of, link_of, pose
 
 #: Version that is written: the first whose `<mimic>` names an axis.
 VERSION = "1.11"
@@ -32,32 +32,29 @@ DRAKE = "http://drake.mit.edu"
 def write_sdf(request: Request, losses: Losses) -> Written:
     """Write a robot as SDF."""
     d = counted_from_home(allowed(request.description, losses, "SDF", _name), losses)
-    poses = poses_at(d, {})
-    holder = root = ET.Element("sdf", version=VERSION)
-    if d.gravity is not None:
-        holder = add(root, "world", {"gravity": np.array(d.gravity)}, name="world")
-    model = add(holder, "model", name=d.name)
-    if d.base == "floating" and d.base_home is not None:
-        add_pose(model, free_pose(d.base_home))
-    above = {joint.child: joint for joint in d.joints}
+    poses, above = poses_at(d, {}), {joint.child: joint for joint in d.joints}
+    model: Model = {"link": [], "joint": []}
     for link in d.links:
-        _add_link(model, link, above.get(link.name), request.shapes, losses)
+        if link.name != "world":
+            model["link"].append(_link(link, above.get(link.name), request.shapes))
+        elif link.mass or link.inertia.any():
+            losses.add("mass and inertia of the world's link, which do not move", link.name)
     if d.base == "fixed" and d.root != "world":
         names = {joint.name for joint in d.joints} | {link.name for link in d.links}
-        start_joint(model, unique("anchor", names), "fixed", "world", d.root)
+        model["joint"].append(joint_of(unique("anchor", names), "fixed", "world", d.root))
     springs = {spring.name: (spring.stiffness, spring.rest) for spring in d.springs}
-    elements = {}
+    mimics, couplings = followers_of(d.couplings, losses)
     for joint in d.joints:
-        element = add_joint(model, joint, springs.get(joint.name, (0.0, 0.0)), poses, losses)
-        if element is not None:
-            elements[joint.name] = element
+        spring, mimic = springs.get(joint.name, (0.0, 0.0)), mimics.get(joint.name)
+        add_joint(model, joint, spring, mimic, poses, losses)
     for closure in d.closures:
         add_closure(model, closure, poses, losses)
-    couplings = add_couplings(d.couplings, elements, losses)
-    if any(element.tag.startswith("drake:") for element in root.iter()):
-        root.set("xmlns:drake", DRAKE)
-    ET.indent(root)
-    text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+    at = pose(free_pose(d.base_home)) if d.base == "floating" and d.base_home is not None else None
+    content: Content = {"model": {"@name": d.name, "pose": at, **model}}
+    if d.gravity is not None:
+        content = {"world": {"@name": "world", "gravity": np.array(d.gravity), **content}}
+    rotors = any(tag.startswith("drake:") and x for one in model["joint"] for tag, x in one.items())
+    text = document("sdf", {"@version": VERSION, "@xmlns:drake": DRAKE if rotors else None, **content})
     beside = model_file(
         replace(d, home=_home(d)), motors=True, home=True, couplings=couplings,
         effects=[name for name, _ in d.effects if name != "spring"],
@@ -72,30 +69,24 @@ def _name(name: str) -> str:
     return f"{new.strip('_')}_link" if own else new
 
 
-def _add_link(
-    model: ET.Element, link: Link, above: Joint | None, shapes: tuple[Shape, ...], losses: Losses
-) -> None:
-    """Add a link, where it stands relative to its parent; the link of the world is SDF's own."""
-    if link.name == "world":
-        if link.mass or link.inertia.any():
-            losses.add("mass and inertia of the world's link, which do not move", link.name)
-        return
-    element = add(model, "link", name=link.name)
-    if above is not None:
-        relative = {} if above.parent == "world" else {"relative_to": above.parent}
-        add_pose(element, above.placement, **relative)
-    add_inertial(element, link.mass, link.com, link.inertia)
-    for number, shape in enumerate(shape for shape in shapes if shape.link == link.name):
-        visual = add(element, "visual", name=f"{link.name}_{number}")
-        add_pose(visual, shape.placement)
-        content: dict[str, Any] = {"size": shape.size}
-        if shape.kind == "mesh":
-            content = {"uri": shape.file, "scale": shape.size}
-        elif shape.kind != "box":
-            content = dict(zip(("radius", "length"), shape.size, strict=False))
-        add(add(visual, "geometry"), shape.kind, content)
-        if shape.colour is not None:
-            add(visual, "material", {"diffuse": shape.colour})
+def _link(link: Link, above: Joint | None, shapes: tuple[Shape, ...]) -> Content:
+    """Return a link, where it stands relative to its parent, with its shapes."""
+    at = pose(above.placement, None if above.parent == "world" else above.parent) if above else None
+    own = enumerate(shape for shape in shapes if shape.link == link.name)
+    return link_of(link, at, visual=[_visual(shape, f"{link.name}_{number}") for number, shape in own])
+
+
+def _visual(shape: Shape, name: str) -> Content:
+    sizes = {"box": ("size",), "mesh": ("scale",)} | SIZES
+    numbers = shape.size if shape.kind in SIZES else [shape.size]
+    size = {"uri": shape.file or None, **dict(zip(sizes[shape.kind], numbers, strict=True))}
+    material = shape.colour and {"diffuse": shape.colour}
+    return {
+        "@name": name,
+        "pose": pose(shape.placement),
+        "geometry": {shape.kind: size},
+        "material": material,
+    }
 
 
 def counted_from_home(d: Description, losses: Losses) -> Description:

@@ -1,108 +1,150 @@
 """Write a URDF: links, joints, closures, couplings, transmissions; what it cannot say goes to files beside.
 
-Plain URDF readers take the spanning tree and skip `<loop>` and `<coupling>`.
+Closures are `<loop>`; couplings are `<mimic>`, or `<coupling>` where no joint can follow another. Plain URDF
+readers take the spanning tree and skip `<loop>` and `<coupling>`.
 """
 
 from __future__ import annotations
 
 import json
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.records import Coupling, Description, Joint, Link
+from ...description.closure_forms import FORMS
+from ...description.placement import turned
+from ...description.records import Array, Closure, Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
-from ...description.urdf.shapes import Shape
+from ...description.urdf.loops import terms_between
+from ...description.urdf.shapes import SIZES, Shape
 from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
-from ..numerals import add, numerals, put
-from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits
-from .closures import add_closure, add_couplings, add_origin
+from ..numerals import Content, angles_of, document, numerals
+from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits, followers_of, rows_of
 
 
 def write_urdf(request: Request, losses: Losses) -> Written:
     """Write a robot as URDF."""
     d = request.description
-    root = ET.Element("robot", name=d.name)
-    for link in d.links:
-        element = _add_link(root, link)
-        for shape in request.shapes:
-            if shape.link == link.name:
-                _add_visual(element, shape)
-    elements = {j.name: _add_joint(root, j, endless=j.name in d.endless_gears) for j in d.joints}
-    for closure in d.closures:
-        add_closure(root, closure, losses)
-    couplings = add_couplings(root, d, elements, losses)
-    for motor in d.motors:
-        element = add(root, "transmission", name=f"{motor}_transmission")
-        add(element, "type").text = "transmission_interface/SimpleTransmission"
-        add(element, "joint", name=motor)
-        add(element, "actuator", name=f"{motor}_motor")
+    loops = [_loop(closure, losses) for closure in d.closures]
+    above: dict[str, Joint | None] = {d.root: None} | {joint.child: joint for joint in d.joints}
+    gears = {coupling.name: gear for coupling in d.couplings if (gear := _gear(coupling, d, above))}
+    mimics, left = followers_of((c for c in d.couplings if c.name not in gears), losses)
     _add_losses(d, losses)
-    ET.indent(root)
-    text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
-    return Written(text, *_beside(d, couplings))
+    content = {
+        "@name": d.name,
+        "link": [_link(link, request.shapes) for link in d.links],
+        "joint": [_joint(joint, joint.name in d.endless_gears, mimics.get(joint.name)) for joint in d.joints],
+        "loop": loops,
+        "coupling": [*gears.values()],
+        "transmission": [
+            {
+                "@name": f"{motor}_transmission", "type": "transmission_interface/SimpleTransmission",
+                "joint": {"@name": motor}, "actuator": {"@name": f"{motor}_motor"},
+            }
+            for motor in d.motors
+        ],
+    }  # fmt: skip
+    return Written(document("robot", content), *_beside(d, left))
 
 
-def _add_link(root: ET.Element, link: Link) -> ET.Element:
-    element = add(root, "link", name=link.name)
-    if link.mass or link.inertia.any():
-        inertial = add(element, "inertial")
-        if link.com.any():
-            add(inertial, "origin", xyz=link.com)
-        add(inertial, "mass", value=link.mass)
-        moments = link.inertia[np.triu_indices(3)].tolist()
-        add(inertial, "inertia", **dict(zip(INERTIA_ATTRIBUTES, moments, strict=True)))
-    return element
+def _origin(placement: Array) -> Content | None:
+    """Return `<origin>`, None for the identity."""
+    at = {"@xyz": placement[:3, 3], "@rpy": angles_of(placement[:3, :3])}
+    return None if np.array_equal(placement, np.eye(4)) else at
 
 
-def _add_visual(link: ET.Element, shape: Shape) -> None:
-    visual = add(link, "visual")
-    add_origin(visual, shape.placement)
-    element = add(add(visual, "geometry"), shape.kind)
-    if shape.kind == "box":
-        put(element, size=shape.size)
-    elif shape.kind == "mesh":
-        scale = shape.size if any(factor != 1 for factor in shape.size) else None
-        put(element, filename=shape.file, scale=scale)
-    else:
-        put(element, **dict(zip(("radius", "length"), shape.size, strict=False)))
-    if shape.colour is not None:
-        material = add(visual, "material", name=f"rgba {numerals(shape.colour)}")
-        add(material, "color", rgba=shape.colour)
+def _link(link: Link, shapes: tuple[Shape, ...]) -> Content:
+    moments = zip(INERTIA_ATTRIBUTES, link.inertia[np.triu_indices(3)], strict=True)
+    inertial = {
+        "origin": {"@xyz": link.com} if link.com.any() else None,
+        "mass": {"@value": link.mass},
+        "inertia": {f"@{word}": moment for word, moment in moments},
+    }
+    visuals = [_visual(shape) for shape in shapes if shape.link == link.name]
+    has_mass = link.mass or link.inertia.any()
+    return {"@name": link.name, "inertial": inertial if has_mass else None, "visual": visuals}
 
 
-def _add_joint(root: ET.Element, joint: Joint, *, endless: bool) -> ET.Element:
-    """Add a joint; a ball is written as a hinge, which the side-car retypes.
+def _visual(shape: Shape) -> Content:
+    scale = shape.size if any(factor != 1 for factor in shape.size) else None
+    size: Content = (
+        {"@size": shape.size} if shape.kind == "box" else {"@filename": shape.file, "@scale": scale}
+    )
+    if shape.kind in SIZES:
+        size = {f"@{word}": number for word, number in zip(SIZES[shape.kind], shape.size, strict=True)}
+    colour = shape.colour and {"@name": f"rgba {numerals(shape.colour)}", "color": {"@rgba": shape.colour}}
+    return {"origin": _origin(shape.placement), "geometry": {shape.kind: size}, "material": colour}
+
+
+def _joint(joint: Joint, endless: bool, mimic: tuple[str, float, float] | None) -> Content:
+    """Return a joint; a ball is written as a hinge, which the side-car retypes.
 
     Args:
         endless: Whether it is a gear that turns without limits, which URDF calls continuous.
+        mimic: Leader, factor and offset, where it follows another joint.
     """
     kind = "continuous" if endless else "revolute" if joint.kind == "spherical" else joint.kind
-    element = add(root, "joint", name=joint.name, type=kind)
-    add_origin(element, joint.placement)
-    add(element, "parent", link=joint.parent)
-    add(element, "child", link=joint.child)
-    if FREEDOMS[joint.kind] == 1 or joint.kind == "planar":
-        add(element, "axis", xyz=joint.axis)
-    _add_limit(element, joint, kind in ("revolute", "prismatic"))
-    if joint.damping or joint.friction:
-        add(element, "dynamics", damping=joint.damping, friction=joint.friction)
-    if joint.rotor_inertia:
-        add(element, "rotor_inertia", value=joint.rotor_inertia)
-    if joint.gear_ratio != 1:
-        add(element, "gear_ratio", value=joint.gear_ratio)
-    return element
-
-
-def _add_limit(element: ET.Element, joint: Joint, required: bool) -> None:
-    """Add `<limit>`, which other readers require of hinges and slides, all numbers finite."""
+    required = kind in (
+        "revolute",
+        "prismatic",
+    )  # other readers require all of their limits, as finite numbers
     bounds = {word: getattr(joint, word) for word in ("lower", "upper", "effort", "velocity")}
-    if required or np.isfinite([*bounds.values()]).any():
-        limit = add(element, "limit")
-        for word, bound in bounds.items():
-            if required or word in ("effort", "velocity"):
-                put(limit, **{word: float(np.clip(bound, -UNLIMITED, UNLIMITED))})
+    limit = {
+        f"@{word}": np.clip(bound, -UNLIMITED, UNLIMITED)
+        for word, bound in bounds.items() if required or word in ("effort", "velocity")
+    }  # fmt: skip
+    dynamics = {"@damping": joint.damping, "@friction": joint.friction}
+    return {
+        "@name": joint.name,
+        "@type": kind,
+        "origin": _origin(joint.placement),
+        "parent": {"@link": joint.parent},
+        "child": {"@link": joint.child},
+        "axis": {"@xyz": joint.axis} if FREEDOMS[joint.kind] == 1 or joint.kind == "planar" else None,
+        "limit": limit if required or np.isfinite([*bounds.values()]).any() else None,
+        "dynamics": dynamics if joint.damping or joint.friction else None,
+        "rotor_inertia": {"@value": joint.rotor_inertia} if joint.rotor_inertia else None,
+        "gear_ratio": {"@value": joint.gear_ratio} if joint.gear_ratio != 1 else None,
+        "mimic": mimic and {"@joint": mimic[0], "@multiplier": mimic[1], "@offset": mimic[2] or None},
+    }
+
+
+def _loop(closure: Closure, losses: Losses) -> Content:
+    """Return a closure. `losses`: receives one whose axes `<loop>` cannot say."""
+    locked = (closure.translations, closure.rotation)
+    forms = [kind for kind, form in FORMS.items() if (form.translations, form.rotation) == locked]
+    kind = closure.kind if closure.kind in forms else forms[0] if forms else "rows"
+    rows, turn = rows_of(closure, losses) if kind == "rows" else (None, closure.turn)
+    universal = kind == "universal"
+    at_a, at_b = turned(closure.frame_a, turn.T), turned(closure.frame_b, np.eye(3) if universal else turn.T)
+    return {
+        "@name": closure.name,
+        "@type": kind,
+        "@rows": rows,
+        "predecessor": {"@link": closure.link_a, "origin": _origin(at_a)},
+        "successor": {"@link": closure.link_b, "origin": _origin(at_b)},
+        "axis": {"@xyz": turn[:, 2]} if rows is None and FORMS[kind].has_axis else None,
+        "axis2": {"@xyz": "0 0 1"} if universal else None,
+    }
+
+
+def _gear(coupling: Coupling, d: Description, above: dict[str, Joint | None]) -> Content | None:
+    """Return the `<coupling>` with the same terms, or None."""
+    if coupling.offset or coupling.name == coupling.terms[0][0]:
+        return None
+    terms = dict(coupling.terms)
+    ends = [joint.child for name in terms for joint in d.joints if joint.name == name]
+    for link_a, link_b in ((link_a, link_b) for link_b in ends for link_a in (*ends, d.root)):
+        signs = {joint.name: sign for joint, sign in terms_between(link_a, link_b, above)}
+        gears = {
+            sign: {sign * terms.get(name, 0) for name in signs if signs[name] == sign} for sign in (1, -1)
+        }
+        if signs.keys() == terms.keys() and len(gears[-1]) == 1 and len(gears[1]) <= 1:
+            (unit,) = gears[-1]
+            ratio = gears[1].pop() / unit if gears[1] else 1.0
+            links = {"predecessor": {"@link": link_a}, "successor": {"@link": link_b}}
+            return {"@name": coupling.name, **links, "ratio": {"@value": ratio}}
+    return None
 
 
 def _add_losses(d: Description, losses: Losses) -> None:
