@@ -165,7 +165,7 @@ oblique axes, revolute          kept        pins              home          axes
 oblique axes, rows_x_fixed      axes        follow            home+slides   axes
 mimic                           kept        kept              kept          kept
 mimic with an offset            kept        kept              kept          kept
-coupling with a name            mimic       kept              mimic         kept
+coupling with a name            mimic       kept              mimic         mimic
 coupling of three               kept        kept              kept          kept
 coupling of one                 kept        kept              kept          kept
 coupling with a zero            kept        kept              kept          kept

@@ -15,7 +15,7 @@ from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.side_cars.model_text import model_file
 from ..mjcf.bodies import POINT_INERTIA, sizes_of
-from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed
+from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of
 from .joints import End, add_closure, add_joint, axis_of, start_joint, unit_of
 from .prims import Prim, add_body, add_shape
 
@@ -40,19 +40,21 @@ def write_usd(request: Request, losses: Losses) -> Written:
         ends = End(None, np.eye(4)), End(bodies[d.root], np.eye(4))
         start_joint(held, "root_joint", (), ends).apply("PhysicsArticulationRootAPI")
     motors = {*d.motors}
-    joints = {
-        joint.name: add_joint(
+    joints = [
+        add_joint(
             held, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in motors,
             d.home.get(joint.name), losses,
         )
         for joint in d.joints
-    }  # fmt: skip
+    ]  # fmt: skip
     closing = robot.child("Scope", "closures") if d.closures else robot
     for closure in d.closures:
         a, b = closure.link_a, closure.link_b
         add_closure(closing, closure, (bodies[a], bodies[b]), (poses[a], poses[b]), losses)
-    by_name = {joint.name: joint for joint in d.joints}
-    left = [coupling for coupling in d.couplings if not _add_mimic(coupling, by_name, joints)]
+    by_name = {joint.name: (joint, prim) for joint, prim in zip(d.joints, joints, strict=True) if prim}
+    followers, left = followers_of(d.couplings, losses)
+    for name, (leader, factor, offset) in followers.items():
+        _add_mimic(*by_name[name], *by_name[leader], factor, offset)
     _add_scene(top, d)
     for joint in d.joints:
         add_limits(joint, losses)
@@ -88,24 +90,15 @@ def _text(robot: Prim, top: Prim) -> str:
     return head + "".join("\n" + "\n".join(prim.lines()) + "\n" for prim in top.children)
 
 
-def _add_mimic(coupling: Coupling, by_name: dict[str, Joint], joints: dict[str, Prim | None]) -> bool:
-    """Add a coupling of two joints as a mimic joint of PhysX; return False if it is none."""
-    follower = coupling.terms[0][0]
-    if len(coupling.terms) != 2 or coupling.name != follower or not coupling.terms[0][1]:
-        return False
-    own, leader = (by_name[name] for name, _ in coupling.terms)
-    prim, its_prim, axis = joints[follower], joints[leader.name], f"rot{axis_of(own.axis)[0]}"
-    if prim is None or its_prim is None or f"PhysxMimicJointAPI:{axis}" in prim.schemas:
-        return False
-    factor = coupling.terms[1][1] / coupling.terms[0][1]
+def _add_mimic(own: Joint, prim: Prim, leader: Joint, its_prim: Prim, factor: float, offset: float) -> None:
+    """Add to a joint with one freedom that it follows another one, as a mimic joint of PhysX."""
+    axis, unit = f"rot{axis_of(own.axis)[0]}", unit_of(own)
     prim.apply(f"PhysxMimicJointAPI:{axis}")
     prim.line(f"rel physxMimicJoint:{axis}:referenceJoint = <{its_prim.path}>")
     prim.line(f'uniform token physxMimicJoint:{axis}:referenceJointAxis = "rot{axis_of(leader.axis)[0]}"')
-    prim.numbers("float", f"physxMimicJoint:{axis}:gearing", factor * unit_of(leader) / unit_of(own))
-    offset = -coupling.offset / coupling.terms[0][1] / unit_of(own)
+    prim.numbers("float", f"physxMimicJoint:{axis}:gearing", -factor * unit_of(leader) / unit)
     if offset:
-        prim.numbers("float", f"physxMimicJoint:{axis}:offset", offset)
-    return True
+        prim.numbers("float", f"physxMimicJoint:{axis}:offset", -offset / unit)
 
 
 def _add_scene(top: Prim, d: Description) -> None:
