@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotCommand
+from .common.options import RobotCommand, numbers_by_name
 from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
@@ -20,26 +20,12 @@ AT_HOME = 1e-9
 DECIMALS = 14
 
 
-def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
-    """Parse each name=value."""
-    out = {}
-    for value in values:
-        name, _, number = value.rpartition("=")
-        try:
-            out[name] = float(number)
-        except ValueError:
-            name = ""
-        if not name:
-            raise click.BadParameter(f"'{value}' is not of the form NAME=NUMBER", ctx, param)
-    return out
-
-
 @click.command("home", cls=RobotCommand, short_help="Find closed home postures; write one to model.toml.")
 @click.option(
     "--at",
     metavar="NAME=NUMBER",
     multiple=True,
-    callback=_positions,
+    callback=numbers_by_name,
     help="Position of a motor [m or rad]; the others stay at home. May be repeated.",
 )
 @click.option("--all", "everything", is_flag=True, help="List all postures that are found.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,7 +10,7 @@ import click
 
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
-from .common.options import RobotChoice, split_names, takes_effects
+from .common.options import RobotChoice, numbers_by_name, split_names, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
 from .common.tables import Observer, Plan, TableCommand, Tables, run
 
@@ -36,7 +36,7 @@ class Asked(NamedTuple):
     effects: tuple[str, ...]
     passive: str
     on_singular: str
-    weights: tuple[str, ...]
+    weights: dict[str, float] | None
     engine: str | None
 
 
@@ -53,6 +53,17 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
             f"'{value}' is neither a percentage like '1%' nor a number like '0.01'", ctx, param
         )
     return number
+
+
+def _weights(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float] | None:
+    """Read weights from words MOTOR=NUMBER and from tables; None where none are given."""
+    from ..tables.opening import open_table
+
+    weights = numbers_by_name(ctx, param, tuple(word for word in values if "=" in word))
+    for file in (word for word in values if "=" not in word):
+        with open_table(file) as table:
+            weights |= dict(zip(table.columns, next(table.blocks).values[0].tolist(), strict=True))
+    return weights or None
 
 
 @click.command(
@@ -93,6 +104,7 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
     "--weights",
     metavar="MOTOR=X,...",
     multiple=True,
+    callback=_weights,
     help="Weights of redundant motors, or a CSV file of them.",
 )
 @click.option(
@@ -116,7 +128,7 @@ def command(
     effects: tuple[str, ...] | None,
     passive: str,
     on_singular: str,
-    weights: tuple[str, ...],
+    weights: dict[str, float] | None,
     fail_on: str | None,
     within: float | None,
     engine: str | None,
@@ -156,7 +168,7 @@ def _plan(asked: Asked, given: Pass) -> Plan:
     from ..effects import choose
 
     robot, layout = given.robot, given.layout
-    shares, on = read_weights(asked.weights, robot.motors), choose(robot, asked.effects)
+    on = choose(robot, asked.effects)
     if asked.loads:  # the report names the limits
         on = on.only([name for name in on.names if name != "limits"])
     if not asked.outputs or on.names:
@@ -165,7 +177,7 @@ def _plan(asked: Asked, given: Pass) -> Plan:
         "--reactions": asked.tables.reactions is not None,
         "--passive solved": asked.passive != "given",
         "--on-singular least-norm": asked.on_singular != "raise",
-        "--weights": shares is not None,
+        "--weights": asked.weights is not None,
         "wrenches in the table": bool(layout.wrenches),
     }
     chosen = choose_engine(asked.engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
@@ -173,7 +185,7 @@ def _plan(asked: Asked, given: Pass) -> Plan:
         efforts,
         passive=asked.passive,
         on_singular=asked.on_singular,
-        weights=shares,
+        weights=asked.weights,
         effects=on,
         reactions=asked.tables.reactions is not None,
         compiled=chosen.model,
@@ -265,33 +277,3 @@ def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None
             "nothing has mass, so that every effort would be zero: give the links an <inertial>",
             file=robot.description.source,
         )
-
-
-def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, float] | None:
-    """Read the motors' weights from `motor=value` words or from a table.
-
-    Returns:
-        Weights by motor, or None where none are given; `hybridyn.idm` checks that they are complete.
-
-    Raises:
-        click.UsageError: A word is neither `motor=value` nor a file, or a motor is unknown.
-    """
-    from ..description.names import did_you_mean
-    from ..tables.opening import open_table
-
-    weights: dict[str, float] = {}
-    for word in words:
-        if "=" not in word:
-            with open_table(word) as table:
-                weights |= dict(zip(table.columns, next(table.blocks).values[0].tolist(), strict=True))
-            continue
-        for part in word.split(","):
-            name, _, number = part.rpartition("=")
-            try:
-                weights[name.strip()] = float(number)
-            except ValueError:
-                raise click.UsageError(f"--weights: '{part}' is not of the form motor=value") from None
-    for name in weights:
-        if name not in motors:
-            raise click.UsageError(f"--weights: there is no motor '{name}'{did_you_mean(name, motors)}")
-    return weights or None

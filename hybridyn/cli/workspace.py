@@ -14,7 +14,7 @@ from ..streams.workers import Workers
 from .common.figures import plot_option, save
 from .common.files import result_file
 from .common.maps import Grid, parse_grid, tell_map
-from .common.options import RobotChoice, RobotCommand, split_names
+from .common.options import RobotChoice, RobotCommand, numbers_by_name, split_names
 from .common.progress import Progress
 from .common.tables import jobs_option
 from .common.text import aligned_rows, counted
@@ -24,22 +24,6 @@ if TYPE_CHECKING:
 
 #: Maximum number of joints that are named as bounds.
 BLOCKS = 6
-
-
-def _numbers(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
-    """Parse words of the form `x=0.01`, separated by commas or repeated."""
-    out = {}
-    for word in (part for value in values for part in value.split(",")):
-        name, _, number = word.partition("=")
-        try:
-            out[name.strip()] = float(number)
-        except ValueError:
-            raise click.BadParameter(f"'{word}' is not of the form x=0.1", ctx, param) from None
-    return out
-
-
-def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...] | None:
-    return None if value is None else tuple(word.strip() for word in value.split(","))
 
 
 @click.command(
@@ -58,14 +42,14 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
 @click.option(
     "--sweep",
     metavar="X,Y,...",
-    callback=_words,
+    callback=split_names,
     help="Coordinates of the lattice.  [default: up to three independent ones, else x, y, z]",
 )
 @click.option(
     "--at",
     metavar="YAW=0.2,...",
     multiple=True,
-    callback=_numbers,
+    callback=numbers_by_name,
     help="Values of the other coordinates, or the lattice's origin [m, rad].  [default: home]",
 )
 @click.option(
@@ -73,7 +57,7 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     "steps",
     metavar="X=0.01,...",
     multiple=True,
-    callback=_numbers,
+    callback=numbers_by_name,
     help="Steps of the lattice [m, rad].  [default: parts of the module's size]",
 )
 @click.option("--no-limits", is_flag=True, help="Ignore the joints' position limits.")
@@ -101,7 +85,7 @@ def command(
     load: RobotChoice,
     module: str | None,
     link: str | None,
-    sweep: tuple[str, ...] | None,
+    sweep: list[str] | None,
     at: dict[str, float],
     steps: dict[str, float],
     no_limits: bool,

@@ -51,8 +51,7 @@ USAGE = [
     ("idm arm.urdf traj.csv --base loose", "'loose' is not one of"),
     ("idm arm.urdf traj.csv --xacro n=3", "name:=value"),
     ("idm arm.urdf traj.csv --motors lift,", "empty name"),
-    ("idm arm.urdf traj.csv --weights lift=heavy", "motor=value"),
-    ("idm arm.urdf traj.csv --weights lifd=1", "did you mean 'lift'"),
+    ("idm arm.urdf traj.csv --weights lift=heavy", "NAME=NUMBER"),
     ("idm arm.urdf traj.csv --wieghts 1", "No such option"),
     *(
         (words.format(target), message)
@@ -83,7 +82,7 @@ USAGE = [
     *((f"cost five_bar --target {text}", f"{text} is no error") for text in ("nan", "inf", "0")),
     ("cost five_bar -o cost.parquet", "must end in .csv or .json"),
     ("info five_bar --ignore to-dense", "did you mean 'too-dense'"),
-    ("workspace five_bar --step x:0.1", "'x:0.1' is not of the form x=0.1"),
+    ("workspace five_bar --step x:0.1", "'x:0.1' is not of the form NAME=NUMBER"),
     ("info lx4 --plot a.gif", ".dot"),
     ("view delta --plot a.gif", "must end in .png"),
     ("view delta --plot nowhere/a.mp4", "there is no folder"),
@@ -106,6 +105,7 @@ USAGE = [
 ]  # fmt: skip
 #: Status 1: what only the robot tells.
 ASKED = [
+    ("idm arm.urdf traj.csv --weights lifd=1", "unknown motors ['lifd'], missing motors ['lift', 'turn']"),
     ("idm five_bar --by-effect --effects gravity,velocity", "'velocity' needs 'inertia'"),
     ("idm five_bar --by-effect --effects spring", "state no numbers for the effect 'spring'"),
     ("idm five_bar --map m1_left_elbw", "unknown joint 'm1_left_elbw' (did you mean 'm1_left_elbow'?)"),

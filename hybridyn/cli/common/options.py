@@ -30,6 +30,20 @@ def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -
     return names
 
 
+def numbers_by_name(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
+    """Parse words NAME=NUMBER, separated by commas or repeated."""
+    out = {}
+    for word in (part for value in values for part in value.split(",")):
+        name, _, number = word.rpartition("=")
+        try:
+            out[name.strip()] = float(number)
+        except ValueError:
+            name = ""
+        if not name:
+            raise click.BadParameter(f"'{word}' is not of the form NAME=NUMBER", ctx, param)
+    return out
+
+
 def _vector(
     ctx: click.Context, param: click.Parameter, value: str | None
 ) -> tuple[float, float, float] | None:
