@@ -165,10 +165,14 @@ def command(
 
 def _plan(asked: Asked, given: Pass) -> Plan:
     """Build the plan for a robot and a table."""
+    from ..description.names import did_you_mean
     from ..effects import choose
 
     robot, layout = given.robot, given.layout
     on = choose(robot, asked.effects)
+    for name in asked.weights or ():
+        if name not in robot.motors:
+            raise click.UsageError(f"--weights: there is no motor '{name}'{did_you_mean(name, robot.motors)}")
     if asked.loads:  # the report names the limits
         on = on.only([name for name in on.names if name != "limits"])
     if not asked.outputs or on.names:

@@ -69,9 +69,9 @@ def command(
     report = [] if os.path.isdir(table) else read_report(table)
     drawn: Chart | Figure
     if os.path.isdir(table):
-        from ..figures.sweep import figure_of_sweep
+        from ..figures.sweep import chart_of_sweep
 
-        drawn = figure_of_sweep(table)
+        drawn = chart_of_sweep(table)
     elif report:
         from ..figures.reports import chart_of_report
 

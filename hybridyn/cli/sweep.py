@@ -95,13 +95,15 @@ def command(
         click.echo("\n".join(_indices(output)))
     if plot is not None:
         from ..figures import sweep as figures
-        from .common.figures import save
+        from .common.figures import save, save_chart
 
-        if draw == "sensitivity":
-            save(figures.figure_of_indices(output), plot)
+        if draw == "parallel":
+            save(figures.figure_of_coordinates(output, where), plot)
         else:
-            of = figures.figure_of_sweep if draw == "scatter" else figures.figure_of_coordinates
-            save(of(output, where), plot)
+            scatter = draw == "scatter"
+            save_chart(
+                figures.chart_of_sweep(output, where) if scatter else figures.chart_of_indices(output), plot
+            )
     return 0
 
 

@@ -115,7 +115,7 @@ def _bars(ax: Axes, panel: Panel) -> None:
     for number, line in enumerate(panel.lines):
         shift = (number - (len(panel.lines) - 1) / 2) * width
         colour = MODULES[number % len(MODULES)]
-        ax.bar(places + shift, line.y, width, color=colour, label=line.name)
+        ax.bar(places + shift, line.y, width, yerr=line.bound, color=colour, label=line.name)
     many = len(panel.ticks) > MOST_TICKS
     rotation = 60 if many else 12 if len(panel.ticks) > 4 else 0
     align = "right" if many else "center"

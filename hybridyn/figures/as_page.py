@@ -97,7 +97,10 @@ def _add_panel(figure: Figure, chart: Chart, panel: Panel, place: dict[str, int]
     for number, line in enumerate(panel.lines):
         colour = MODULES[number % len(MODULES)]
         if panel.ticks:
-            bar = go.Bar(x=panel.ticks, y=line.y, name=line.name, marker_color=colour, **group)
+            bar = go.Bar(
+                x=panel.ticks, y=line.y, error_y={"array": line.bound}, name=line.name, marker_color=colour,
+                **group,
+            )  # fmt: skip
             figure.add_trace(bar, **place)
             continue
         trace: Any = go.Scatter(

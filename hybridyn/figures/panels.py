@@ -21,12 +21,14 @@ class Line:
         y: Values, shape (T,) or (ticks,).
         limit: Largest permitted magnitude of the values, inf if there is none.
         mark_peak: Whether the value of largest magnitude is marked.
+        bound: Half of the interval that is drawn about each bar, shape (ticks,), or None.
     """
 
     name: str
     y: Array
     limit: float = np.inf
     mark_peak: bool = False
+    bound: Array | None = None
 
     @property
     def peak(self) -> int:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..colours import ALARM, MODULES
 from ..spatial import Array, Mask
 from ..studies.sweep.best import rows_of
 from ..studies.sweep.sensitivity import KINDS, sensitivity
 from ..studies.sweep.shards import About, about_of
 from .blank import empty_figure
+from .panels import Chart, Line, Mark, Panel
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Colour of designs that do not meet a condition.
+PALE = "#bfbfbf"
 #: Largest number of points per panel; of more designs, evenly spaced ones are drawn.
 MOST_POINTS = 20_000
 #: Largest number of lines in parallel coordinates; more hide each other.
@@ -25,27 +28,31 @@ MOST_LINES = 1_000
 MOST_PANELS = 8
 
 
-def figure_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Figure:
-    """Draw a sweep: a row of panels per measure, a column per parameter.
+def chart_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Chart:
+    """Build a chart of a sweep: a row of panels per measure, a column per parameter.
 
     Designs that could not be evaluated are red marks at the bottom; those that do not meet `where` are grey.
 
     Raises:
-        HybridynError: matplotlib is missing, the folder has no results, or the condition is wrong.
+        HybridynError: The folder has no results, or the condition is wrong.
     """
-    about, columns, masks = _columns(folder, where, MOST_POINTS)
+    about, columns, (good, met) = _columns(folder, where, MOST_POINTS)
     parameters, measures = about.parameters[:MOST_PANELS], about.measures[:MOST_PANELS]
-    figure = empty_figure(2.6 * len(parameters) + 0.8, 2.1 * len(measures) + 0.6)
-    panels = figure.subplots(len(measures), len(parameters), squeeze=False, sharex="col", sharey="row")
-    for row, measure in zip(panels, measures, strict=True):
-        for ax, parameter in zip(row, parameters, strict=True):
-            _scatter(ax, columns[parameter], columns[measure], *masks)
-            ax.tick_params(labelsize="x-small")
-        row[0].set_ylabel(measure, fontsize="small")
-    for ax, parameter in zip(panels[-1], parameters, strict=True):
-        ax.set_xlabel(parameter, fontsize="small")
-    _title(figure, about, masks)
-    return figure
+    panels = []
+    for measure in measures:
+        low = columns[measure][good].min() if good.any() else 0.0
+        y = np.where(good, columns[measure], low)
+        for name in parameters:
+            marks = [
+                Mark(what, columns[name][of], y[of], "dots", colour)
+                for what, of, colour in (
+                    ("does not meet the condition", good & ~met, PALE), ("designs", met, MODULES[0]),
+                    ("not evaluated", ~good, ALARM),
+                )
+                if of.any()
+            ]  # fmt: skip
+            panels.append(Panel("", about.label(measure), (), marks=tuple(marks), x_label=name))
+    return Chart(_title(about, len(good)), np.zeros(0), "", tuple(panels), across=len(parameters))
 
 
 def figure_of_coordinates(folder: str | PathLike[str], where: str | None = None) -> Figure:
@@ -79,39 +86,31 @@ def figure_of_coordinates(folder: str | PathLike[str], where: str | None = None)
                 f"{value:.4g}", (at, height), (0, 2 if side == "bottom" else -2), textcoords="offset points",
                 ha="center", va=side, fontsize="x-small",
             )  # fmt: skip
-    ax.set_xticks(range(len(names)), names, fontsize="small", rotation=20)
+    ax.set_xticks(range(len(names)), [about.label(name) for name in names], fontsize="small", rotation=20)
     ax.set_yticks([])
     ax.set_ylim(-0.08, 1.08)
     ax.tick_params(axis="x", length=0, pad=8)
     ax.set_frame_on(False)
-    _title(figure, about, masks)
+    figure.suptitle(_title(about, masks.shape[1]), fontsize="medium")
     return figure
 
 
-def figure_of_indices(folder: str | PathLike[str]) -> Figure:
-    """Draw the sensitivity indices: a panel per measure, bars per parameter with their 95 % intervals.
+def chart_of_indices(folder: str | PathLike[str]) -> Chart:
+    """Build a chart of the sensitivity indices: a panel per measure, bars per parameter with 95 % intervals.
 
     Raises:
-        HybridynError: matplotlib or SALib is missing, or the folder has too few results.
+        HybridynError: SALib is missing, or the folder has too few results.
     """
-    about = about_of(str(folder))
-    found = sensitivity(folder)
-    kinds = list(dict.fromkeys(one.kind for one in found))
-    measures = about.measures[:MOST_PANELS]
-    figure = empty_figure(5.0, 1.0 + (0.5 + 0.3 * len(about.parameters)) * len(measures))
-    panels = figure.subplots(len(measures), 1, squeeze=False)[:, 0]
-    places = np.arange(len(about.parameters))[::-1]
-    for ax, measure in zip(panels, measures, strict=True):
-        for i, kind in enumerate(kinds):
-            ours = [one for one in found if (one.measure, one.kind) == (measure, kind)]
-            at = places + 0.4 * ((len(kinds) - 1) / 2 - i)
-            bounds = np.nan_to_num([one.bound for one in ours])
-            ax.barh(at, [one.value for one in ours], 0.8 / len(kinds), xerr=bounds, label=KINDS[kind])
-        ax.set_yticks(places, about.parameters, fontsize="small")
-        ax.set_title(measure, fontsize="small", loc="left")
-        ax.tick_params(labelsize="x-small")
-    panels[0].legend(fontsize="x-small")
-    return figure
+    about, found = about_of(str(folder)), sensitivity(folder)
+    panels = []
+    for measure in about.measures[:MOST_PANELS]:
+        ours = [one for one in found if one.measure == measure]
+        lines = []
+        for kind in dict.fromkeys(one.kind for one in ours):
+            values, bounds = np.array([[one.value, one.bound] for one in ours if one.kind == kind]).T
+            lines.append(Line(KINDS[kind], values, bound=np.nan_to_num(bounds)))
+        panels.append(Panel(measure, "index", tuple(lines), ticks=tuple(about.parameters)))
+    return Chart(about.study, np.zeros(0), "", tuple(panels), across=1)
 
 
 def _columns(
@@ -127,23 +126,5 @@ def _columns(
     return about, {name: values[some] for name, values in columns.items()}, masks[:, some]
 
 
-def _title(figure: Figure, about: About, masks: Mask) -> None:
-    """Write above a figure of what it is."""
-    shown = masks.shape[1]
-    figure.suptitle(f"{about.study}: {shown:,} of {about.designs:,} designs", fontsize="medium")
-
-
-def _scatter(ax: Axes, x: Array, y: Array, good: Mask, met: Mask) -> None:
-    style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3}
-    ax.plot(x[good & ~met], y[good & ~met], color="0.75", **style)
-    ax.plot(x[met], y[met], color="C0", **style)
-    bad = x[~good]
-    ax.plot(
-        bad,
-        np.full(len(bad), 0.02),
-        color="C3",
-        linestyle="none",
-        marker="|",
-        markersize=5,
-        transform=ax.get_xaxis_transform(),
-    )
+def _title(about: About, shown: int) -> str:
+    return f"{about.study}: {shown:,} of {about.designs:,} designs"

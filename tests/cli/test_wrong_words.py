@@ -52,6 +52,7 @@ USAGE = [
     ("idm arm.urdf traj.csv --xacro n=3", "name:=value"),
     ("idm arm.urdf traj.csv --motors lift,", "empty name"),
     ("idm arm.urdf traj.csv --weights lift=heavy", "NAME=NUMBER"),
+    ("idm arm.urdf traj.csv --weights lifd=1", "did you mean 'lift'"),
     ("idm arm.urdf traj.csv --wieghts 1", "No such option"),
     *(
         (words.format(target), message)
@@ -105,7 +106,6 @@ USAGE = [
 ]  # fmt: skip
 #: Status 1: what only the robot tells.
 ASKED = [
-    ("idm arm.urdf traj.csv --weights lifd=1", "unknown motors ['lifd'], missing motors ['lift', 'turn']"),
     ("idm five_bar --by-effect --effects gravity,velocity", "'velocity' needs 'inertia'"),
     ("idm five_bar --by-effect --effects spring", "state no numbers for the effect 'spring'"),
     ("idm five_bar --map m1_left_elbw", "unknown joint 'm1_left_elbw' (did you mean 'm1_left_elbow'?)"),

@@ -611,7 +611,8 @@ def test_indices_of_designs_in_blocks_are_those_of_the_formula(
 
 
 def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from hybridyn.figures.sweep import figure_of_coordinates, figure_of_indices
+    from hybridyn.figures.as_matplotlib import figure_of_chart
+    from hybridyn.figures.sweep import chart_of_indices, figure_of_coordinates
 
     needs("sensitivity")
     from scipy.stats import qmc
@@ -624,5 +625,5 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
     assert len(colours) == 63
     assert colours.count("0.85") == (x[1:] @ [3, 1] <= 2).sum()
     call(capsys, "plot", tmp_path, "-o", tmp_path / "sweep.svg")
-    bars = figure_of_indices(tmp_path).axes[0].patches
-    assert [bar.get_width() for bar in bars] == [one.value for one in sensitivity(tmp_path)]
+    bars = figure_of_chart(chart_of_indices(tmp_path)).axes[0].patches
+    assert [bar.get_height() for bar in bars] == [one.value for one in sensitivity(tmp_path)]

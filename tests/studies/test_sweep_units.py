@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.figures.sweep import chart_of_sweep
 from hybridyn.studies.sweep.expressions import Expression
-from hybridyn.studies.sweep.measures import OF_KIND, check_units
+from hybridyn.studies.sweep.measures import OF_KIND, check_units, unit_of
 from hybridyn.studies.sweep.shards import read_shards
 from tests.command_line import table_text
 from tests.comparing import refused
@@ -72,6 +73,8 @@ def test_a_study_names_the_unit(tmp_path: Path) -> None:
             [rows["force"][i], rows["torque"][i]], np.abs(motion).max(axis=0), rtol=1e-9
         )
         assert rows["rise"][i] == pytest.approx(0.2 * TIME[-1])
+    chart = chart_of_sweep(tmp_path / "out")
+    assert [panel.label for panel in chart.panels] == ["force [N]", "torque [N m]", "rise [m/s]"]
 
 
 @pytest.mark.parametrize(
@@ -92,6 +95,19 @@ def test_a_unit_that_no_motor_has_is_refused(tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, one, "one.urdf"))
     refused(lambda: check_units(robot, ["peak_speed[m/s]"]), hybridyn.ModelError, "no motor has this unit")
     check_units(robot, ["peak_speed", "peak_speed[rad/s]"])
+
+
+@pytest.mark.parametrize(
+    ("word", "unit"),
+    [
+        ("peak_effort", "N or N m"), ("peak_effort[N]", "N"), ("rms_speed[rad/s]", "rad/s"),
+        ("max lift/position", "m"), ("peak turn/effort", "N m"), ("peak tool/velocity/wy", "rad/s"),
+        ("min tool/pose/z", "m"), ("max tool/acceleration/x", "m/s^2"), ("energy", "J"),
+        ("stroke_margin", ""), ("cost.py:cost", ""), ("event landed", ""),
+    ],
+)  # fmt: skip
+def test_a_measure_has_the_unit_of_its_motors_or_column(word: str, unit: str, tmp_path: Path) -> None:
+    assert unit_of(word, hybridyn.load(save(tmp_path, ARM, "arm.urdf")).description) == unit
 
 
 OF_ROWS = {"a": [0.5, 1.5, 2.5, 1.0], "b": [2.0, 0.0, 3.0, 1.0]}

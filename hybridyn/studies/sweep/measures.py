@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...description.names import did_you_mean
+from ...description.records import Description
 from ...description.side_cars.toml_file import Keys
 from ...errors import HybridynError, ModelError
 from ...spatial import Array
@@ -95,6 +96,14 @@ OF_MOTORS |= {
     for unit, linear in zip(units, (True, False), strict=True)
 }
 
+#: Units of measures that do not depend on the robot; margins and conditioning have none.
+UNITS = {"peak_power": "W", "braking_power": "W", "mean_power": "W", "energy": "J", "reach": "m", "time": "s"}
+#: Units of the columns of slides and of other joints, and of links by their components without and with "w".
+OF_COLUMN = {
+    "position": ("m", "rad"), "velocity": ("m/s", "rad/s"), "acceleration": ("m/s^2", "rad/s^2"),
+    "effort": ("N", "N m"), "power": ("W", "W"), "pose": ("m", ""),
+}  # fmt: skip
+
 #: Measures of a workspace.
 OF_WORKSPACE: dict[str, Callable[[Workspace], float]] = {
     "poses": lambda found: float(len(found.index)),
@@ -155,6 +164,21 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
         )
     if not named:
         raise source.error(keys, f"'{word}' needs a name: measure = {{ name = \"{word}\" }}")
+
+
+def unit_of(word: str, description: Description) -> str:
+    """Return the unit of a measure, "" where it has none or the robot's description does not tell it."""
+    kinds = {joint.name: joint.kind for joint in description.joints}
+    name, _, unit = word.partition("[")
+    if name in OF_KIND:
+        of_motors = {OF_KIND[name][kinds[motor] != "prismatic"] for motor in description.motors}
+        return unit.removesuffix("]") or " or ".join(sorted(of_motors))
+    column = word.partition(" ")[2]
+    owner, _, quantity = column.rpartition("/")
+    turns = kinds.get(owner) != "prismatic"
+    if owner not in kinds:
+        turns, quantity = quantity.startswith("w"), owner.rpartition("/")[2]
+    return OF_COLUMN[quantity][turns] if quantity in OF_COLUMN else UNITS.get(word, "")
 
 
 def check_units(robot: HybridRobot, words: Iterable[str]) -> None:

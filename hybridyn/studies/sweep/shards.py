@@ -15,7 +15,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ class About:
         format: Format of the shards, "parquet" or "csv".
         method: How the designs were drawn.
         compiled: Whether compiled models evaluate designs.
+        units: Units of measures, as far as known.
     """
 
     study: str
@@ -54,6 +55,12 @@ class About:
     format: str
     method: str = ""
     compiled: bool = False
+    units: dict[str, str] = field(default_factory=dict)
+
+    def label(self, column: str) -> str:
+        """Return a column with its unit, where it is known."""
+        unit = self.units.get(column)
+        return f"{column} [{unit}]" if unit else column
 
     @property
     def columns(self) -> list[str]:

@@ -19,10 +19,12 @@ from .compiled_designs import Plan
 from .designs import Designs
 from .evaluation import Chunk, Designer, Evaluated, Row
 from .identity import identity
+from .measures import unit_of
 from .pools import MOST_DEATHS, Pool, PoolName, Task, check_pool, open_pool
 from .reading import read_study
 from .shards import About, Shards, read_shards, shards_in
 from .study_file import StudyFile
+from .variants import Variants
 
 #: Work of a chunk [s]: long against the transfer to another process, short against a wait.
 CHUNK_SECONDS = 1.0
@@ -126,7 +128,7 @@ def sweep(
             plan, state.why_general = plan_for(source, designs, _tried(designs), first)
     about = About(
         str(study), identity(source, designs), designs.count, designs.names, source.columns,
-        format or "parquet", designs.method, plan is not None,
+        format or "parquet", designs.method, plan is not None, _units(source, designs),
     )  # fmt: skip
     with locked(output):
         shards = Shards.create(Path(output), about, resume=resume)
@@ -138,6 +140,21 @@ def sweep(
                 _Run(source, designs, shards, state, processes, plan, pace, progress, started).all()
     state.seconds = time.perf_counter() - started
     return state
+
+
+def _units(source: StudyFile, designs: Designs) -> dict[str, str]:
+    """Return the units of measures, as far as the robot of the first design tells them."""
+    variants = Variants(source)
+    try:
+        description = variants.description(variants.named(designs.values(0, 1)[0]))
+    except HybridynError:
+        return {}
+    tasks = source.study.tasks.items()
+    return {
+        source.column(name, key): unit_of(word, description)
+        for name, task in tasks
+        for key, word in task.wanted.items()
+    }
 
 
 def _plan_of(shards: Shards, plan: Plan | None, source: StudyFile, designs: Designs) -> Plan | None:
