@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,9 +16,19 @@ from benchmarks.reference import Reference, floor, refer, refuse
 from benchmarks.results import CHECK, GOOD, NAN, Row
 from benchmarks.timing import LEAST, Candidate, interleaved, measured, timed
 from hybridyn import HybridRobot
-from hybridyn.spatial import Array
+from hybridyn.spatial import Index
 from hybridyn.studies.compare.engine import NotComparableError
-from hybridyn.studies.compare.methods import MODELS, Method, Model, Setting, Solver, written
+from hybridyn.studies.compare.methods import (
+    MODELS,
+    Method,
+    Model,
+    Setting,
+    Solver,
+    State,
+    each,
+    swept,
+    written,
+)
 
 #: Velocities: beyond, closing loops in long double takes minutes.
 MOST_CLOSED = 100
@@ -37,8 +46,6 @@ SETTINGS: dict[str, Setting] = {
 COLD = (COMPILED, "pin.lcaba", "pin.constraintDynamics", "pin.rnea + projection, dense")
 #: Robots, number of cold calls, and bytes that are touched between two.
 COLD_ROBOTS, COLD_CALLS, TOUCHED = ("lx4", "five_bar"), 300, 40_000_000
-
-States = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -86,15 +93,20 @@ class Problem(NamedTuple):
     case: str
     robot: HybridRobot
     model: Model
-    states: States
-    judged: Array
+    states: State
+    judged: Index
     reference: Reference
 
     @property
-    def singles(self) -> list[States]:
+    def singles(self) -> list[State]:
         """Return the judged states one by one."""
-        q, v, given = self.states
-        return [(q[i].copy(), v[i].copy(), given[i].copy()) for i in self.judged]
+        return [*zip(*(x[self.judged] for x in self.states), strict=True)]
+
+    def off(self, solve: Solver, *, batches: bool) -> float:
+        """Return the error of a solver at the judged states, from one call for all states or one for each."""
+        return self.reference.off(
+            solve(*self.states)[self.judged] if batches else np.array(each(solve, self.singles))
+        )
 
 
 def posed(case: str, model: Model, effort: Effort) -> Problem:
@@ -103,7 +115,7 @@ def posed(case: str, model: Model, effort: Effort) -> Problem:
     robot = own.load()
     q, v, a = own.states(robot, effort.batches[-1])
     given = a if model == "idm" else hybridyn.idm(robot, q, v, a)
-    judged = np.linspace(0, len(q) - 1, effort.judged).astype(int)
+    judged: Index = np.linspace(0, len(q) - 1, effort.judged).astype(int)
     reference = refer(robot, model, q[judged], v[judged], given[judged])
     return Problem(case, robot, model, (q, v, given), judged, reference)
 
@@ -150,52 +162,28 @@ def candidates_of(method: Method, problem: Problem, effort: Effort) -> Iterator[
     Raises:
         NotComparableError: It cannot do this robot.
     """
-    reference, singles = problem.reference, problem.singles
     in_loop = effort.looped and not method.batches
+    settings = (cheapest(method, problem, effort),) if in_loop else method.settings[:: effort.sweep]
+    method = replace(method, settings=settings)
+    sizes = effort.batches if in_loop or method.batches else (1,)
     for threads in effort.threads if method.threads else (1,):
-        at = method.prepare(problem.robot, threads)
-        settings = method.settings[:: effort.sweep]
-        for setting in [cheapest(at, settings, problem)] if in_loop else settings:
-            solve = at(setting)
-            row = Row(problem.case, problem.model, method.name, written(setting), threads=threads)
-            row = row._replace(error=reference.off(np.array([solve(*state) for state in singles])))
-            many = reference.off(solve(*problem.states)[problem.judged]) if method.batches else row.error
-            for batch in effort.batches if in_loop or method.batches else (1,):
-                some: States = tuple(np.ascontiguousarray(x[:batch]) for x in problem.states)  # type: ignore[assignment]
-                if in_loop:
-                    yield Candidate(row._replace(batch=batch), batch, looped(solve, some))
-                elif batch == 1:
-                    yield Candidate(row, len(singles), one_by_one(solve, singles))
-                else:
-                    yield Candidate(row._replace(batch=batch, error=many), batch, partial(solve, *some))
+        for one in swept(method, problem.robot, problem.states, problem.judged, sizes, threads):
+            row = Row(problem.case, problem.model, method.name, written(one.setting), threads=threads)
+            batch = 1 if one.single else one.samples
+            error = problem.off(one.solve, batches=method.batches and not one.single)
+            yield Candidate(row._replace(batch=batch, error=error), one.samples, one.call)
 
 
-def one_by_one(solve: Solver, states: Sequence[States]) -> Callable[[], object]:
-    """Call a solver with one state after the other."""
-
-    def call() -> None:
-        for q, v, given in states:
-            solve(q, v, given)
-
-    return call
-
-
-def looped(solve: Solver, states: States) -> Callable[[], object]:
-    """Call a solver in a loop, and keep every answer, as who needs a batch must."""
-    q, v, given = states
-    return lambda: np.array([solve(*state) for state in zip(q, v, given, strict=True)])
-
-
-def cheapest(at: Callable[[Setting], Solver], settings: Sequence[Setting], problem: Problem) -> Setting:
+def cheapest(method: Method, problem: Problem, effort: Effort) -> Setting:
     """Return the setting that reaches `GOOD` in the least time, or the most accurate one where none does."""
-    singles = problem.singles
-    solvers = [at(setting) for setting in settings]
-    errors = [problem.reference.off(np.array([solve(*s) for s in singles])) for solve in solvers]
-    good = [i for i, error in enumerate(errors) if error <= GOOD]
+    method = replace(method, settings=method.settings[:: effort.sweep])
+    calls = [*swept(method, problem.robot, problem.states, problem.judged)]
+    errors = [problem.off(one.solve, batches=False) for one in calls]
+    good = [one for one, error in zip(calls, errors, strict=True) if error <= GOOD]
     if not good:
-        return settings[int(np.argmin(errors))]
-    times = interleaved([one_by_one(solvers[i], singles) for i in good], SWEEP_ROUNDS)
-    return settings[min(zip(times, good, strict=True))[1]]
+        return calls[int(np.argmin(errors))].setting
+    times = interleaved([one.call for one in good], SWEEP_ROUNDS)
+    return good[times.index(min(times))].setting
 
 
 def cold(case: str, calls: int = COLD_CALLS) -> list[Row]:

@@ -7,23 +7,33 @@ import os
 import sys
 import textwrap
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..studies.cost.points import ADVISED, SECONDS, Study, advice, cheapest, error_words, fronts
+from ..studies.cost.points import (
+    ADVISED,
+    SECONDS,
+    Study,
+    advice,
+    cheapest,
+    error_words,
+    fronts,
+    time_words,
+)
 from .common.figures import figure_file, save
 from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
-from .common.options import RobotChoice, RobotCommand
+from .common.options import RobotChoice, RobotCommand, split_names
 from .common.report import report_file, write_report
 from .common.text import aligned_rows
 
 if TYPE_CHECKING:
-    from ..studies.cost.points import Point
+    from ..studies.cost.points import Point, Progress, Worth
 
-#: Number of characters of a failure that are printed; the CSV file has all.
+#: Number of characters of a line of progress, and half of those of a remark.
 WIDTH = 120
 
 #: Most rows of the front that are printed.
@@ -48,11 +58,6 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
-def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
-    """Return names that stand between commas."""
-    return tuple(filter(None, (name.strip() for name in value.split(","))))
-
-
 @click.command(
     "cost",
     cls=RobotCommand,
@@ -71,7 +76,7 @@ def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str,
     help="What is computed along a trajectory.",
 )  # fmt: skip
 @click.option(
-    "--with", "engines", metavar="NAMES", default="", callback=_names,
+    "--with", "engines", metavar="NAMES", callback=split_names,
     help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone.",
 )  # fmt: skip
 @click.option("--all", "every", is_flag=True, help="Print every setting, not only those worth having.")
@@ -94,18 +99,9 @@ def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str,
     "--plot", metavar="FILE", callback=figure_file, help="Error against time as a figure: .png, .svg or .pdf."
 )
 def command(
-    load: RobotChoice,
-    trajectory: str | None,
-    target: float | None,
-    quantity: str,
-    engines: tuple[str, ...],
-    every: bool,
-    seconds: float,
-    until: float | None,
-    allow_python: bool,
-    output: str | None,
-    plot: str | None,
-) -> int:
+    load: RobotChoice, trajectory: str | None, target: float | None, every: bool, output: str | None,
+    plot: str | None, **given: Any,
+) -> int:  # fmt: skip
     """Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
 
     The command measures error and time of settings, and what each effect is worth. For a robot and a
@@ -115,13 +111,46 @@ def command(
     """
     from ..description.shipped import own_trajectory
 
-    source = load.robot
-    scene = source.endswith(".toml")
-    if not scene and trajectory is None:
-        trajectory = own_trajectory(source)
-    given = trajectory is not None and trajectory.lower().endswith(".toml")
+    scene = load.robot.endswith(".toml")
+    trajectory = trajectory or (None if scene else own_trajectory(load.robot))
+    _refuse_misuse(load, trajectory, **given)
+    study, status = Study("", "per run" if scene else "per sample"), 0
+    measure = _scene if scene else partial(_robot, trajectory=str(trajectory))
+    try:
+        measure(study, load, target or ADVISED, **given)
+    except KeyboardInterrupt:
+        if not study.points:
+            raise
+        status = INTERRUPTED
+        study.remarks.append("stopped by Ctrl-C: what follows was not measured")
+    if output:
+        write_report(output, _rows(study))
+    if plot:
+        from ..figures.cost import figure_of
+
+        save(figure_of(study, os.path.basename(load.robot)), plot)
+    if target is None:
+        click.echo("\n".join(_report(study, every=every)))
+        return status
+    best, said = cheapest(study, target), advice(study, target)
+    if best is None:
+        click.echo(f"error: {said[0]}", err=True)
+        return 1
+    click.echo("\n".join([*(f"# {line}" for line in said), best.fragment, *study.needed]))
+    return status
+
+
+def _refuse_misuse(
+    load: RobotChoice, trajectory: str | None, *, quantity: str, engines: list[str] | None,
+    until: float | None, allow_python: bool, **_: float,
+) -> None:  # fmt: skip
+    """Refuse options that do not belong together, in words that say what to type."""
+    source, scene = load.robot, load.robot.endswith(".toml")
     for wrong, said in (
-        (given, f"'{trajectory}' is a scene, which names its robot: 'hybridyn cost {trajectory}'"),
+        (
+            trajectory is not None and trajectory.lower().endswith(".toml"),
+            f"'{trajectory}' is a scene, which names its robot: 'hybridyn cost {trajectory}'",
+        ),
         (
             scene and trajectory is not None,
             f"a scene has its own motion: 'hybridyn cost {source}', without '{trajectory}'",
@@ -134,51 +163,40 @@ def command(
         (not scene and (until or allow_python), "--until and --allow-python are for scenes"),
         (
             scene and (engines or quantity != QUANTITIES[0]),
-            "--with and --quantity are for a robot and a trajectory: 'hybridyn cost ROBOT TRAJECTORY'",
+            "--with and --quantity are for a robot and a trajectory: engines are compared by their "
+            "accelerations, 'hybridyn cost ROBOT TRAJECTORY --quantity ddm --with mujoco'",
         ),
     ):
         if wrong:
             raise click.UsageError(said)
-    study, status, lines = Study("", "per run" if scene else "per sample"), 0, list[str]()
-    try:
-        if scene:
-            lines = _scene(study, source, (until, seconds, target), allow_python, _shown(study))
-        else:
-            _robot(study, load, str(trajectory), _shown(study), quantity, engines, target)
-    except KeyboardInterrupt:
-        status = INTERRUPTED
-        study.remarks.append("stopped by Ctrl-C: what follows was not measured")
-        if not study.points:
-            raise
-    if output:
-        write_report(output, _rows(study))
-    if plot:
-        from ..figures.cost import figure_of
-
-        save(figure_of(study, os.path.basename(source)), plot)
-    return _tell(study, target, lines, every=every) or status
 
 
-def _shown(study: Study) -> Callable[[Point], None]:
-    """Return a function that prints each point when it is measured, if a person looks."""
+def _shown(study: Study) -> Progress:
+    """Return a function that prints each result when it is measured, if a person looks."""
     started = time.perf_counter()
 
-    def show(point: Point) -> None:
-        """Print a point on standard error."""
+    def show(result: Point | Worth) -> None:
+        """Print a result on standard error, and how long the rest may take."""
+        spent = time.perf_counter() - started
+        words = (
+            f"without {result[0]}: {result[1]:.1e}"
+            if isinstance(result, tuple)
+            else (f"{result.line}, {result.setting}: {result.error:.1e} in {time_words(result.seconds)}")
+        )
         if sys.stderr.isatty():
-            told = point.failure or f"{point.error:.1e} in {_time(point.seconds)}"
-            text = f"{time.perf_counter() - started:4.0f} s  {point.line}, {point.setting}: {told}"
+            text = f"{spent:4.0f} s, {spent / study.done - spent:3.0f} s left  {words}"
             click.echo(textwrap.shorten(text, WIDTH), err=True)
 
     return show
 
 
 def _robot(
-    study: Study, load: RobotChoice, trajectory: str, progress: Callable[[Point], None], quantity: str,
-    engines: tuple[str, ...], target: float | None,
+    study: Study, load: RobotChoice, target: float, *, trajectory: str, quantity: str,
+    engines: list[str] | None, **_: float | None,
 ) -> None:  # fmt: skip
     """Measure a robot on a trajectory, with every effect that its files state, or those that engines have."""
     from ..effects import choose
+    from ..effects.choice import stated_names
     from ..errors import TrajectoryError
     from ..streams.one_pass import read_postures
     from ..studies.cost.models import Trajectory, study_models
@@ -193,75 +211,54 @@ def _robot(
         )
     table = None if layout.full_state or motion.time is None else motion
     study_models(
-        robot, Trajectory(q, v, a, motion.time, table), choose(robot, None if engines else "model"), progress,
-        study, quantity=quantity, engines=engines, target=target or ADVISED,
+        robot, Trajectory(q, v, a, motion.time, table),
+        choose(robot, ["default", *(() if engines else stated_names(robot))]), _shown(study), study,
+        quantity=quantity, engines=engines or (), target=target,
     )  # fmt: skip
 
 
 def _scene(
-    study: Study, source: str, bounds: tuple[float | None, float, float | None], allow_python: bool,
-    progress: Callable[[Point], None],
-) -> list[str]:  # fmt: skip
-    """Measure a scene; return lines that request the effects that it needs."""
+    study: Study, load: RobotChoice, target: float, *, until: float | None, seconds: float,
+    allow_python: bool, **_: object,
+) -> None:  # fmt: skip
+    """Measure a scene."""
     from ..errors import TrajectoryError
     from ..scenes.stage import stage
-    from ..studies.cost.runs import needed_effects, study_runs
+    from ..studies.cost.runs import study_runs
 
-    ready = stage(source, allow_python=allow_python)
+    ready = stage(load.robot, allow_python=allow_python)
     if ready.motion is not None:
         raise TrajectoryError(
             "the scene's motion is given: nothing is integrated. Try 'hybridyn cost ROBOT TRAJECTORY'",
-            file=source,
+            file=load.robot,
         )
-    until, seconds, target = bounds
     duration = ready.source.scene.duration
-    study_runs(ready, min(duration, until or duration), progress, seconds, study, target or ADVISED)
-    return needed_effects(study, ready, target or ADVISED)
+    study_runs(ready, min(duration, until or duration), _shown(study), seconds, study, target)
 
 
-def _tell(study: Study, target: float | None, lines: list[str], *, every: bool) -> int:
-    """Print the table or, with a target, the lines for a scene; return the exit status."""
-    if target is None:
-        for line in _report(study, lines, every=every):
-            click.echo(line)
-        return 0
-    sentence, best = advice(study, target), cheapest(study, target)
-    if best is None:
-        click.echo(f"error: {sentence}", err=True)
-        return 1
-    click.echo("\n".join([f"# {sentence}", best.fragment, *lines]))
-    return 0
-
-
-def _report(study: Study, needed: list[str], *, every: bool) -> list[str]:
-    """Return the advice, the settings worth having, and what effects are worth."""
+def _report(study: Study, *, every: bool) -> Iterator[str]:
+    """Yield the advice, the settings worth having, and what effects are worth."""
     own, others = fronts(study)
     worth = [*own[len(others) - MOST_ROWS :], *others]
-    per_sample = study.time_unit == "per sample"
-    shown = [p for p in study.points if not p.failure and (every or p in worth or p.use == "usual")]
+    shown = [p for p in study.points if every or p in worth or p.use == "usual"]
     rows = [["", "choice", "setting", "error", f"time {study.time_unit}", ""]]
     for p in sorted(shown, key=lambda p: p.seconds):
         mark = "-" if p.use == "comparison" else "*" if p in own else ""
-        rows.append([mark, p.line, p.setting, error_words(p, study), _time(p.seconds), p.how])
-    lines = [advice(study, ADVISED), "", study.question, *aligned_rows(rows, right=(3, 4))]
-    if every:
-        lines += _failures(study)
-        lines.append("* nothing else is both faster and more accurate")
+        rows.append([mark, p.line, p.setting, error_words(p, study), time_words(p.seconds), p.how])
+    yield from (*advice(study, ADVISED), "", study.question, *aligned_rows(rows, right=(3, 4)))
     if study.worth:
-        lines += ["", *_effects(study, "along this motion" if per_sample else "in this scene")]
-    if needed:
-        lines += ["", f"effects for {ADVISED:g}, in the scene:", *needed]
-    lines += [
-        "",
-        f"errors are against {study.reference} (its own error: {study.own_error:.0e})",
-        *(textwrap.shorten(remark, 2 * WIDTH, placeholder=" ...") for remark in study.remarks),
-    ]
-    left = len(study.points) - len(shown)
-    return [*lines, f"{left} more settings were measured: --all shows them"] if left else lines
+        yield from ("", *_effects(study))
+    if study.needed:
+        yield from ("", f"effects for {ADVISED:g}, in the scene:", *study.needed)
+    yield from ("", f"errors are against {study.reference} (its own error: {study.own_error:.0e})")
+    yield from (textwrap.shorten(remark, 2 * WIDTH, placeholder=" ...") for remark in study.remarks)
+    if left := len(study.points) - len(shown):
+        yield f"{left} more settings were measured: --all shows them"
 
 
-def _effects(study: Study, where: str) -> list[str]:
-    """Return a table of what effects are worth."""
+def _effects(study: Study) -> list[str]:
+    """Return a table of what effects are worth; their times follow from the operations of the model."""
+    where = "along this motion" if study.time_unit == "per sample" else "in this scene"
     rows = [[f"effect, {where}", "changes", "takes", ""]]
     for one in sorted(study.worth, key=lambda one: -one.error):
         matters = one.error > ADVISED
@@ -269,17 +266,6 @@ def _effects(study: Study, where: str) -> list[str]:
         share = "" if math.isnan(one.share) else f"{100 * one.share:.2g} %"
         rows.append([one.effect.replace("_", " "), f"{one.error:.1e}", share, word])
     return aligned_rows(rows, right=(1, 2))
-
-
-def _failures(study: Study) -> list[str]:
-    """Return lines that name settings without a result and the reason."""
-    found = (f"{p.line}, {p.setting}: {p.failure}" for p in study.points if p.failure)
-    return [f"no result: {textwrap.shorten(line, WIDTH, placeholder=' ...')}" for line in found]
-
-
-def _time(seconds: float) -> str:
-    unit, factor = ("us", 1e6) if seconds < 1e-2 else ("s", 1.0)
-    return f"{seconds * factor:.3g} {unit}"
 
 
 def _rows(study: Study) -> list[dict[str, Any]]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from itertools import cycle
+from math import inf
 from typing import TYPE_CHECKING
 
-from ..studies.cost.points import ADVISED, Point, Study, cheapest, front
-from .fronts import Curve, Panel, draw
+from ..studies.cost.points import ADVISED, Study, by_line, cheapest, front
+from .fronts import Bars, Curve, Panel, draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,38 +18,31 @@ REMARK = "Lower left is better. Pale: all settings; line: the front. Filled: one
 
 def figure_of(study: Study, source: str) -> Figure:
     """Draw the fronts of a study, and beside them what effects change against what they take."""
-    panels = [_settings(study)]
+    panels: list[Panel | Bars] = [_settings(study)]
     if study.worth:
-        panels.append(_effects(study))
+        order = sorted(study.worth, key=lambda one: one.error)
+        names = [one.effect.replace("_", " ") + ("" if one.computed else " (left out)") for one in order]
+        pairs = {
+            "change without it": [one.error for one in order],
+            "part of time": [one.share for one in order],
+        }
+        panels.append(Bars("effects", "part of the whole", names, pairs, study.own_error))
     return draw(f"{source}: {study.question}", REMARK, [panels])
 
 
 def _settings(study: Study) -> Panel:
     """Return the front of each family, with the names of the present and of the advised setting."""
     unit, scale = ("us", 1e6) if study.time_unit == "per sample" else ("s", 1.0)
-    drawn = [p for p in study.points if not p.failure and p.seconds > 0]
-    families: dict[str, list[Point]] = {}
-    for point in drawn:
-        families.setdefault(point.line, []).append(point)
     curves = []
-    for (name, own), colour in zip(families.items(), cycle(COLOURS), strict=False):
+    drawn = by_line(p for p in study.points if 0 < p.seconds < inf > p.error)
+    for (name, own), colour in zip(drawn.items(), cycle(COLOURS), strict=False):
         (x, y), (all_x, all_y) = (
             zip(*((p.seconds * scale, p.error) for p in points), strict=True)
             for points in (front(own, study.own_error) or own, own)
         )
         hollow = [not own[0].one_call] * len(x)
         curves.append(Curve(name, colour, x, y, hollow=hollow, all_x=all_x, all_y=all_y))
-    usual = next((p for p in drawn if p.use == "usual"), None)
+    usual = next((p for p in study.points if p.use == "usual"), None)
     named = ((usual, "now"), (cheapest(study, ADVISED), "advised"))
     notes = [(p.seconds * scale, p.error, words) for p, words in named if p]
     return Panel(study.subject, f"time {study.time_unit} [{unit}]", "relative error", curves, notes=notes)
-
-
-def _effects(study: Study) -> Panel:
-    """Return a point for each effect; open if it is not computed."""
-    order = [one for one in study.worth if one.error > 0 and one.share > 0]
-    curves = [
-        Curve(one.effect.replace("_", " "), colour, [100 * one.share], [one.error], hollow=[not one.computed])
-        for one, colour in zip(order, cycle(COLOURS), strict=False)
-    ]
-    return Panel("effects", "share of the operations [%]", "change without it", curves)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -76,7 +76,28 @@ class Panel:
         return max((y for curve in self.curves for y in curve.y), default=0.0)
 
 
-def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]]) -> Figure:
+@dataclass(frozen=True)
+class Bars:
+    """Bars over a logarithmic axis.
+
+    Attributes:
+        title: Over the axes.
+        x: Name of the axis.
+        names: What each group of bars is of, from below.
+        groups: Lengths by what they are.
+        least: Rounding, at which bars begin.
+    """
+
+    title: str
+    x: str
+    names: Sequence[str]
+    groups: Mapping[str, Sequence[float]]
+    least: float = LEAST
+    y: str = ""
+    top: float = 0.0
+
+
+def draw(title: str, remark: str, rows: Sequence[Sequence[Panel | Bars]]) -> Figure:
     """Draw rows of panels.
 
     Raises:
@@ -95,6 +116,9 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]]) -> Figure:
             ax.set_axis_off()
         for own, row in zip(axes, rows, strict=True):
             for ax, panel in zip(own, row, strict=False):
+                if isinstance(panel, Bars):
+                    _bars(ax, panel)
+                    continue
                 _panel(ax, panel, max(other.top for other in every if other.y == panel.y))
         named = {line.get_label(): line for ax in axes.flat for line in ax.get_lines()}
         named = {name: line for name, line in named.items() if not str(name).startswith("_")}
@@ -126,6 +150,22 @@ def _panel(ax: Axes, panel: Panel, most: float) -> None:
     ax.set_ylim(*widened(*ax.get_ylim()))
     if panel.reverse:
         ax.invert_xaxis()
+
+
+def _bars(ax: Axes, panel: Bars) -> None:
+    """Draw bars, from rounding or a tenth of the shortest on."""
+    shown = [x for values in panel.groups.values() for x in values if panel.least < x < math.inf]
+    width, left = 0.8 / len(panel.groups), min(shown, default=panel.least) / 10
+    for number, (name, colour) in enumerate(zip(panel.groups, (INK, "#b9b9b9"), strict=False)):
+        at = [k + width * (len(panel.groups) - 1 - number) for k in range(len(panel.names))]
+        ax.barh(at, [min(x, 1e3) for x in panel.groups[name]], width, color=colour)
+        ax.plot([], [], lw=6, color=colour, label=name)
+    ax.set_axis_on()
+    ax.set_title(panel.title, loc="left", color=INK)
+    ax.set(xscale="log", xlabel=panel.x, yticks=[k + width / 2 for k in range(len(panel.names))])
+    ax.set_yticklabels(panel.names)
+    ax.set_xlim(left=left)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _curve(ax: Axes, curve: Curve) -> None:

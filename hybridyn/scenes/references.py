@@ -60,10 +60,10 @@ class MotorAxes:
         )
 
     def positions(self, q: Array) -> Array:
-        """Return the motors' positions, shape (motors,); for continuous joints the angle in [-pi, pi]."""
-        x: Array = q[self.at]
+        """Return the motors' positions, shape (..., motors); for continuous joints the angle in [-pi, pi]."""
+        x: Array = q[..., self.at]
         if self.turns.any():
-            x[self.turns] = np.arctan2(q[self.at[self.turns] + 1], x[self.turns])
+            x[..., self.turns] = np.arctan2(q[..., self.at[self.turns] + 1], x[..., self.turns])
         return x
 
     def error(self, desired: Array, q: Array) -> Array:

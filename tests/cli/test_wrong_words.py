@@ -77,7 +77,7 @@ USAGE = [
     ("cost {root}/models/five_bar/swing.toml traj.csv", "a scene has its own motion"),
     ("cost five_bar {root}/models/five_bar/swing.toml", "is a scene, which names its robot: 'hybridyn cost"),
     ("cost five_bar five_bar/traj.csv --until 1", "are for scenes"),
-    ("cost {root}/models/five_bar/swing.toml --with mujoco", "'hybridyn cost ROBOT TRAJECTORY'"),
+    ("cost {root}/models/five_bar/swing.toml --with mujoco", "ROBOT TRAJECTORY --quantity ddm --with"),
     ("cost five_bar five_bar/traj.csv --quantity idmm", "'idm', 'ddm', 'close'"),
     ("cost {root}/models/five_bar/swing.toml --base moving", "the robot's options stand in the scene"),
     *((f"cost five_bar --target {text}", f"{text} is no error") for text in ("nan", "inf", "0")),

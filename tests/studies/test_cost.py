@@ -15,7 +15,7 @@ import hybridyn
 from hybridyn.effects import choose
 from hybridyn.scenes.stage import Stage, stage
 from hybridyn.studies.cost import models, points, quantities, runner, runs, settings
-from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
+from hybridyn.studies.cost.models import UNJUDGED, Measured, Trajectory, study_models
 from hybridyn.studies.cost.points import (
     Point,
     Study,
@@ -28,9 +28,9 @@ from hybridyn.studies.cost.points import (
     fronts,
     timed,
 )
-from hybridyn.studies.cost.rates import by_rates
 from hybridyn.studies.cost.runner import Runner, distance, errors
 from hybridyn.studies.cost.runs import needed_effects, study_runs, typical_step
+from hybridyn.studies.cost.stages import by_rates
 from hybridyn.tables.rates import derivatives
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
@@ -46,15 +46,15 @@ EXACT = 1e-12
 CLOSED_IN_C = 1e-11
 
 
-def point(setting: str, error: float, seconds: float, failure: str = "", use: Use = "command") -> Point:
-    return Point("line", setting, error, seconds, f"--{setting}", failure, use, f"take {setting}")
+def point(setting: str, error: float, seconds: float, use: Use = "command", how: str = "") -> Point:
+    return Point("line", setting, error, seconds, f"--{setting}", use, f"take {setting}", how=how)
 
 
 POINTS = [
     point("slow", 1e-9, 8.0, use="usual"),
     point("fast", 1e-3, 1.0),
     point("middling", 1e-3, 2.0),
-    point("no", 0.0, 0.1, "broken"),
+    point("no", 0.0, 0.1, how="the first 5 %"),
     point("drifting", 0.0, 0.2, use="comparison"),
 ]
 STUDY = Study(
@@ -76,8 +76,13 @@ NARROW = [*POINTS, replace(point("narrow", 1e-4, 0.5), elsewhere=3e-2)]
 @pytest.mark.parametrize(
     ("changed", "target", "setting", "said"),
     [
-        ({}, 1e-2, "fast", "^For 1 % on efforts, take fast: 8 times as fast as the slow way"),
-        ({}, 1e-6, "slow", r"take slow \(error 1.0e-09\): nothing cheaper suffices"),
+        (
+            {},
+            1e-2,
+            "fast",
+            "^For 1 % on efforts, take fast.\nIt takes 1 s per sample, .* of 1.0e-03; the slow way: 8 times",
+        ),
+        ({}, 1e-6, "slow", r"take slow.\n.* an error of 1.0e-09; nothing cheaper suffices"),
         ({}, 1e-12, None, "the least error is 1.0e-09"),
         ({"own_error": 1e-2}, 1e-3, None, "the least error is 1.0e-02"),
         ({"points": EQUAL}, 1e-3, "fine", ""),
@@ -86,19 +91,19 @@ NARROW = [*POINTS, replace(point("narrow", 1e-4, 0.5), elsewhere=3e-2)]
             {"points": [POINTS[0], point("fast", 1e-3, 0.0)]},
             1e-2,
             "fast",
-            "^For 1 % on efforts, take fast: no faster than the slow way",
+            "^For 1 % on efforts, take fast.",
         ),
         (
             {"points": OWN},
             1e-2,
             "fast",
-            r"in a program of your own, take own: 16 times \(error 1.0e-04\); line, drifting takes 0.2 ",
+            r"In a program of your own, take own: this takes 0.5 times.*\n.* is line, drifting: 0.2 times",
         ),
         (
             {"points": NARROW},
             1e-3,
             "narrow",
-            "it does not carry over to another motion, where its error is 3.0e-02",
+            "'line, narrow' does not carry over to another motion, where its error is 3.0e-02",
         ),
     ],
 )
@@ -108,7 +113,7 @@ def test_advice_names_the_cheapest_way_and_what_it_saves(
     study = replace(STUDY, **changed)
     found = cheapest(study, target)
     assert (found and found.setting) == setting
-    assert re.search(said, advice(study, target))
+    assert re.search(said, "\n".join(advice(study, target)))
 
 
 @pytest.mark.parametrize(
@@ -121,14 +126,12 @@ def test_a_time_is_the_least_of_several(
     clock, left = Clock(), list(takes)
     monkeypatch.setattr(points, "clock", clock)
 
-    def call() -> int:
+    def call() -> None:
         """Take the next of the times."""
         clock.now += left.pop(0)
-        return len(takes) - len(left)
 
-    result, seconds = timed(call)
-    assert result == calls
-    assert seconds == pytest.approx(least, abs=EXACT)
+    assert timed(call) == [pytest.approx(least, abs=EXACT)]
+    assert len(takes) - len(left) == calls
 
 
 def test_distances_are_joint_displacements() -> None:
@@ -148,10 +151,12 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
     needs("compiled")
     robot = hybridyn.load("five_bar")
     some, on = motion(robot), choose(robot, "model")
-    seen: list[Point] = []
+    seen: list[Point | Worth] = []
     study = study_models(robot, some, on, seen.append)
-    assert seen == study.points
-    assert not [p for p in study.points if p.failure]
+    assert [x for x in seen if isinstance(x, Point)] == study.points
+    assert [x for x in seen if isinstance(x, Worth)] == study.worth
+    assert study.remarks == []
+    assert study.done == 1.0
     found = {(p.line, p.setting): p for p in study.points}
     assert found["compiled", "every effect"].error < EXACT
     assert 1e-9 < found["compiled, float32", "every effect"].error < 1e-3
@@ -161,7 +166,6 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
     whole = hybridyn.idm(robot, q, v, a, effects="model")
     less = hybridyn.idm(robot, q, v, a, effects=[x for x in on.names if x != "velocity"])
     off = (np.abs(less - whole).max(axis=0) / np.abs(whole).max(axis=0)).max()
-    assert found["compiled", "without 'velocity'"].error == pytest.approx(off, rel=1e-9)
     worth = {one.effect: one for one in study.worth}
     assert worth["velocity"].error == pytest.approx(off, rel=1e-9)
     assert worth["leg_inertia"].share > worth["velocity"].share > 0
@@ -174,9 +178,16 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
 @pytest.mark.slow
 def test_friction_matters_more_when_the_same_path_is_slower() -> None:
     robot = hybridyn.load("five_bar")
-    study = study_models(robot, motion(robot, 40), choose(robot, "model"))
-    without = next(p for p in study.points if p.setting == "without 'coulomb friction'")
-    assert without.elsewhere > without.error
+    on = choose(robot, ["gravity", "inertia", "leg_inertia", "coulomb_friction"])
+    run = Measured(Study("", ""), robot, motion(robot, 40), on, "idm")
+    left = on.only(["gravity", "inertia", "leg_inertia"])
+    here, elsewhere = run.errors(partial(hybridyn.idm, robot, effects=left))
+    target = float(np.sqrt(here * elsewhere))
+    study = study_models(robot, motion(robot, 40), on, target=target)
+    (without,) = (p for p in study.points if p.setting == "without 'coulomb friction'")
+    assert without.error == pytest.approx(here, rel=1e-9)
+    assert without.error < target < without.elsewhere
+    assert any("does not carry over" in x for x in advice(replace(study, points=[without]), target))
 
 
 def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,12 +202,10 @@ def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) 
     study = study_models(robot, motion(robot, 5), choose(robot, "model"))
     assert study.own_error == UNJUDGED
     assert "no C code: no compiler" in study.reference
-    assert study.remarks == ["no compiled models: no compiler"]
+    assert "compiled: no compiler" in study.remarks
     usual = next(p for p in study.points if p.use == "usual")
     assert error_words(usual, study) == "< 1e-09"
-    assert advice(study, 1e-12).startswith(
-        "For 1e-12 on motor efforts no configuration that was tried suffices"
-    )
+    assert advice(study, 1e-12)[0].startswith("For 1e-12 on motor efforts no setting that was tried suffices")
 
 
 @pytest.mark.slow
@@ -207,10 +216,7 @@ def test_every_quantity_has_its_front_and_engines_theirs(quantity: str) -> None:
     robot = hybridyn.load("five_bar")
     engines = ("pinocchio", "mujoco")
     study = study_models(robot, motion(robot), choose(robot, None), quantity=quantity, engines=engines)
-    assert not [p for p in study.points if p.failure]
-    by_line: dict[str, list[Point]] = {}
-    for p in study.points:
-        by_line.setdefault(p.line, []).append(p)
+    by_line = points.by_line(study.points)
     assert study.own_error < 1e-7
     least = max(CLOSED_IN_C, 2 * study.own_error)
     assert min(p.error for p in by_line["compiled"]) < least
@@ -262,12 +268,10 @@ def test_a_spline_is_not_compared_with_its_own_rates() -> None:
     rates = derivatives(some.time, x, slice(0, len(some.q)))
     motors = (x, rates[0], rates[1])
     q, v, a = hybridyn.assemble(robot, motors=motors, guess=some.q[0])
-    close = partial(hybridyn.assemble, robot)
-    spline, differences = by_rates(robot, some.time, q, v, a, choose(robot, None), close)
-    assert "nothing to compare with" in spline.failure
-    assert differences.use == "comparison"
-    (alone,) = by_rates(robot, None, q, v, a, choose(robot, None), close)
-    assert alone.failure.startswith("not measured")
+    for time, said in ((some.time, "there is nothing to compare with"), (None, "needs times and 120 rows")):
+        study = Study("", "per sample", points=[replace(POINTS[0], line="compiled")])
+        run = Measured(study, robot, Trajectory(q, v, a, time), choose(robot, None), "idm")
+        refused(lambda run=run: [*by_rates(run)], hybridyn.HybridynError, said)
 
 
 SWING = ROOT / "models/five_bar/swing.toml"
@@ -287,9 +291,8 @@ def swing() -> Study:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(settings, "FACTORS", (8.0, 4.0))
         patch.setattr(settings, "TOLERANCES", (1e-3, 1e-7))
-        patch.setattr(runs, "LADDER", (1e-8, 1e-10, 1e-12))
-        for file in (runner, runs):
-            patch.setattr(file, "clock", Clock(tick=1e-6))  # times are numbers of steps
+        patch.setattr(runner, "LADDER", (1e-10, 1e-12))
+        patch.setattr(runner, "clock", Clock(tick=1e-6))  # times are numbers of steps
         return study_runs(stage(SWING), SHORT)
 
 
@@ -306,10 +309,9 @@ def measured(swing: Study, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
-    by_line: dict[str, list[float]] = {}
-    for p in swing.points:
-        if p.part == 1.0:
-            by_line.setdefault(p.line, []).append(p.error)
+    by_line = {
+        line: [p.error for p in own] for line, own in points.by_line(swing.chosen(points.OURS)).items()
+    }
     assert 8 < by_line["rk4"][0] / by_line["rk4"][1] < 40  # fourth order: 16, when steps are halved
     assert 3 < by_line["conserving"][0] / by_line["conserving"][1] < 5  # second order: 4
     assert by_line["dopri5"][0] > by_line["dopri5"][-1]
@@ -336,7 +338,7 @@ def test_a_scene_on_the_command_line(
     needs("view")
     table, figure = tmp_path / "cost.json", tmp_path / "cost.svg"
     out = call(capsys, "cost", SWING, "--until", SHORT, "-o", table, "--plot", figure)
-    assert out.out.startswith("For 0.1 % on the last posture, ")
+    assert out.out.startswith("For 0.1 % on the last posture, take ")
     assert "its own error" in out.out
     assert len(out.out.splitlines()) < 40
     rows = json.loads(table.read_text())
@@ -380,7 +382,7 @@ def test_the_lines_of_a_target_run_and_reach_it(
 def test_a_target_out_of_reach_prints_nothing_to_paste(
     measured: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = "no configuration that was tried suffices: the least error is"
+    said = "no setting that was tried suffices: the least error is"
     call(capsys, "cost", SWING, "--until", SHORT, "--target", "1e-30", status=1, says=said)
 
 
@@ -416,16 +418,16 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
 ) -> None:
     monkeypatch.setattr(runner, "clock", Clock(tick=1.0))
     scene = Runner(stage(SWING), 2.0)
-    usual = settings.usual_setting(scene.ready, "")
-    early = scene.run(usual, 3.5)
-    assert (early.whole, 0 < early.t < 2.0) == (False, True)
-    assert errors(scene.ready.robot, early.result, early.result) == {"error": np.inf}
-    stopped = scene.run(usual, 45.5)
-    assert not stopped.whole
-    assert 0 < stopped.t < 2.0
-    scene.duration = float(stopped.result.t[-1])
-    again = scene.run(usual, np.inf)
-    assert distance(scene.ready.robot, stopped.result.q[-1], again.result.q[-1]) < 1e-9
+    usual = settings.usual_setting(scene.ready.source, compiled=False)
+    early, _ = scene.run(usual, 3.5)
+    assert (early.status, 0 < early.state.t < 2.0) == ("interrupted", True)
+    assert errors(scene.ready.robot, early, early) == {"error": np.inf}
+    stopped, _ = scene.run(usual, 45.5)
+    assert stopped.status == "interrupted"
+    assert 0 < stopped.state.t < 2.0
+    scene.duration = float(stopped.t[-1])
+    again, _ = scene.run(usual, np.inf)
+    assert distance(scene.ready.robot, stopped.q[-1], again.q[-1]) < 1e-9
     assert typical_step(5, 0.05) <= 0.05
 
 
@@ -434,8 +436,8 @@ def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: p
     needs("compiled")
     monkeypatch.setattr(runner, "clock", Clock(tick=0.1))  # s a step
     study = study_runs(stage(SWING), 2.0)
-    assert any("s of the scene are measured: --seconds gives more time" in said for said in study.remarks)
-    assert advice(study, 1e-3).startswith("For 0.1 % on the last posture, take")
+    assert any("s are measured: --seconds gives more time" in said for said in study.remarks)
+    assert advice(study, 1e-3)[0].startswith("For 0.1 % on the last posture, take")
 
 
 @pytest.mark.slow

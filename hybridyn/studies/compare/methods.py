@@ -6,19 +6,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from functools import partial
+from importlib import import_module
+from typing import Literal, NamedTuple, get_args
 
-from ...spatial import Array
+import numpy as np
+
+from ...description.names import did_you_mean, listed
+from ...errors import ModelError
+from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
 from .engine import NotComparableError
 
 #: Models that the benchmarks compare.
 Model = Literal["ddm", "idm"]
 MODELS: tuple[Model, ...] = get_args(Model)
+#: Engines, and where what they compute at settings is listed.
+ENGINES = {"pinocchio": "pinocchio_methods", "mujoco": "mujoco_engine"}
 Setting = Mapping[str, float]
 
+#: Positions, rates, and accelerations or efforts of some samples.
+State = tuple[Array, Array, Array]
 #: (q, v, tau) -> a for a direct model, (q, v, a) -> tau for an inverse one: one sample (n,), or (T, n).
 Solver = Callable[[Array, Array, Array], Array]
 
@@ -80,3 +90,67 @@ def grid(**values: tuple[float, ...]) -> tuple[Setting, ...]:
     for name, each in values.items():
         out = [{**one, name: value} for one in out for value in each]
     return tuple(out)
+
+
+class Call(NamedTuple):
+    """What is timed.
+
+    Attributes:
+        setting: The setting.
+        solve: The solver.
+        single: Whether it computes one sample at a time, of those that are judged.
+        samples: Number of samples that the call computes.
+        call: Computes them.
+    """
+
+    setting: Setting
+    solve: Solver
+    single: bool
+    samples: int
+    call: Callable[[], object]
+
+
+def swept(
+    method: Method, robot: HybridRobot, states: State, rows: Index, sizes: Sequence[int] = (1,),
+    threads: int = 1,
+) -> Iterator[Call]:  # fmt: skip
+    """Yield the calls of a method at each of its settings.
+
+    Args:
+        states: The samples, arrays (T, n).
+        rows: Those that calls for one sample take, one after the other.
+        sizes: Numbers of samples; the first ones of `states` where it is not 1. A method without batches
+            takes them one after the other.
+        threads: Number of threads.
+
+    Raises:
+        NotComparableError: The method cannot do this robot.
+    """
+    at = method.prepare(robot, threads)
+    for setting in method.settings:
+        solve = at(setting)
+        for size in sizes:
+            batch = [np.ascontiguousarray(x[rows] if size == 1 else x[:size]) for x in states]
+            call: Callable[[], object] = partial(solve, *batch)
+            if size == 1 or not method.batches:
+                call = partial(each, solve, [*zip(*batch, strict=True)])
+            yield Call(setting, solve, size == 1, len(batch[0]), call)
+
+
+def each(solve: Solver, samples: Sequence[State]) -> list[Array]:
+    """Compute sample after sample, and keep what is found, as who needs many must."""
+    return [solve(*sample) for sample in samples]
+
+
+def methods_of(engine: str, model: str) -> list[Method]:
+    """Return what an engine has for a model.
+
+    Raises:
+        ModelError: The engine is unknown.
+    """
+    if engine not in ENGINES:
+        raise ModelError(
+            f"engine '{engine}' is not swept{did_you_mean(engine, ENGINES)}; known: {listed(ENGINES)}"
+        )
+    place = import_module(f"{__package__}.engines.{ENGINES[engine]}")
+    return [method for method in place.METHODS if method.model == model]

@@ -1,8 +1,8 @@
 """Accuracy against computing time, for one robot and one motion (`hybridyn cost`).
 
 Read `points` (a measured configuration, and the choice between them), `quantities` (what is computed along a
-trajectory, in which ways), `models` (its measurement) with `effect_sets` and `rates`, and `runs` (the time
-integration of a scene) with `settings`.
+trajectory, in which ways), `models` (its measurement) with `stages` (effects and rates), and `runs` (the time
+integration of a scene) with `settings` and `runner`. `compare.methods` sweeps settings, as for the benchmarks.
 
 May import: what `studies` may.
 """

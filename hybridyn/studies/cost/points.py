@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeVar
+
+from ...errors import HybridynError
 
 #: The error that an advice is about where none is asked for.
 ADVISED = 1e-3
@@ -36,7 +38,6 @@ class Point:
         error: Relative error (see `Study`).
         seconds: Time per sample or of the whole run [s].
         fragment: Lines to paste into a scene, or comments if no scene can request it.
-        failure: Why there is no result, or "".
         use: "usual" for the default, "command" if a command offers it, "program" if only a program of your
             own can use it, "comparison" if it is for comparison only.
         what: How to obtain it, in words that continue "For 0.1 %, ...".
@@ -46,7 +47,6 @@ class Point:
         path: Of a run, the largest error of any of its outputs; nan if there is none, as below.
         energy: Its largest error of the energy, relative to the largest kinetic energy.
         closure: Its largest closure residual, relative to the module's length.
-        part: Part of the scene that was run; the time is extrapolated if it is not 1.
         how: How error or time was found if not by a complete run, in words.
     """
 
@@ -55,7 +55,6 @@ class Point:
     error: float
     seconds: float
     fragment: str
-    failure: str = ""
     use: Use = "command"
     what: str = ""
     own: float = 0.0
@@ -64,7 +63,6 @@ class Point:
     path: float = float("nan")
     energy: float = float("nan")
     closure: float = float("nan")
-    part: float = 1.0
     how: str = ""
 
 
@@ -74,7 +72,7 @@ class Worth(NamedTuple):
     Attributes:
         effect: Its name.
         error: Error without it; for an effect that is not computed, the change that it causes.
-        share: The part of the operations (or of the time of a run) that it takes.
+        share: The part of the model's operations that it takes.
         computed: Whether the motion's model or the scene computes it.
     """
 
@@ -98,7 +96,9 @@ class Study:
         second: The second motion of `Point.elsewhere`, in words.
         points: The settings.
         worth: What each effect is worth.
+        needed: Lines that request the effects that a scene needs.
         remarks: Further findings, in words.
+        done: Part of the work that is done.
     """
 
     question: str
@@ -110,23 +110,45 @@ class Study:
     second: str = ""
     points: list[Point] = field(default_factory=list)
     worth: list[Worth] = field(default_factory=list)
+    needed: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    done: float = 0.0
 
     def chosen(self, uses: Sequence[Use]) -> list[Point]:
         """Return the points of some uses that were run as a whole."""
-        return [p for p in self.points if p.use in uses and not (p.failure or p.how)]
+        return [p for p in self.points if p.use in uses and not p.how]
 
 
-def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float]:
-    """Return a function's result and the least of its times [s]; a call longer than 1 s is not repeated."""
-    best, result = float("inf"), None
+Progress = Callable[[Point | Worth], None]
+#: A part of a study: its name, the number of results expected of it, and these as they are measured.
+Step = tuple[str, int, Iterator[Point | Worth]]
+
+
+def fill(study: Study, steps: Sequence[Step], progress: Progress) -> None:
+    """Take the steps of a study; one that cannot be taken, or to its end, becomes a remark."""
+    whole, before = sum(count for _, count, _ in steps), 0
+    for name, count, results in steps:
+        try:
+            for number, result in enumerate(results, 1):
+                (study.worth if isinstance(result, Worth) else study.points).append(result)  # type: ignore[arg-type]
+                study.done = (before + min(number, count)) / whole
+                progress(result)
+        except (HybridynError, ImportError) as error:
+            study.remarks.append(f"{name}: {error}")
+        before += count
+
+
+def timed(*calls: Callable[[], Any], rounds: int = ROUNDS) -> list[float]:
+    """Return the least time of each call [s], taken in turn; calls longer than 1 s are not repeated."""
+    best = [float("inf")] * len(calls)
     for _ in range(rounds):
-        start = clock.perf_counter()
-        result = function()
-        best = min(best, clock.perf_counter() - start)
-        if best > 1.0:
+        for number, call in enumerate(calls):
+            start = clock.perf_counter()
+            call()
+            best[number] = min(best[number], clock.perf_counter() - start)
+        if max(best) > 1.0:
             break
-    return result, best
+    return best
 
 
 def pareto_front(
@@ -149,7 +171,7 @@ def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
         points: The points.
         own_error: Error of the reference; errors below it count as equal.
     """
-    good = [p for p in points if not (p.failure or p.how)]
+    good = [p for p in points if not p.how]
     kept: list[Point] = []
     for point in reversed(pareto_front(good, lambda p: p.seconds, lambda p: max(p.error, own_error))):
         if not kept or point.seconds * NOISE <= kept[-1].seconds:
@@ -157,13 +179,18 @@ def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
     return kept[::-1]
 
 
+def by_line(points: Iterable[Point]) -> dict[str, list[Point]]:
+    """Return the points of each family."""
+    lines: dict[str, list[Point]] = {}
+    for point in points:
+        lines.setdefault(point.line, []).append(point)
+    return lines
+
+
 def fronts(study: Study) -> tuple[list[Point], list[Point]]:
     """Return our own front, and of each engine's method the ends and the middle of its front."""
     own = front(study.chosen(OURS), study.own_error)
-    others: dict[str, list[Point]] = {}
-    for point in study.chosen(("comparison",)):
-        others.setdefault(point.line, []).append(point)
-    each = [front(line, study.own_error) for line in others.values()]
+    each = [front(line, study.own_error) for line in by_line(study.chosen(("comparison",))).values()]
     return own, [p for line in each for p in dict.fromkeys((line[0], line[len(line) // 2], line[-1]))]
 
 
@@ -179,44 +206,46 @@ def cheapest(study: Study, target: float, uses: Sequence[Use] = ("usual", "comma
     return min((p for p in good if p.seconds <= NOISE * least), key=lambda p: (p.error, p.seconds))
 
 
-def advice(study: Study, target: float) -> str:
-    """Recommend a configuration for an error of at most `target`, in one sentence."""
+def advice(study: Study, target: float) -> list[str]:
+    """Recommend a setting for an error of at most `target` in one sentence, and say what it saves."""
     portion = f"{100 * target:.4g} %" if 1e-5 <= target < 10 else f"{target:.2g}"
-    wanted = f"For {portion} on {study.subject}"
-    best = cheapest(study, target)
+    wanted, best = f"For {portion} on {study.subject}", cheapest(study, target)
     if best is None:
         reached = min((p.error for p in study.chosen(OURS)), default=float("inf"))
         least = max(reached, study.own_error)
-        return f"{wanted} no configuration that was tried suffices: the least error is {least:.1e}."
-    usual = next((p for p in study.points if p.use == "usual" and not p.failure), best)
-    ratio, error = _speed(best, usual), f"(error {error_words(best, study)})"
-    faster = f"{_times(ratio)} times as fast as" if ratio >= NOISE else "no faster than"
-    said = [f"{wanted}, {best.what}: {faster} {study.usual} {error}"]
-    if best is usual:
-        said = [f"{wanted}, {best.what} {error}: nothing cheaper suffices"]
-    own, peer = cheapest(study, target, OURS), cheapest(study, target, ("comparison",))
+        return [f"{wanted} no setting that was tried suffices: the least error is {least:.1e}."]
+    usual = next((p for p in study.points if p.use == "usual"), best)
+    takes = (
+        f"It takes {time_words(best.seconds)} {study.time_unit}, with an error of {error_words(best, study)}"
+    )
+    saves = "nothing cheaper suffices" if best is usual else f"{study.usual}: {_times(usual, best)} as long"
+    said = [f"{wanted}, {best.what}.", f"{takes}; {saves}."]
+    own = cheapest(study, target, OURS)
     if own is not None and own.use == "program" and best.seconds > NOISE * own.seconds:
-        times = _times(_speed(own, usual))
-        said.append(f"in a program of your own, {own.what}: {times} times (error {error_words(own, study)})")
-    if best.elsewhere > target:
-        said.append(f"it does not carry over to {study.second}, where its error is {best.elsewhere:.1e}")
-    if peer is not None:
-        how = f"{peer.line}, {peer.setting}".removesuffix(", ")
-        said.append(f"{how} takes {_times(peer.seconds / best.seconds)} times as long")
-    return "; ".join(said) + "."
+        said.append(f"In a program of your own, {own.what}: this takes {_times(own, best)} as long.")
+    for one in dict.fromkeys(filter(None, (best, own))):
+        if one.elsewhere > target:
+            found = f"where its error is {one.elsewhere:.1e}"
+            said.append(f"'{one.line}, {one.setting}' does not carry over to {study.second}, {found}.")
+    if peer := cheapest(study, target, ("comparison",)):
+        words = f"{peer.line}, {peer.setting}".removesuffix(", ")
+        said.append(f"The fastest of other engines is {words}: {_times(peer, best)} as long.")
+    return said
 
 
-def _times(ratio: float) -> str:
-    """Write a ratio of times with two digits."""
-    return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
+def _times(one: Point, other: Point) -> str:
+    """Write the ratio of the times of two points with two digits; a clock may be too coarse for it."""
+    ratio = one.seconds / (other.seconds or one.seconds or 1.0)
+    return f"{ratio:.0f} times" if ratio >= 10 else f"{ratio:.2g} times"
 
 
-def _speed(point: Point, usual: Point) -> float:
-    """Return how many times as fast as another a point is; 1 where the clock was too coarse for it."""
-    return usual.seconds / point.seconds if point.seconds > 0 else 1.0
+def time_words(seconds: float) -> str:
+    """Write a time."""
+    unit, factor = ("us", 1e6) if seconds < 1e-2 else ("s", 1.0)
+    return f"{seconds * factor:.3g} {unit}"
 
 
 def error_words(point: Point, study: Study) -> str:
-    """Format a point's error; an error below that of the reference is shown as "< ..."."""
+    """Write a point's error; an error below that of the reference is shown as "< ..."."""
     least = study.own_error
     return f"< {least:.0e}" if point.error < least else f"{point.error:.1e}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,21 +16,20 @@ from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .quantities import Models
-from .settings import Setting
+from .settings import Setting, setting_of
 
 #: Number of measurements of a short run, and the longest time of such a run [s].
 ROUNDS, SHORT = 3, 0.3
+#: What the time reached is divided by where the first run is stopped: tighter tolerances take longer.
+SHORTER = 4.0
 #: Postures of a run that are compared.
 OUTPUTS = 50
+#: Relative tolerances: of the run that finds the end, and of those that lead to the reference.
+FIRST, LADDER = 1e-6, (1e-8, 1e-10, 1e-11, 1e-12)
 
 
-class Run(NamedTuple):
-    """A run: its outputs so far, computing time [s], time reached [s], and whether it came to the end."""
-
-    result: Result
-    seconds: float
-    t: float
-    whole: bool
+#: The outputs of a run so far, and its computing time [s].
+Run = tuple[Result, float]
 
 
 class Runner:
@@ -40,16 +39,12 @@ class Runner:
         ready: The scene.
         duration: Time to simulate [s].
         start: Positions and rates at the start.
-        reference, exact: The setting of the reference, and its run.
-        tried: Settings that were run, by line and words.
+        reference, exact, own_error: Setting and run of the reference, and its error.
     """
-
-    reference: Setting
-    exact: Result
 
     def __init__(self, ready: Stage, duration: float) -> None:
         self.ready, self.duration, self.start = ready, duration, (ready.q0, ready.v0)
-        self.models, self.tried = Models(ready.robot), dict[tuple[str, str], Setting]()
+        self.models = Models(ready.robot)
 
     def run(
         self, setting: Setting, limit: float, *, effects: Effects | None = None, watch: bool = False
@@ -65,7 +60,7 @@ class Runner:
             HybridynError: The run fails.
         """
         ready, on = self.ready, self.ready.effects if effects is None else effects
-        model = self.models.compiled(on, setting.dtype) if setting.dtype else None
+        model = self.models.compiled(on) if setting.compiled else None
         stopped = False
         start = clock.perf_counter()
 
@@ -85,8 +80,8 @@ class Runner:
         if result.status == "interrupted" and not stopped:
             raise KeyboardInterrupt
         if result.status not in ("finished", "event", "interrupted"):
-            raise HybridynError(f"the run ended: {result.status} {result.message}".strip())
-        return Run(result, seconds, float(result.state.t), not stopped)
+            raise HybridynError(f"the run ended at {result.t[-1]:.3g} s: {result.status} {result.message}")
+        return result, seconds
 
     def measured(self, setting: Setting, limit: float) -> Run:
         """Run, several times if a run is quick, and return the least time.
@@ -94,10 +89,49 @@ class Runner:
         Raises:
             HybridynError: As `run`.
         """
-        runs = [self.run(setting, limit)]
-        while len(runs) < ROUNDS and runs[0].seconds < SHORT:
-            runs.append(self.run(setting, limit))
-        return runs[0]._replace(seconds=min(run.seconds for run in runs))
+        result, seconds = self.run(setting, limit)
+        again = ROUNDS - 1 if seconds < SHORT else 0
+        return result, min([seconds, *(self.run(setting, limit)[1] for _ in range(again))])
+
+    def find_reference(self, compiled: bool, limit: float) -> Result:
+        """Find the end of the scene, and the reference: the tightest tolerance that takes so long.
+
+        dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish. Where the end
+        is not reached in time, the scene ends early.
+
+        Args:
+            compiled: Whether accelerations are computed in C.
+            limit: Time of a run [s]; the first takes a third at most.
+
+        Returns:
+            The run that found the end.
+
+        Raises:
+            HybridynError: There are no two runs to compare.
+        """
+        whole, why = self.duration, "two runs by dopri5 or the implicit method must finish"
+        for method in ("dopri5", "implicit"):
+            found: list[tuple[Setting, Result]] = []
+            self.duration = whole
+            try:
+                first, _ = self.run(setting_of(method, FIRST, compiled), limit / 3, watch=True)
+                self.duration = float(first.state.t) / (1.0 if first.status != "interrupted" else SHORTER)
+                for setting in (setting_of(method, rtol, compiled) for rtol in LADDER):
+                    run, _ = self.run(setting, limit)
+                    if run.status == "interrupted":
+                        break
+                    found.append((setting, run))
+            except HybridynError as error:
+                why = str(error)
+            if len(found) > 1:
+                self.reference, self.exact = found[-1]
+                own = errors(self.ready.robot, found[-2][1], self.exact)["error"]
+                self.own_error = max(own, 2.0**-53)
+                return first
+        raise HybridynError(
+            f"no reference: {why}. Simulate only the beginning (--until {self.duration / 2:.2g}), or give "
+            "more time (--seconds)"
+        )
 
 
 def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:

@@ -2,33 +2,38 @@
 
 Accelerations are compiled where they can be. The general path takes a hundred times as long: it runs for a
 short time only, and its time is extrapolated. So is that of any run that takes too long; its error is then
-that up to the posture it came to.
+that up to the posture it came to. At most four models are built: of the scene's effects, in float32 too, of
+every effect that is stated, and of the effects that are needed. Single effects are those of the general path.
 """
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from ...effects.choice import UNITS, Effects, choose
+from ...effects.choice import UNITS, Effects, choose, stated_names
 from ...errors import HybridynError
 from ...scenes.stage import Stage
-from ...simulation.result import Result
-from .fragments import effects_fragment, solver_fragment
-from .points import ADVISED, SECONDS, Point, Study, Worth, cheapest
+from .points import ADVISED, SECONDS, Point, Progress, Step, Study, Worth, cheapest, fill
 from .quantities import SLOWER, operations
-from .runner import Run, Runner, errors
-from .settings import FACTORS, Setting, families, setting_of, usual_setting
+from .runner import Runner, errors
+from .settings import (
+    FACTORS,
+    Setting,
+    effects_fragment,
+    families,
+    setting_of,
+    usual_setting,
+)
+from .stages import spared, without
 
-#: Parts of `SECONDS`: for one family of settings, for the general path, and for the effects together.
-ONE_RUN, SLOW_RUN, FOR_EFFECTS = 1 / 12, 1 / 20, 1 / 4
-#: Relative tolerances of the runs that lead to the reference, coarse to fine.
-LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
-#: Relative tolerance of the runs that show what effects are worth, compiled and by the general path.
-OF_EFFECTS, SLOWLY = 1e-8, 1e-5
+#: Parts of `SECONDS`: for one family of settings and for the reference, and for each effect.
+ONE_FAMILY, ONE_EFFECT = 1 / 12, 1 / 24
+#: Relative tolerance of the runs that show what effects are worth together, and what one is, by the general
+#: path: changes matter from 1e-3 on.
+OF_EFFECTS, OF_ONE = 1e-8, 1e-5
 #: Effects that can be left out without changing the task of a scene.
 DROPPABLE = (
     "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
@@ -38,7 +43,7 @@ DROPPABLE = (
 def study_runs(
     ready: Stage,
     duration: float,
-    progress: Callable[[Point], None] = lambda point: None,
+    progress: Progress = lambda result: None,
     seconds: float = SECONDS,
     study: Study | None = None,
     target: float = ADVISED,
@@ -51,10 +56,10 @@ def study_runs(
 
     Args:
         duration: Time to simulate [s]; an event that stops the scene ends every run there.
-        progress: Called with each point when it is measured.
+        progress: Called with each setting and each effect when it is measured.
         seconds: Time that the measurements take [s], besides building C.
         study: Filled as points are measured; a new one by default.
-        target: Error for which the advised setting is run on a second motion, too.
+        target: Error for which the advised setting is run on a second motion, too, and effects are chosen.
 
     Raises:
         HybridynError: The scene cannot be simulated at all.
@@ -62,66 +67,38 @@ def study_runs(
     study = Study("", "per run") if study is None else study
     study.subject, study.usual = "the last posture", "what the scene says"
     study.second = f"a motion that begins where this one ends, at {SLOWER:g} times the rates"
-    runner = Runner(ready, duration)
-    for point in _points(study, runner, seconds):
-        study.points.append(point)
-        progress(point)
-    _elsewhere(study, runner, target)
-    return study
-
-
-def _points(study: Study, runner: Runner, seconds: float) -> Iterator[Point]:
-    """Yield the points of a study as they are measured, and fill in the rest of it."""
-    ready, one = runner.ready, seconds * ONE_RUN
-    engines: tuple[str, ...] = ("float64", "float32")
+    runner, limit, in_c = Runner(ready, duration), seconds * ONE_FAMILY, True
     try:
         runner.models.compiled(ready.effects)
     except HybridynError as error:
-        engines = ("",)
+        in_c = False
         study.remarks.append(f"no compiled models: {error}")
-    usual = usual_setting(ready, engines[0])
-    first = _first(runner, engines[0], usual, 2 * one)
-    ended = "" if first.t >= runner.duration * (1 - 1e-12) or not first.whole else ", where an event ends it"
-    if not first.whole:
+    first = runner.find_reference(in_c, limit)
+    if first.status == "interrupted":
         study.remarks.append(
-            f"only the first {first.t:.3g} s of the scene are measured: --seconds gives more time"
+            f"only the first {runner.duration:.3g} s are measured: --seconds gives more time"
         )
-    runner.duration = first.t
+    ended = ", where an event ends it" if first.status == "event" else ""
     study.question = (
         f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
     )
-    runner.reference, runner.exact, study.own_error = _reference(runner, engines[0], seconds)
-    tolerance = runner.reference.options["rtol"]
+    tolerance, study.own_error = runner.reference.options["rtol"], runner.own_error
     study.reference = f"{runner.reference.line} at a relative tolerance of {tolerance:g}"
 
-    def judged(setting: Setting, run: Run) -> Point:
-        """Return the point of a run; one that was stopped is judged up to where it came to."""
-        part, took = run.t / runner.duration, run.seconds * runner.duration / run.t
-        how = "" if run.whole else f"the first {100 * part:.2g} % of the scene, time extrapolated"
-        runner.tried[setting.line, setting.words] = setting
-        return replace(
-            _point_of(ready, setting), seconds=took, own=took, part=part, how=how,
-            **errors(ready.robot, run.result, runner.exact),
-        )  # fmt: skip
-
-    step = usual.options.get("step") if usual.options["method"] != "dopri5" else None
-    quick, *others = families(step or typical_step(first.result.counters.steps, first.t), engines)
-    yield from _family(runner, quick, judged, one, study.own_error)
-    yield from _family(runner, [usual], judged, one, study.own_error)
-    if engines[0]:
-        general = usual._replace(line="general path", dtype="", use="command")
-        yield from _family(runner, [general], judged, seconds * SLOW_RUN, study.own_error)
-    _worth(study, runner, seconds * FOR_EFFECTS)
-    for family in others:
-        yield from _family(runner, family, judged, one, study.own_error)
-
-
-def _first(runner: Runner, dtype: str, usual: Setting, limit: float) -> Run:
-    """Run the scene once, to see where an event or its time ends it and how long its steps are."""
-    try:
-        return runner.run(setting_of("dopri5", OF_EFFECTS, dtype), limit, watch=bool(runner.ready.events))
-    except HybridynError:
-        return runner.run(usual, np.inf, watch=True)
+    usual = usual_setting(ready.source, in_c)
+    general = usual._replace(line="general path", compiled=False, use="command")
+    step = None if usual.options["method"] == "dopri5" else usual.options.get("step")
+    quick, *others = families(step or typical_step(first.counters.steps, runner.duration), in_c)
+    tried = dict[str, Setting]()
+    steps: list[Step] = [
+        (family[0].line, len(family), _family(runner, family, tried, limit))
+        for family in (quick, [usual], *([[general]] * in_c), *others)
+    ]
+    steps.insert(-len(others), ("effects", len(DROPPABLE), _worth(study, runner, seconds * ONE_EFFECT)))
+    fill(study, steps, progress)
+    _elsewhere(study, runner, tried, target)
+    study.needed = needed_effects(study, ready, target)
+    return study
 
 
 def typical_step(steps: int, duration: float) -> float:
@@ -129,108 +106,70 @@ def typical_step(steps: int, duration: float) -> float:
     return float(f"{min(duration / steps, 0.9 * duration / FACTORS[0]):.1g}")
 
 
-def _family(
-    runner: Runner, family: list[Setting], judged: Callable[[Setting, Run], Point], left: float, least: float
-) -> Iterator[Point]:
+def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], left: float) -> Iterator[Point]:
     """Measure settings from coarse to fine, until one takes too long or is as exact as the reference.
 
+    A run that is stopped is judged up to where it came to.
+
     Args:
+        tried: Receives the settings, by their lines to paste.
         left: Time of the family [s].
-        least: Error of the reference.
     """
     for setting in family:
-        try:
-            run = runner.measured(setting, left)
-        except HybridynError as failure:
-            yield replace(_point_of(runner.ready, setting), failure=str(failure))
-            return
-        point = judged(setting, run)
+        run, seconds = runner.measured(setting, left)
+        part = float(run.state.t) / runner.duration
+        how = f"the first {100 * part:.2g} % of the scene, time extrapolated" if part < 1 - 1e-12 else ""
+        what = f"take {setting.line}, {setting.words}"
+        tried[setting.fragment] = setting
+        point = Point(
+            setting.line, setting.words, seconds=seconds / part, fragment=setting.fragment,
+            use=setting.use, what="keep what the scene says" if setting.use == "usual" else what,
+            own=seconds / part, how=how, **errors(runner.ready.robot, run, runner.exact),
+        )  # fmt: skip
         yield point
-        left -= run.seconds
-        if not run.whole or left <= 0 or point.error <= least:
+        left -= seconds
+        if how or left <= 0 or point.error <= runner.own_error:
             return
 
 
-def _point_of(ready: Stage, setting: Setting) -> Point:
-    """Return the point of a setting before it is measured."""
-    fragment = solver_fragment(setting.options, setting.dtype)
-    what = f"take {setting.line}, {setting.words}".removesuffix(" (usual)")
-    if setting.use == "usual":
-        what = "keep what the scene says"
-    return Point(setting.line, setting.words, np.inf, np.inf, fragment, use=setting.use, what=what)
-
-
-def _reference(runner: Runner, dtype: str, seconds: float) -> tuple[Setting, Result, float]:
-    """Find the reference: the tightest tolerance of `LADDER` that finishes in time, and its own error.
-
-    dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish.
-    """
-    for method in ("dopri5", "implicit"):
-        found: list[tuple[Setting, Result]] = []
-        left = seconds / 3
-        for rtol in LADDER:
-            setting = setting_of(method, rtol, dtype)
-            try:
-                run = runner.run(setting, left)
-            except HybridynError:
-                break
-            if not run.whole:
-                break
-            left -= run.seconds
-            found.append((setting, run.result))
-        if len(found) > 1:
-            own = errors(runner.ready.robot, found[-2][1], found[-1][1])["error"]
-            return *found[-1], max(own, 2.0**-53)
-    raise HybridynError(
-        "no reference: two runs by dopri5 or the implicit method must finish. Simulate only the beginning "
-        "(--until), or give more time (--seconds)"
-    )
-
-
-def _elsewhere(study: Study, runner: Runner, target: float) -> None:
+def _elsewhere(study: Study, runner: Runner, tried: dict[str, Setting], target: float) -> None:
     """Run the advised setting on a second motion, and fill in its error there."""
-    best = cheapest(study, target)
+    best, end = cheapest(study, target), runner.exact.state
     if best is None:
         return
-    end = runner.exact.state
     runner.start = end.q, SLOWER * end.v
     try:
-        exact, run = (
-            runner.run(one, np.inf).result
-            for one in (runner.reference, runner.tried[best.line, best.setting])
-        )
-        error = errors(runner.ready.robot, run, exact)["error"]
+        exact, run = (runner.run(one, np.inf)[0] for one in (runner.reference, tried[best.fragment]))
     except HybridynError as failure:
         study.remarks.append(f"{study.second}: {failure}")
         return
+    error = errors(runner.ready.robot, run, exact)["error"]
     study.points[study.points.index(best)] = replace(best, elsewhere=error)
 
 
-def _worth(study: Study, runner: Runner, seconds: float) -> None:
-    """Measure what each effect changes: those of the scene if left out, those of the files if added."""
-    robot, on, dtype = runner.ready.robot, runner.ready.effects, runner.reference.dtype
-    stated, every = choose(robot, "model"), operations(robot, on, "ddm")
-    setting = setting_of(runner.reference.options["method"], OF_EFFECTS if dtype else SLOWLY, dtype)
-    own = runner.run(setting, seconds)
-    end = clock.perf_counter() + seconds - own.seconds
+def _worth(study: Study, runner: Runner, limit: float) -> Iterator[Worth]:
+    """Measure what each effect changes: those of the scene if left out, those of the files if added.
+
+    Args:
+        limit: Time of a run [s]; what does not come to the end in time ends earlier for all.
+    """
+    robot, on = runner.ready.robot, runner.ready.effects
+    stated, every = choose(robot, ["default", *stated_names(robot)]), operations(robot, on, "ddm")
+    setting = setting_of("dopri5", OF_ONE, compiled=False)
+    whole, _ = runner.run(setting, limit)
     for name in DROPPABLE:
-        left = end - clock.perf_counter()  # of a first run, building C takes most
-        if name not in {*on.names, *stated.names}:
-            continue
-        if left <= 0 or not own.whole:
-            study.remarks.append(f"effects from {name} on were not tried: --seconds gives more time")
-            return
         computed = name in on.names
-        other = on.only([x for x in on.names if x != name]) if computed else _with(on, stated, name)
-        try:
-            run = runner.run(setting, left, effects=other)
-        except HybridynError as error:
-            study.remarks.append(f"{name}: {error}")
+        if not computed and name not in stated.names:
             continue
-        if run.whole:
-            share = operations(robot, other, "ddm") / every - 1.0
-            change = errors(robot, run.result, own.result)["error"]
-            study.worth.append(Worth(name, change, -share if computed else share, computed))
+        other = without(on, [name]) if computed else _with(on, stated, name)
+        share = operations(robot, other, "ddm") / every - 1.0
+        try:
+            change = errors(robot, runner.run(setting, 2 * limit, effects=other)[0], whole)["error"]
+        except HybridynError:  # a motion without mass
+            change = np.inf
+        yield Worth(name, change, -share if computed else share, computed)
+    if whole.status == "interrupted":
+        study.remarks.append(f"effects are those of the first {whole.t[-1]:.2g} s: --seconds gives more time")
 
 
 def _with(on: Effects, stated: Effects, name: str) -> Effects:
@@ -248,13 +187,10 @@ def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
 
     Effects are left out, the least important first, as long as their changes together stay below the target.
     """
-    needed = {one.effect for one in study.worth if not one.computed and one.error > target}
-    spent, gone = 0.0, set()
-    for one in sorted((one for one in study.worth if one.computed), key=lambda one: one.error):
-        spent += one.error
-        if spent <= target:
-            gone.add(one.effect)
-    if not needed and not gone:
+    more = [one.effect for one in study.worth if not one.computed and one.error > target]
+    worth = {one.effect: one.error for one in study.worth}
+    gone = spared(study.worth, target, lambda names: sum(worth[name] for name in names))
+    if not more and not gone:
         return []
-    names = [name for name in UNITS if name in {*ready.effects.names, *needed} - gone]
+    names = [name for name in UNITS if name in {*ready.effects.names, *more} - {*gone}]
     return effects_fragment(ready.source, names).split("\n")
