@@ -2,7 +2,7 @@
 
 Read `points` (a measured configuration, and the choice between them), `quantities` (what is computed along a
 trajectory, in which ways), `models` (its measurement) with `stages` (effects and rates), and `runs` (the time
-integration of a scene) with `settings` and `runner`. `compare.methods` sweeps settings, as for the benchmarks.
+integration of a scene) with `settings` and `runner`. `compare.methods` sweeps settings, for benchmarks too.
 
 May import: what `studies` may.
 """
