@@ -20,8 +20,8 @@ needs("usd")
 from pxr import Gf, Usd, UsdGeom, UsdPhysics  # noqa: E402
 
 from hybridyn.description.usd.joints import read_joints  # noqa: E402
-from hybridyn.description.usd.layers import open_stage  # noqa: E402
 from hybridyn.description.usd.stage import Stage  # noqa: E402
+from hybridyn.description.usd.usd import open_stage  # noqa: E402
 
 #: usd-core computes in single precision.
 SINGLE = 2e-6

@@ -24,9 +24,8 @@ from ..home import home_of
 from ..numerals import add, numeral, put
 from ..request import USUAL_GRAVITY, Losses, Request, Written
 from .bodies import Tree, pose, sizes_of
-from .forces import SAID, add_forces, list_losses, with_effects
+from .forces import SAID, add_forces, add_visuals, list_losses, with_effects
 from .parts import Parts
-from .visuals import add_visuals
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.
 DEEPEST = 240

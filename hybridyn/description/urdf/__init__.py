@@ -1,9 +1,9 @@
 """Read URDF and xacro files, with every supported form of a loop.
 
-Read `xml_node` (elements that know their file and line), `urdf` (links and joints), `loops` (closures and
-couplings), `transmissions` (motors), `foreign` (loops in unsupported forms, which raise errors), `xacro`
-(what is kept of expansions), `robot_folders` (the files that may be read), `expansion` (by the package),
-`traced` (what depends on arguments), `expressions` (their evaluation).
+Read `xml_node` (elements that know their file and line), `urdf` (links, joints, motors), `loops` (closures,
+couplings), `foreign` (loops in unsupported forms, which raise errors), `xacro` (what is kept of expansions),
+`robot_folders` (the files that may be read), `expansion` (by the package), `traced` (what depends on
+arguments), `expressions` (their evaluation).
 
 May import: `description`'s own files.
 """

@@ -1,4 +1,4 @@
-"""Read a USD stage: its prims become records.
+"""Read a USD stage: its layers, which may be in the robot's folders only; its prims become records.
 
 What hybridyn does not have is an error that names the prim. What does not change the motion is left out, with
 a remark where other engines might use it.
@@ -7,10 +7,12 @@ a remark where other engines might use it.
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pxr import Tf
+from pxr import Ar, Sdf, Tf, Usd
 
 from ...errors import ModelError
 from ..closure_forms import ROWS, closure_of, form_of_rows
@@ -21,10 +23,23 @@ from ..robot_file import MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
 from .bodies import gravity_of, links_of
 from .joints import UsdJoint, direction, instance, names_of, numbers_of, read_joints, roots_of
-from .layers import open_stage, refusal
 from .positions import add_home, coupled, couplings
 from .schema import AXES, BODY, screen
 from .stage import Prim, Stage
+
+#: Formats by the first bytes of a file; OpenUSD knows them by the endings of names.
+STARTS = {b"#usda": "usda", b"#sdf": "usda", b"PXR-USDC": "usdc", b"PK\x03\x04": "usdz"}
+
+#: What a file is whose name does not end in its format.
+NOT_NAMED = {
+    "usda": "USD, but its name does not say so; rename it to end in .usda",
+    "usdc": "USD (usdc), but its name does not say so; rename it to end in .usdc",
+    "usdz": "a zip archive, which is read as a USD package only; rename it to end in .usdz if it is one",
+}
+
+_PLACE = re.compile(r"'?([^':\n]+):(\d+):\d+: ([^\n]*)")
+_GRAMMAR = re.compile(r"parse error matching .*?(?= at '|$)")
+_QUOTED = re.compile(r": '(.*?)'?\s*$", re.DOTALL)
 
 
 def read_stage(file: str, package_dirs: list[str], largest: int, most: int) -> RobotFile:
@@ -43,7 +58,72 @@ def read_stage(file: str, package_dirs: list[str], largest: int, most: int) -> R
         folders = RobotFolders(os.path.abspath(file), package_dirs, [], largest)
         return _read(Stage(open_stage(file, folders), file, most))
     except Tf.ErrorException as error:
-        raise refusal(error, file) from None
+        raise _refusal(error, file) from None
+
+
+def open_stage(file: str, folders: RobotFolders) -> Any:
+    """Open a file with the layers that it names.
+
+    Args:
+        file: Path of the file.
+        folders: The folders in which layers may be.
+
+    Raises:
+        ModelError: A layer cannot be read, or may not be.
+        Tf.ErrorException: OpenUSD refuses a layer, see `_refusal`.
+    """
+    start = folders.read(file)[:8]
+    kind = next(kind for first, kind in STARTS.items() if start.startswith(first))
+    if os.path.splitext(file)[1] not in (".usd", f".{kind}"):
+        raise ModelError(f"this is {NOT_NAMED[kind]}", file=file)
+    root = _opened(os.path.abspath(file), "", file)
+    _check_layers(root, folders, file)
+    stage = Usd.Stage.Open(root)
+    for problem in stage.GetCompositionErrors():
+        raise ModelError(f"OpenUSD: {' '.join(str(problem).split())}", file=file)
+    return stage
+
+
+def _check_layers(root: Any, folders: RobotFolders, file: str) -> None:
+    """Check the layers that a layer names, those that they name, and so on."""
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop()
+        for asset in layer.GetCompositionAssetDependencies():
+            path = layer.ComputeAbsolutePath(asset) if asset else ""  # one prim may name another
+            if not path or path in seen:
+                continue
+            seen.add(path)
+            if "`" in asset:
+                raise ModelError(
+                    f"layer '{asset}': expressions in paths are not read; write the path", file=file
+                )
+            try:
+                folders.read(Ar.SplitPackageRelativePathOuter(path)[0] or path)
+            except (ModelError, OSError, ValueError) as error:
+                reason = f"cannot be read: {error.strerror}" if isinstance(error, OSError) else error
+                raise ModelError(f"layer '{asset}': {reason}", file=file) from None
+            waiting.append(_opened(path, f"layer '{asset}'", file))
+
+
+def _opened(path: str, name: str, file: str) -> Any:
+    layer = Sdf.Layer.FindOrOpen(path)
+    if layer is None:
+        raise ModelError(f"OpenUSD cannot read {name or 'it'}", file=file)
+    return layer
+
+
+def _refusal(error: Exception, file: str) -> ModelError:
+    """Return the refusal of a file with OpenUSD's reason, and its file and line where it names them."""
+    text = str(error)
+    if place := _PLACE.search(text):
+        reason = _GRAMMAR.sub("it is not well formed", place[3].strip())
+        other = os.path.exists(place[1]) and not os.path.samefile(place[1], file)
+        where = os.path.relpath(place[1]) if other else file
+        return ModelError(f"OpenUSD: {reason}", file=where, line=int(place[2]))
+    first = next((line for line in text.splitlines() if line.strip()), type(error).__name__)
+    quoted = _QUOTED.search(first)
+    return ModelError(f"OpenUSD: {' '.join((quoted[1] if quoted else first).split())}", file=file)
 
 
 def _read(stage: Stage) -> RobotFile:
