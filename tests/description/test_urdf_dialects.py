@@ -109,6 +109,7 @@ ROWS = {
     "rx": "[1, 0, 0, 0, 0, 0]", "ry": "[0, -2, 0, 0, 0, 0]", "rz": "[0, 0, 1, 0, 0, 0]",
 }  # fmt: skip
 TIP = frame("tip", "coupler", "1.5 0 0")
+ALONG = "    - axis: [0, 0, 0, 1, 0, 0]\n"
 
 
 def submechanisms(cut: str, predecessor: str, successor: str, rows: str) -> str:
@@ -264,26 +265,32 @@ def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
         (lambda text: text.split("  loop")[0], "loop_constraints is missing"),
         (lambda text: text.replace("NUMERICAL", "TRANSMISSION").split("  loop")[0], "mimic no other joint"),
         (
-            lambda text: text.replace("predecessor_body: tip", "predecessor_body: tap"),
+            lambda text: text.replace("predecessor_body: tip", "predecessor_body: tap") + ALONG,
             "no link is called 'tap'",
         ),
-        (lambda text: text.replace("    predecessor_body: tip\n", ""), "predecessor_body is missing"),
-        (lambda text: text.replace("[drive, elbow", "[drive, elbwo"), "no joint is called 'elbwo'"),
-        (lambda text: re.sub("predecessor_body: .*", "predecessor_body: [a]", text), "no link is called"),
+        (lambda text: text.replace("    predecessor_body: tip\n", ""), "'predecessor_body' is missing"),
+        (lambda text: text.replace("[drive, elbow", "[drive, elbwo") + ALONG, "no joint is called 'elbwo'"),
+        (
+            lambda text: re.sub("predecessor_body: .*", "predecessor_body: [a]", text),
+            "should be a valid string",
+        ),
         (lambda text: text + "    - axis: [1, 0, 0, 0, 0, 0]\n", "a single rotation row"),
         (lambda text: text + "    - axis: [0, 0, 0, 1, 1, 0]\n", "one number that is not zero"),
         (lambda text: text + "    - axis: [0, 0, 0, 0, 0, 0]\n", "one number that is not zero"),
-        (lambda text: text + "    - axis: [0, 0, 1]\n", "needs axis: six numbers"),
-        (lambda text: text + "    - axis: [0, 0, .nan, 0, 0, 0]\n", "needs axis: six numbers"),
-        (lambda text: text, "needs a list 'constraint_axes'"),
-        (lambda _: "submechanisms: []", "needs a list 'submechanisms'"),
-        (lambda _: "submechanisms: 3", "needs a list 'submechanisms'"),
-        (lambda _: "submechanisms:\n- 3", "is a table of keys"),
-        (lambda _: "[1, 2]", "needs a list 'submechanisms'"),
-        (lambda _: "", "needs a list 'submechanisms'"),
+        (lambda text: text + "    - axis: [0, 0, 1]\n", "at least 6 items"),
+        (
+            lambda text: text + "    - axis: [0, 0, .nan, 0, 0, 0]\n",
+            "axis.2': Input should be a valid number",
+        ),
+        (lambda text: text, "constraint_axes': Input should be a valid list"),
+        (lambda _: "submechanisms: []", "submechanisms': List should have at least 1 item"),
+        (lambda _: "submechanisms: 3", "submechanisms': Input should be a valid list"),
+        (lambda _: "submechanisms:\n- 3", "submechanisms.0': Input should be a valid dictionary"),
+        (lambda _: "[1, 2]", "Input should be a valid dictionary"),
+        (lambda _: "", "Input should be a valid dictionary"),
         (
             lambda text: text.replace("[drive]\n  jointnames_i", "drive\n  jointnames_i"),
-            "a list of joint names",
+            "jointnames_active': Input should be a valid list",
         ),
     ],
 )

@@ -17,15 +17,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from ...errors import ModelError
 from ..named_frames import CLOSURE_TYPES, weld_or_point
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link
 from ..robot_file import MotorStatement, RobotFile
-from .tables import Schema, first_problem
-from .yaml_file import Place, YamlFile, read_yaml
+from .tables import Schema
+from .yaml_file import Place, YamlFile, checked, read_yaml
 
 #: Keys of early side-cars, which named frames by a pattern.
 OLD_KEYS = ("name_closedloop", "closed_loop_number", "name_spherical")
@@ -72,10 +71,7 @@ def _apply(robot: RobotFile, document: YamlFile) -> None:
             raise document.error(
                 (key,), "an early form that is not read; list the frame pairs in closed_loop"
             )
-    try:
-        side_car = SideCar.model_validate(document.data)
-    except ValidationError as error:
-        raise document.error(*first_problem(error, SideCar)) from None
+    side_car = checked(document, SideCar)
     _retype(robot, side_car, document)
     _close(robot, side_car, document)
     if side_car.name_mot is not None:

@@ -19,16 +19,18 @@ hold no geometry: HyRoDyn has it in its own code.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field, FiniteFloat
 
 from ..closure_forms import ROWS, closure_of, form_of_rows
-from ..names import did_you_mean, listed
+from ..names import listed
 from ..placement import poses_at_zero, relative
 from ..records import Closure
 from ..robot_file import MotorStatement, RobotFile
-from .yaml_file import Place, YamlFile
+from .tables import Open, table
+from .yaml_file import Place, YamlFile, checked
 
 #: Rows by the position in HyRoDyn's spatial vectors: rotations first.
 ORDER = (*ROWS[3:], *ROWS[:3])
@@ -38,6 +40,21 @@ BODIES = ("predecessor_body", "successor_body")
 
 #: Types whose loops are the mimicking joints of the URDF.
 BY_MIMIC = ("TRANSMISSION", "PARALLELOGRAMCHAIN")
+
+#: The keys that are read.
+Axis: Any = table("Axis", Open, axis=Annotated[list[FiniteFloat], Field(min_length=6, max_length=6)])
+Constraint: Any = table(
+    "Constraint", Open, predecessor_body=str, successor_body=str, cut_joint=str | None,
+    constraint_axes=Annotated[list[Axis], Field(min_length=1)],
+)  # fmt: skip
+Submechanism: Any = table(
+    "Submechanism", Open, type=(str, ""), name=str | None, contextual_name=str | None,
+    jointnames_active=list[str] | None, jointnames_spanningtree=list[str] | None,
+    loop_constraints=Annotated[list[Constraint], Field(min_length=1)] | None,
+)  # fmt: skip
+File: Any = table(
+    "File", Open, submechanisms=Annotated[list[Submechanism], Field(min_length=1)], exoskeletons=(Any, None)
+)
 
 
 def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
@@ -50,91 +67,77 @@ def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
     if robot.closures:
         robot.notes.append(f"{file} is beside the robot file, which states closures itself, and was not read")
         return
-    poses = poses_at_zero(robot.joints)
+    content, poses = checked(document, File), poses_at_zero(robot.joints)
     motors: dict[str, None] = {}
-    for place, entry in _entries(document, (), document.data, "submechanisms"):
-        if not isinstance(entry, dict):
-            raise document.error(place, "a submechanism is a table of keys")
-        active, spanning = _joints(robot, document, place, entry)
-        motors |= dict.fromkeys(active)
-        if entry.get("loop_constraints") is None:
-            passive = [name for name in spanning if name not in active]
-            _refuse_without_geometry(robot, document, place, entry, passive)
-        else:
-            for here, constraint in _entries(document, place, entry, "loop_constraints"):
-                robot.closures.append(_closure(robot, document, here, constraint, poses))
+    for number, entry in enumerate(content.submechanisms):
+        place: Place = ("submechanisms", number)
+        motors |= dict.fromkeys(_active(robot, document, place, entry))
+        for i, constraint in enumerate(entry.loop_constraints or ()):
+            here = (*place, "loop_constraints", i)
+            robot.closures.append(_closure(robot, document, here, constraint, poses))
     if motors:
         line = document.lines[("submechanisms",)][0]
         where = f"jointnames_active of {file}"
         robot.motors.append(MotorStatement("side-car", where, tuple(motors), document.file, line))
-    if document.data.get("exoskeletons"):
+    if content.exoskeletons:
         robot.notes.append(f"exoskeletons of {file} are not read")
 
 
-def _joints(
-    robot: RobotFile, document: YamlFile, place: Place, entry: dict[str, Any]
-) -> tuple[list[str], list[str]]:
-    """Return the active joints of a submechanism and those of its tree; none of HyRoDyn's free joint."""
+def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> list[str]:
+    """Return the active joints of a submechanism; none of HyRoDyn's free joint.
+
+    Raises:
+        ModelError: A joint is unknown, or nothing closes its loop: it has passive joints that mimic no other.
+    """
     known = [joint.name for joint in robot.joints]
-    found: list[list[str]] = []
-    for key in ("jointnames_active", "jointnames_spanningtree"):
-        names = entry.get(key) or []
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise document.error((*place, key), "must be a list of joint names")
-        found.append(names)
-    active, spanning = found
+    active: list[str] = entry.jointnames_active or []
+    spanning = entry.jointnames_spanningtree or []
     if not active and not set(spanning) & set(known):
-        return [], []
+        return []
     document.refuse_unknown((*place, "jointnames_spanningtree"), spanning, known, "joint")
     document.refuse_unknown((*place, "jointnames_active"), active, known, "joint")
-    return active, spanning
-
-
-def _refuse_without_geometry(
-    robot: RobotFile, document: YamlFile, place: Place, entry: dict[str, Any], passive: list[str]
-) -> None:
-    """Raise for a submechanism of which nothing closes the loop: passive joints that mimic no other."""
-    passive = [name for name in passive if name not in {coupling.name for coupling in robot.couplings}]
-    kind = str(entry.get("type", ""))
-    name = entry.get("contextual_name") or entry.get("name") or kind
-    if kind in BY_MIMIC:
-        problem = f"joints {listed(passive)} mimic no other joint in the URDF; write <mimic> in them"
-    else:
-        missing = f"type '{kind}' states no geometry (which bodies meet where is in HyRoDyn's own code)"
-        missing = "loop_constraints is missing" if kind == "NUMERICAL" else missing
+    moved = {*active, *(coupling.name for coupling in robot.couplings)}
+    passive = [name for name in spanning if name not in moved]
+    if entry.loop_constraints is None and passive:
+        name = entry.contextual_name or entry.name or entry.type
         problem = (
-            f"{missing}, so nothing closes its loop over the passive joints {listed(passive)}. Write "
-            "type: NUMERICAL with loop_constraints (predecessor_body, successor_body, constraint_axes), "
-            "or <loop> in the URDF"
+            f"{_missing(entry.type)}, so nothing closes its loop over the passive joints {listed(passive)}. "
+            "Write type: NUMERICAL with loop_constraints (predecessor_body, successor_body, "
+            "constraint_axes), or <loop> in the URDF"
         )
-    if passive:
+        if entry.type in BY_MIMIC:
+            problem = f"joints {listed(passive)} mimic no other joint in the URDF; write <mimic> in them"
         raise document.error((*place, "type"), f"submechanism '{name}': {problem}")
+    return active
+
+
+def _missing(kind: str) -> str:
+    """Return what a submechanism of a type misses to close its loop."""
+    if kind == "NUMERICAL":
+        return "loop_constraints is missing"
+    return f"type '{kind}' states no geometry (which bodies meet where is in HyRoDyn's own code)"
 
 
 def _closure(
     robot: RobotFile, document: YamlFile, place: Place, entry: Any, poses: dict[str, Any]
 ) -> Closure:
     """Return one loop constraint as a closure."""
-    if not isinstance(entry, dict):
-        raise document.error(place, "a loop constraint is a table of keys")
-    links = [str(entry.get(key) or "") for key in BODIES]
+    links = [entry.predecessor_body, entry.successor_body]
     for key, link in zip(BODIES, links, strict=True):
-        if link not in poses:
-            hint = did_you_mean(link, poses)
-            problem = f"no link is called '{link}'{hint}" if link else f"{key} is missing"
-            raise document.error((*place, key), problem)
-    words = [_row(document, *axis) for axis in _entries(document, place, entry, "constraint_axes")]
+        document.refuse_unknown((*place, key), [link], poses, "link")
+    axes = [(*place, "constraint_axes", i) for i in range(len(entry.constraint_axes))]
+    words = [_row(document, *axis) for axis in zip(axes, entry.constraint_axes, strict=True)]
     try:
         form = form_of_rows(" ".join(words))
     except ValueError as error:
         raise document.error((*place, "constraint_axes"), str(error)) from None
-    cut = next((joint.child for joint in robot.joints if joint.name == entry.get("cut_joint")), None)
+    cut = next((joint.child for joint in robot.joints if joint.name == entry.cut_joint), None)
     closing = links[1] if cut == links[1] else links[0]
     sides = [
         (link, np.eye(4) if link == closing else relative(poses[link], poses[closing])) for link in links
     ]
     taken = {closure.name for closure in robot.closures}
-    name = str(entry.get("cut_joint") or "-".join(links))
+    name = entry.cut_joint or "-".join(links)
     name = next(one for one in (name, "-".join(links), f"{name}_{len(taken)}") if one not in taken)
     turns = (form.rotation_of_frames,) * 2
     return closure_of(name, "rows", sides, turns, form, document.lines[place][0])
@@ -142,11 +145,7 @@ def _closure(
 
 def _row(document: YamlFile, place: Place, axis: Any) -> str:
     """Return the row of one constraint axis: a unit vector of six numbers, rotation first."""
-    numbers = axis.get("axis") if isinstance(axis, dict) else None
-    plain = isinstance(numbers, list) and all(type(x) in (int, float) and np.isfinite(x) for x in numbers)
-    if not isinstance(numbers, list) or not plain or len(numbers) != 6:
-        raise document.error(place, "needs axis: six numbers, the rotation first")
-    (found, *others) = np.flatnonzero(numbers).tolist() or [-1, -1]
+    (found, *others) = np.flatnonzero(axis.axis).tolist() or [-1, -1]
     if others:
         raise document.error(
             (*place, "axis"),
@@ -154,12 +153,3 @@ def _row(document: YamlFile, place: Place, axis: Any) -> str:
             "moved along; write other directions as <loop> in the URDF",
         )
     return ORDER[found]
-
-
-def _entries(document: YamlFile, place: Place, table: Any, key: str) -> list[tuple[Place, Any]]:
-    """Return the entries of a list in a table at a place, each with its place; it must not be empty."""
-    found = table.get(key) if isinstance(table, dict) else None
-    if not isinstance(found, list) or not found:
-        here = (*place, key) if isinstance(table, dict) and key in table else place
-        raise document.error(here, f"needs a list '{key}' with at least one entry")
-    return [((*place, key, index), entry) for index, entry in enumerate(found)]

@@ -38,11 +38,18 @@ class Schema(BaseModel):
         return self.model_dump(exclude_none=True)
 
 
-def table(name: str, **keys: Any) -> Any:
+class Open(Schema):
+    """Base class of the schemas of files with keys for others, too."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+def table(name: str, base: type[Schema] = Schema, /, **keys: Any) -> Any:
     """Return the schema of a table.
 
     Args:
         name: Name of the table.
+        base: Its base class.
         keys: Type of the value of each key. A key whose type allows None may be left out, and so may one with
             a type and a default.
     """
@@ -50,7 +57,7 @@ def table(name: str, **keys: Any) -> Any:
         key: of if isinstance(of, tuple) else (of, None if type(None) in get_args(of) else ...)
         for key, of in keys.items()
     }
-    return create_model(name, __base__=Schema, **given)
+    return create_model(name, __base__=base, **given)
 
 
 #: Keys of the effects that model.toml may state; payloads, wrenches and base motions belong to scenes. A
@@ -120,6 +127,8 @@ def first_problem(error: ValidationError, schema: type[Schema]) -> tuple[Keys, s
     if problem["type"] == "extra_forbidden":
         names, key = keys_at(schema, place[:-1]), str(place[-1])
         return place, f"unknown key '{key}'{did_you_mean(key, names)}; known: {listed(names)}"
+    if problem["type"] == "missing":
+        return place, f"'{place[-1]}' is missing"
     return place, problem["msg"].removeprefix("Value error, ")
 
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
+from pydantic import ValidationError
 
 from ...errors import ModelError
 from ..names import did_you_mean
+from .tables import first_problem
 
 #: Largest YAML file read [bytes]; side-cars have a few kilobytes.
 LARGEST_YAML = 2**20
@@ -104,6 +106,18 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
     except RecursionError:
         raise ModelError("is nested too deeply", file=file) from None
     return document
+
+
+def checked(document: YamlFile, schema: Any) -> Any:
+    """Return the content of a document as an object of a schema of `tables`.
+
+    Raises:
+        ModelError: A key or value is wrong; the message names line and column.
+    """
+    try:
+        return schema.model_validate(document.data)
+    except ValidationError as error:
+        raise document.error(*first_problem(error, schema)) from None
 
 
 def _value(document: YamlFile, node: yaml.Node, place: Place) -> Any:
