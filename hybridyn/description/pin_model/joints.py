@@ -57,12 +57,8 @@ def joints_of(model: pin.Model, number: int) -> list[Joint]:
     if model.nvs[number] == 0:  # a mimicking joint has no numbers of its own
         return chain
     firsts = accumulate((FREEDOMS[joint.kind] for joint in chain), initial=0)
-    return [
-        replace(
-            joint, **(_numbers_of if FREEDOMS[joint.kind] == 1 else _numbers_of_all)(model, number, joint, at)
-        )
-        for joint, at in zip(chain, firsts, strict=False)
-    ]
+    pieces = zip(chain, firsts, strict=False)
+    return [replace(joint, **_numbers_of(model, number, joint, at)) for joint, at in pieces]
 
 
 def coupling_of(model: pin.Model, number: int, leaders: dict[int, list[Joint]]) -> Coupling | None:

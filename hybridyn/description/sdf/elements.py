@@ -230,7 +230,7 @@ def numbers(node: Node | None, tag: str) -> dict[str, float]:
     for name in out:
         child = node.child(name)
         if child is not None and child.content():
-            out[name] = child.content_number(infinite=tag == "limit")
+            out[name] = child.number(infinite=tag == "limit")
             if out[name] < 0 and name in POSITIVE:
                 raise node.error(f"negative {name} {out[name]:g} of {around(node).label}")
     return out
@@ -250,7 +250,7 @@ def flag(node: Node, tag: str, default: bool = False) -> bool:
 
 def direction(node: Node) -> Array:
     """Return the unit vector that an element states, shape (3,); ModelError if it is zero."""
-    return unit(node, node.content_numbers(3), "<xyz>0 0 1</xyz>")
+    return unit(node, node.numbers("", 3), "<xyz>0 0 1</xyz>")
 
 
 def pose(node: Node | None) -> Array:
@@ -264,14 +264,14 @@ def pose(node: Node | None) -> Array:
     form = str(node.xml.get("rotation_format", "")).strip() or "euler_rpy"
     degrees = node.flag("degrees", False)
     if form == "euler_rpy":
-        numbers = node.content_numbers(6)
+        numbers = node.numbers("", 6)
         angles = np.radians(numbers[3:]) if degrees else numbers[3:]
         return placement_from(rotation_from_rpy(*angles), numbers[:3])
     if form != "quat_xyzw":
         raise node.error(f"rotation_format '{form}' instead of 'euler_rpy' or 'quat_xyzw'")
     if degrees:
         raise node.error("states both degrees and a quaternion; keep one")
-    numbers = node.content_numbers(7)
+    numbers = node.numbers("", 7)
     norm = float(np.linalg.norm(numbers[3:]))
     if abs(norm - 1) > QUATERNION_SLACK:
         raise node.error(f"its quaternion has length {norm:g}; a unit quaternion is needed")

@@ -86,8 +86,8 @@ class Library:
         found: list[Placed] = []
         still: list[str] = []
         for own in worlds[0].children("model", "include") if worlds else models:
-            if own.tag == "include" and _names(own)[0] in SCENERY:
-                still += _names(own)
+            if own.tag == "include" and _name(own) in SCENERY:
+                still.append(_name(own))
                 continue
             model, files = self.open(own, self.own)
             if flag(own, "static", flag(model, "static")):
@@ -195,9 +195,9 @@ def keep_model(root: Node, name: str) -> None:
     stated = [
         own for holder in (root, *root.children("world")) for own in holder.children("model", "include")
     ]
-    kept = [own for own in stated if name in _names(own)]
+    kept = [own for own in stated if name == _name(own)]
     if len(kept) != 1:
-        known = [known for own in stated for known in _names(own)]
+        known = [_name(own) for own in stated]
         count = f"{len(kept)} models are" if kept else "no model is"
         raise root.error(f"{count} named '{name}'{did_you_mean(name, known)}; the file has {listed(known)}")
     around = {kept[0].xml, *kept[0].xml.iterancestors()}
@@ -228,8 +228,8 @@ def minor_of(node: Node) -> int:
     return int(match[1])
 
 
-def _names(own: Node) -> list[str]:
+def _name(own: Node) -> str:
     """Return the name of a model as its world knows it, or the folder of an included one."""
     if own.tag == "model":
-        return [own.text("name")]
-    return [word(own, "name") or word(own, "uri").rstrip("/").rpartition("/")[2]]
+        return own.text("name")
+    return word(own, "name") or word(own, "uri").rstrip("/").rpartition("/")[2]

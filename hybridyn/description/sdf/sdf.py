@@ -86,7 +86,7 @@ def _gravity(world: Node) -> tuple[float, float, float] | None:
     node = next((node for holder in holders if (node := holder.child("gravity")) is not None), None)
     if node is None or not node.content():
         return GRAVITY
-    x, y, z = (float(number) for number in node.content_numbers(3))
+    x, y, z = (float(number) for number in node.numbers("", 3))
     return x, y, z
 
 

@@ -87,7 +87,7 @@ def _refuse_unread(inertial: Node) -> None:
     if frame := relative_to(inertial.child("pose")):
         raise inertial.error(f"its pose is relative to '{frame}'; SDFormat has it in the link's frame")
     added = inertial.child("fluid_added_mass")
-    if added is not None and any(child.content_number() for child in added.children() if child.content()):
+    if added is not None and any(child.number() for child in added.children() if child.content()):
         raise added.error("the inertia of displaced fluid is not read; remove it")
 
 

@@ -252,7 +252,7 @@ def read_rotor(node: Node) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for child in node.children(*ROTOR_TAGS):
         word = ROTOR_TAGS[child.tag]
-        value = child.number("value") if "value" in child.xml.attrib else child.content_number()
+        value = child.number("value") if "value" in child.xml.attrib else child.number()
         if word == "rotor_inertia" and value < 0:
             raise child.error(f"negative rotor inertia {value:g}")
         if word == "gear_ratio" and value == 0:

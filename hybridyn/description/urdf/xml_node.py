@@ -257,20 +257,28 @@ class Node(NamedTuple):
         """Return the names of the attributes, except those with a namespace or a prefix."""
         return [name for name in map(str, self.xml.attrib) if not name.startswith("{") and ":" not in name]
 
-    def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
-        """Return an attribute as a number; `infinite` also accepts `inf` and `-inf` (for limits only)."""
-        if attribute not in self.xml.attrib and default is not None:
+    def number(self, attribute: str = "", default: float | None = None, *, infinite: bool = False) -> float:
+        """Return an attribute, or the element's text, as a number.
+
+        Args:
+            attribute: Its name; "" for the text (`<mechanicalReduction>50</mechanicalReduction>`).
+            default: The number where the attribute is absent.
+            infinite: Whether `inf` and `-inf` are numbers (of limits only).
+        """
+        if default is not None and attribute not in self.xml.attrib:
             return default
-        return self._number(self.text(attribute), attribute, infinite)
+        stated = self.text(attribute) if attribute else self.content()
+        return self._number(stated, attribute or "text", infinite)
 
     def numbers(self, attribute: str, count: int, default: Iterable[float] | None = None) -> Array:
-        """Return an attribute as `count` numbers separated by blanks, shape (count,)."""
-        if attribute not in self.xml.attrib and default is not None:
+        """Return an attribute, or the text for "", as `count` numbers separated by blanks, shape (count,)."""
+        if default is not None and attribute not in self.xml.attrib:
             return np.array(list(default), dtype=float)
-        words = self.text(attribute).split()
+        words = (self.text(attribute) if attribute else self.content()).split()
         if len(words) != count:
-            raise self.error(f"attribute '{attribute}' has {len(words)} numbers instead of {count}")
-        return np.array([self._number(word, attribute, False) for word in words])
+            what = f"attribute '{attribute}'" if attribute else "text"
+            raise self.error(f"{what} has {len(words)} numbers instead of {count}")
+        return np.array([self._number(word, attribute or "text", False) for word in words])
 
     def content(self) -> str:
         """Return the element's text in one line, without surrounding blanks; ModelError if it is too long."""
@@ -278,17 +286,6 @@ class Node(NamedTuple):
         if len(value) > LONGEST_TEXT:
             raise self.error(f"its text has {len(value)} characters, limit {LONGEST_TEXT}")
         return value
-
-    def content_number(self, *, infinite: bool = False) -> float:
-        """Return the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
-        return self._number(self.content(), "text", infinite)
-
-    def content_numbers(self, count: int) -> Array:
-        """Return the element's text as `count` numbers separated by blanks, shape (count,)."""
-        words = (self.xml.text or "").split()
-        if len(words) != count:
-            raise self.error(f"text has {len(words)} numbers instead of {count}")
-        return np.array([self._number(word, "text", False) for word in words])
 
     def flag(self, attribute: str, default: bool) -> bool:
         """Return an attribute as true or false."""
