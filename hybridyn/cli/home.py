@@ -77,7 +77,7 @@ def command(
         raise ModelError(f"there is no posture {choose}: {counted(len(found.postures), 'posture')} found")
     if output:
         _save(robot, found, output)
-    for line in _lines(found, everything, choose):
+    for line in _lines(robot, found, everything, choose):
         click.echo(line, err=not everything)
     posture = positions(robot, found.postures[choose - 1].q)
     home = {name: tuple(round(x, DECIMALS) + 0.0 for x in values) for name, values in posture.items()}
@@ -100,20 +100,23 @@ def _save(robot: HybridRobot, found: Homes, target: str) -> None:
         write(state_rows(robot, np.arange(1.0, len(q) + 1), q, rest, rest))
 
 
-def _names(found: Homes) -> list[str]:
+def _names(robot: HybridRobot, found: Homes) -> list[str]:
     """Name each posture by the joints that are farthest from home, as many as make the names differ."""
     names = ["home"] * len(found.postures)  # of a robot without joints
     for count in range(1, len(found.postures[0].distances) + 1):
         names = []
         for posture in found.postures:
-            far = [f"{joint} {x:.3g}" for joint, x in list(posture.distances.items())[:count]]
+            far = [
+                f"{joint} {x:.3g} {'m' if robot.kinds[robot.joint_index[joint]] == 'prismatic' else 'rad'}"
+                for joint, x in list(posture.distances.items())[:count]
+            ]
             names.append("home" if posture.distance < AT_HOME else f"{', '.join(far)} from home")
         if len({*names}) == len(names):
             break
     return names
 
 
-def _lines(found: Homes, everything: bool, choose: int) -> Iterator[str]:
+def _lines(robot: HybridRobot, found: Homes, everything: bool, choose: int) -> Iterator[str]:
     """Yield the postures, one per line."""
     rows = [
         (
@@ -122,11 +125,11 @@ def _lines(found: Homes, everything: bool, choose: int) -> Iterator[str]:
             "within limits" if posture.within_limits else "beyond limits",
             f"closed to {posture.residual:.1e}",
         )
-        for number, (posture, name) in enumerate(zip(found.postures, _names(found), strict=True), 1)
+        for number, (posture, name) in enumerate(zip(found.postures, _names(robot, found), strict=True), 1)
         if everything or number == choose
     ]
     yield from aligned_rows(rows)
     left = (
         "" if found.unseen < 0.01 else f"; one more start finds another with probability {found.unseen:.2g}"
     )
-    yield f"{counted(len(found.postures), 'posture')} with the motors there{left}"
+    yield f"{counted(len(found.postures), 'posture')} with the motors there, positions in m and rad{left}"

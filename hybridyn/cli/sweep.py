@@ -136,13 +136,13 @@ def _run(
                 "continue with --resume", err=True,
             )  # fmt: skip
         raise
-    for line in _summary(state, output):
+    for line in _summary(state, output, engine):
         click.echo(line, err=True)
     if engine == "compiled" and state.why_general:
         raise HybridynError(f"--engine compiled: {state.why_general}")
 
 
-def _summary(state: Swept, output: str) -> list[str]:
+def _summary(state: Swept, output: str, engine: str | None) -> list[str]:
     """Return the lines that say what became of the designs."""
     lines = [f"{counted(state.done, 'design')} in '{output}', {state.now:,} evaluated now"]
     statuses = sorted(state.statuses, key=lambda status: (status != "ok", status))
@@ -155,8 +155,9 @@ def _summary(state: Swept, output: str) -> list[str]:
             f"compared with robots built for their designs: {state.checked:,}, largest difference "
             f"{state.difference:.1e}"
         )
-    if state.why_general:
-        lines.append(f"by the general path, without compiled models: {state.why_general}")
+    elif state.now:
+        why = "as asked" if engine == "general" else "compiling takes longer than these designs"
+        lines.append(f"by the general path, without compiled models: {state.why_general or why}")
     if state.restarts:
         lines.append(
             f"a worker process died {counted(state.restarts, 'time')}; its designs were evaluated again"

@@ -99,6 +99,12 @@ def _header(line: str, file: str) -> tuple[str, tuple[str, ...]]:
         raise TrajectoryError("the table is empty: its first line must name the columns", file=file)
     separator = next((mark for mark in ";\t" if mark in line), ",")
     columns = tuple(name.strip() for name in _cells(line, separator))
+    words = line.split()
+    if len(columns) == 1 < len(words):
+        numbers = all(as_number(word) is not None for word in words)
+        if numbers or sum("/" in word or word == "time" for word in words) > 1:
+            also = ", under a first line that names the columns" if numbers else ""
+            raise TrajectoryError(f"has spaces between its columns: write commas{also}", file=file)
     check_columns(columns, file)
     return separator, columns
 

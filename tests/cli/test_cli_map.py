@@ -39,6 +39,14 @@ def test_over_a_grid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert said.err.startswith("ankle: pitch, roll of motor_left, motor_right; 6 postures, condition number")
 
 
+def test_motors_that_the_map_leaves_out_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    slides = ",".join(f"m1_leg{i}_slide" for i in (1, 2, 3))
+    said = call(capsys, "idm", "tanev", "--map", slides, "--effects", "none")
+    others = "'m2_leg1_slide', 'm2_leg2_slide', 'm2_leg3_slide'"
+    assert f"not in the map, other motors: {others}\n" in said.err
+    assert "m2_leg1_slide" not in said.out
+
+
 def test_points_out_of_reach_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "map.csv"
     said = call(capsys, *words(tmp_path, "--grid", "0:1.8:2,0.1:0.2:1", "-o", target))

@@ -50,6 +50,7 @@ USAGE = [
     ("idm arm.urdf traj.csv --gravity 1,2,nan", "not finite"),
     ("idm arm.urdf traj.csv --base loose", "'loose' is not one of"),
     ("idm arm.urdf traj.csv --xacro n=3", "name:=value"),
+    ("idm arm.urdf traj.csv a:=1,b:=2", "joins arguments by a comma: write them apart, a:=1 b:=2"),
     ("idm arm.urdf traj.csv --motors lift,", "empty name"),
     ("idm arm.urdf traj.csv --weights lift=heavy", "NAME=NUMBER"),
     ("idm arm.urdf traj.csv --weights lifd=1", "did you mean 'lift'"),
@@ -108,6 +109,12 @@ USAGE = [
 ASKED = [
     ("idm five_bar --by-effect --effects gravity,velocity", "'velocity' needs 'inertia'"),
     ("idm five_bar --by-effect --effects spring", "state no numbers for the effect 'spring'"),
+    ("idm arm.urdf spaces.csv", "spaces.csv: has spaces between its columns: write commas"),
+    ("idm arm.urdf bare.txt", "bare.txt: has spaces between its columns: write commas, under a first line"),
+    (
+        "idm gough_stewart part.csv -o out.csv",
+        "part.csv: module 'm1_platform': what is given leaves 5 of its 6 freedoms",
+    ),
     ("idm five_bar --map m1_left_elbw", "unknown joint 'm1_left_elbw' (did you mean 'm1_left_elbow'?)"),
     (f"{ANKLE},rol --grid 3", "unknown joint 'rol' (did you mean 'roll'?)"),
     (f"{ANKLE.replace(',roll', '')} --grid 0:0:1", "leaves 1 of its 2 freedoms open"),
@@ -123,6 +130,9 @@ def folder(arm: str, motion: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     save(
         tmp_path, ankle_text().replace('"pitch" type="revolute"', '"pitch" type="continuous"'), "endless.urdf"
     )
+    save(tmp_path, "time lift/position\n0 1\n", "spaces.csv")
+    save(tmp_path, "0 1\n1 2\n", "bare.txt")
+    save(tmp_path, "time,m1_platform/pose/x\n" + "".join(f"{i},0\n" for i in range(9)), "part.csv")
     os.symlink("nowhere", "link")
     for ending in ("urdf", "csv", "toml"):
         os.mkfifo(f"x.{ending}")

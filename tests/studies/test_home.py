@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -71,8 +72,10 @@ def test_postures_have_names_that_differ() -> None:
         return HomePosture(np.zeros(2), 0.0, True, joint, distance, 1, distances)
 
     postures = posture(a=0.0, b=0.0), posture(a=1.0, b=0.5), posture(a=1.0, b=0.2)
-    assert _names(Homes(postures, 0.0)) == ["home", "a 1, b 0.5 from home", "a 1, b 0.2 from home"]
-    assert _names(Homes(postures[:2], 0.0)) == ["home", "a 1 from home"]
+    robot = SimpleNamespace(kinds=("revolute", "prismatic"), joint_index={"a": 0, "b": 1})
+    far = "a 1 rad, b 0.5 m from home", "a 1 rad, b 0.2 m from home"
+    assert _names(robot, Homes(postures, 0.0)) == ["home", *far]
+    assert _names(robot, Homes(postures[:2], 0.0)) == ["home", "a 1 rad from home"]
 
 
 def test_of_joints_that_are_equally_far_the_first_is_named() -> None:
@@ -89,6 +92,7 @@ def test_a_posture_is_printed_without_rounding_noise(capsys: pytest.CaptureFixtu
 
 def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "home", file, "--all")
+    assert "2 postures with the motors there, positions in m and rad" in listed.out
     assert re.match(r"1  . \d.* from home  (within|beyond) limits +closed to .*\n2  ", listed.out)
     model = file.with_name("triangle.model.toml")
     model.write_text(

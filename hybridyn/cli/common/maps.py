@@ -91,10 +91,14 @@ class MapSummary:
 
     def show(self, layout: Layout | None, quiet: bool) -> None:
         """Print the line on standard error, if this is not `quiet`."""
+        from ...description.names import listed
         from ...dynamics.quantities.joint_map import motors_beside
 
         if not quiet:
             motors = motors_beside(self.robot, self.joints)
+            others = [name for name in self.robot.motors if name not in motors]
+            if others:
+                click.echo(f"not in the map, other motors: {listed(others)}", err=True)
             click.echo(
                 f"{self.robot.name}: {', '.join(self.joints)} of {', '.join(motors)}; "
                 f"{counted(self.postures, 'posture')}, condition number of the map {self.low:.3g} to "

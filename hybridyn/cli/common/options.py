@@ -65,6 +65,11 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
     for value, match in matches.items():
         if match is None:
             raise click.BadParameter(f"'{value}' is not of the form name:=value", ctx, param)
+        if joined := re.search(r",\s*[A-Za-z_]\w*:=", match[2]):
+            parts = f"{match[1]}:={match[2][: joined.start()]} {match[2][joined.start() + 1 :].lstrip()}"
+            raise click.BadParameter(
+                f"'{value}' joins arguments by a comma: write them apart, {parts}", ctx, param
+            )
     return {match[1]: match[2] for match in matches.values() if match}
 
 

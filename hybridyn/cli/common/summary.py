@@ -106,8 +106,8 @@ class Summary:
 
 
 def effects_line(effects: Effects) -> list[str]:
-    """Return one line that names the effects that were on and off."""
-    return [f"effects on: {', '.join(effects.names) or 'none'}; off: {', '.join(effects.absent) or 'none'}"]
+    """Return one line that names the effects that were on."""
+    return [f"effects on: {', '.join(effects.names) or 'none'}; others off"]
 
 
 def branch_line(robot: HybridRobot, layout: Layout) -> list[str]:
