@@ -34,6 +34,8 @@ NEARLY_CLOSED = 1e-3
 FINEST = 4096
 #: The same if Newton does not converge at the end of the step.
 COARSEST = 16
+#: What is said where polygons prove that loops cannot close.
+LACKING = "a loop lacks {:.2g} m in any posture"
 
 
 def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool = False) -> Array:
@@ -59,6 +61,8 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
     q = np.empty((len(task.known), task.problem.tree.nq))
     starts = T * np.arange(len(guess))
     q[starts] = _first_postures(task, guess, starts, strict)
+    if keep_branch and len(guess) == 1:
+        _check_reach(task, q[0])
     last, chunk = 0, T
     while last < T - 1:
         stop = min(T, last + 1 + chunk)
@@ -155,25 +159,48 @@ def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) 
         lacking: Length that a loop lacks in any posture [m], zero if it is not known to.
     """
     at = int(np.argmin(result.residual))
-    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
-    worst = task.row_names[int(np.argmax(np.abs(rows)))]
     best = float(result.residual[at])
     if best > task.tolerance:
         why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
     else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     if lacking:
-        why += f" (a loop lacks {lacking:.2g} m in any posture)"
+        why += f" ({LACKING.format(lacking)})"
+    error = _open(task, result.q[at], sample, f"{why} after {result.iterations} iterations")
+    error.residual, error.iterations = best, result.iterations
+    return error
+
+
+def _open(task: Task, q: Array, sample: int, why: str) -> AssemblyError:
+    """Build the error for a sample whose loops do not close; it names the row that is most open at q."""
+    rows = task.problem.residual(q[None], np.array([min(sample, len(task.known) - 1)]))[0]
+    worst = task.row_names[int(np.argmax(np.abs(rows)))]
     return AssemblyError(
-        f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why} after "
-        f"{result.iterations} iterations. The target is out of reach, or contradicts another one; move it, "
-        "or give a better guess",
+        f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why}. The target is out of "
+        "reach, or contradicts another one; move it, or give a better guess",
         module=task.module,
         leg=worst,
         sample=sample,
-        residual=best,
-        iterations=result.iterations,
     )
+
+
+def _check_reach(task: Task, q: Array) -> None:
+    """Refuse a trajectory with a sample that no posture closes, as far as polygons prove it.
+
+    Args:
+        q: Any posture, shape (nq,).
+
+    Raises:
+        AssemblyError: There is one.
+    """
+    samples = np.arange(len(task.known))
+    for some in (samples[::STRIDE], samples):  # all of them are asked where one of a few lacks length
+        lacking = shortfall(task, np.tile(q, (len(some), 1)), some)
+        if not lacking.any():
+            return
+    first = int(np.argmax(lacking > 0.0))
+    end = task.with_known(q[None], samples[first : first + 1])[0]
+    raise _open(task, end, first, LACKING.format(lacking[first]))
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
@@ -192,9 +219,6 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     good = np.arange(n) == np.zeros((K, 1))
     coarse, every = np.arange(0, n, STRIDE), np.arange(n)
     for have, todo in ((coarse[:1], coarse[1:]), (coarse, every[every % STRIDE > 0])):
-        if K == 1 and not good[:, have].all():  # nothing is asked for after a sample that is out of reach
-            lacking = shortfall(task, q[0], samples[0])
-            todo = todo[todo < np.argmax(lacking > 0.0)] if lacking.any() else todo
         if len(todo):
             guess = tree.integrate(*_interpolated(task, q, have, todo))
             result = task.solve(guess, samples[:, todo].ravel())

@@ -7,6 +7,7 @@ import pytest
 
 import hybridyn
 import hybridyn.assembly.assemble as assembly
+import hybridyn.assembly.follow as following
 from hybridyn import ActuationError, AssemblyError, HybridRobot
 from hybridyn.assembly.free_motions import FreeMotions, free_motions
 from hybridyn.assembly.module_request import module_request
@@ -98,6 +99,29 @@ def test_what_is_proven_out_of_reach_is_refused_without_further_starts(name: str
         lambda: hybridyn.assemble(robot, platforms=platforms), AssemblyError, "lacks .* in any posture"
     )
     assert error.iterations <= 60  # of one start
+
+
+def test_a_motion_out_of_reach_is_refused_at_its_first_such_sample_before_it_is_followed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """That sample is the first that cannot be reached from any posture; only the motion's start is solved."""
+    robot = build_robot(shipped("five_bar"))
+    x = np.linspace(0.0, 0.9, 31)
+
+    def reached(sample: int) -> bool:
+        """Whether the sample alone closes."""
+        point = {"x": x[sample : sample + 1], "z": np.full(1, -0.4)}
+        return bool(closed_postures(robot, motors={}, platforms={"m1_tool": point})[1][0])
+
+    first = next(k for k in range(31) if not reached(k))
+    assert first > 9  # between the few that are asked first, too
+    monkeypatch.setattr(following, "_coarse_to_fine", None)
+    error = refused(
+        lambda: hybridyn.assemble(robot, platforms={"m1_tool": {"x": x, "z": np.full(31, -0.4)}}),
+        AssemblyError,
+        r"m1_tool.* at sample \d+: a loop lacks 0\.\d+ m in any posture. .* move it",
+    )
+    assert error.sample == first
 
 
 def test_where_no_sample_is_in_reach_none_is_closed() -> None:
