@@ -5,8 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 import hybridyn
+from hybridyn.description.opening import open_robot
 from hybridyn.errors import install_advice
 from hybridyn.studies.check.check import CODES, Finding, is_readable, worst
 from hybridyn.studies.check.masses import unit_guess
@@ -506,3 +508,24 @@ def test_a_file_that_is_not_there() -> None:
     assert finding.code == "unreadable"
     (finding,) = hybridyn.check("fivebar")
     assert "did you mean 'five_bar'" in finding.message
+
+
+@pytest.mark.parametrize(
+    ("name", "link", "alike"), [("gough_stewart", "m1_leg6_rod", 4), ("tanev", "m2_leg3_rod", 2)]
+)
+def test_one_of_several_equal_closures_that_is_missing_is_a_finding(
+    tmp_path: Path, name: str, link: str, alike: int
+) -> None:
+    root = open_robot(str(ROOT / f"urdf/{name}.urdf.xacro"), {}, ()).xml
+    path = tmp_path / "robot.urdf"
+
+    def found() -> list[Finding]:
+        path.write_bytes(etree.tostring(root))
+        return [one for one in hybridyn.check(path) if one.code == "lost-loops"]
+
+    assert found() == []
+    loop = root.findall("loop")[-1]
+    loop.getparent().remove(loop)
+    (one,) = found()
+    assert one.element == f"link '{link}'"
+    assert f"(revolute, revolute, prismatic) like those that {alike} closures close" in one.message

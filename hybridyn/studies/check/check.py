@@ -25,7 +25,7 @@ from ...structure.robot import HybridRobot
 from .couplings import check_couplings
 from .finding import CODES, SEVERITIES, Finding, Severity, worst
 from .limits import check_limits
-from .loops import check_branch, check_lost_loops, check_modules
+from .loops import check_branch, check_dangling_chains, check_lost_loops, check_modules
 from .masses import check_masses
 from .meshes import check_meshes
 from .names import check_names, check_shapes, duplicated_names
@@ -126,7 +126,7 @@ def _all(
     subject = Subject(root, description, package_dirs, shapes, robot)
     checks = (
         check_masses, check_units, check_limits, check_couplings, check_names, check_shapes, check_lost_loops,
-        check_branch, check_modules,
+        check_dangling_chains, check_branch, check_modules,
     )  # fmt: skip
     for run_check in checks:
         yield from run_check(subject)

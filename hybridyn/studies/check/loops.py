@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -73,6 +74,37 @@ def check_lost_loops(subject: Subject) -> Iterator[Finding]:
             yield subject.of_joint("lost-loops", sign.joint, *texts)
         else:
             yield Finding("lost-loops", "", *texts, subject.places.file)
+
+
+def check_dangling_chains(subject: Subject) -> Iterator[Finding]:
+    """Find chains of joints like those that several closures close, which no closure closes."""
+    closures = subject.description.closures
+    closed = [_chain(subject, link) for closure in closures for link in (closure.link_a, closure.link_b)]
+    alike = Counter((start, kinds) for start, kinds, _ in closed if kinds)
+    taken = {body for *_, bodies in closed for body in bodies}
+    ends = {link: _chain(subject, link) for link in subject.links if not subject.carried[link]}
+    free = {link: one[:2] for link, one in ends.items() if alike[one[:2]] > 1 and not taken & {*one[2]}}
+    for link, key in free.items():
+        if subject.body(link) == link and list(free.values()).count(key) < alike[key]:
+            yield subject.of_link(
+                "lost-loops",
+                link,
+                f"ends a chain ({', '.join(reversed(key[1]))}) like those that {alike[key]} closures close, "
+                "and no closure names it",
+                "without its loops the robot has too many freedoms, and efforts are wrong",
+                "state its closure like those of the other chains",
+            )
+
+
+def _chain(subject: Subject, link: str) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return where the chain that ends at a link starts, the kinds of its joints, and its bodies."""
+    kinds, bodies, at = list[str](), list[str](), subject.body(link)
+    while at in subject.joint_above and (not kinds or subject.carried[at] == 1):
+        joint = subject.joint_above[at]
+        kinds.append(joint.kind)
+        bodies.append(at)
+        at = subject.body(joint.parent)
+    return at, tuple(kinds), tuple(bodies)
 
 
 def _named(motions: tuple[str, ...]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -56,6 +57,17 @@ class Subject:
     def joint_above(self) -> dict[str, Joint]:
         """Parent joint of each link except the root."""
         return {joint.child: joint for joint in self.description.joints}
+
+    @cached_property
+    def carried(self) -> Counter[str]:
+        """Number of moving joints on each body, whose name is that of its first link."""
+        return Counter(self.body(one.parent) for one in self.description.joints if one.kind != "fixed")
+
+    def body(self, link: str) -> str:
+        """Return the first link of the body that a link belongs to."""
+        while link in self.joint_above and self.joint_above[link].kind == "fixed":
+            link = self.joint_above[link].parent
+        return link
 
     @cached_property
     def extent(self) -> float:
