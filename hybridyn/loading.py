@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from .description.records import Description
 
 _log = logging.getLogger("hybridyn")
+#: For what was decided about ranks, which commands but `info` do not repeat.
+_rank_log = logging.getLogger("hybridyn.rank")
 
 
 def load(
@@ -154,7 +156,7 @@ def _warn(robot: HybridRobot) -> None:
 
     for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():
         if decided := module.mechanism.rank_decision:
-            _log.warning("module '%s': %s", module.name, decided)
+            _rank_log.warning("module '%s': %s", module.name, decided)
         if singular := architecturally_singular(module):
             _log.warning("module '%s' is %s", module.name, singular)
 

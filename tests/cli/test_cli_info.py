@@ -11,6 +11,7 @@ from hybridyn.studies.check import loops
 from hybridyn.studies.check.loops import home_residuals
 from tests import ROOT
 from tests.files import expanded, save
+from tests.structure.test_rank_evidence import pinned
 
 SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
 
@@ -53,6 +54,16 @@ def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
     found = re.search(r"rank +2; relative singular values count from (\S+) up, and not up to\s+(\S+):", out)
     assert found is not None, out
     assert 1e-9 < float(found[2]) < 1e-5 < float(found[1])
+
+
+def test_what_was_decided_about_a_rank_is_told_by_info_alone(
+    run, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = pinned(tmp_path, 8e-5)
+    for command, told in (("home", False), ("info", True), ("home", False)):
+        caplog.clear()
+        run(command, path, "--motors", "drive")
+        assert ("count as independent" in caplog.text) == told
 
 
 def test_a_singular_home_is_told_where_the_module_is(run, monkeypatch: pytest.MonkeyPatch) -> None:

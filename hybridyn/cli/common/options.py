@@ -179,11 +179,20 @@ class RobotChoice:
     strict: bool = False
 
     def __call__(self) -> HybridRobot:
-        """Load the robot."""
+        """Load the robot; what was decided about the ranks of its closures is the business of `info`."""
+        import logging
+
         import hybridyn
 
+        context = click.get_current_context(silent=True)
+        log, before = logging.getLogger("hybridyn.rank"), logging.getLogger("hybridyn.rank").level
+        if context is not None and context.info_name != "info":
+            log.setLevel(logging.ERROR)
         words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
-        return hybridyn.load(words.pop("robot"), **words)
+        try:
+            return hybridyn.load(words.pop("robot"), **words)
+        finally:
+            log.setLevel(before)
 
 
 #: The options with which commands load a robot: the fields of `RobotChoice`.
