@@ -1,21 +1,36 @@
-"""The user's cache folder, and the check of who owns its files.
+"""The user's cache folder, and what is slow to compute from robot files in it: texts, tables, postures.
 
-A library runs with its user's rights, and a kept text stands for a robot's file, so only the user may write
-them.
+A library runs with its user's rights, and an entry stands for a robot's file, so only the user may write
+them: where there is no such folder, every text is computed again. An entry is JSON, named by a hash of all
+that it depends on. Entries are data and are never run.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import importlib.util
+import json
 import os
 import stat
 import sys
+import zlib
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ..errors import CompileError
+from .writing import appearing
 
 #: Environment variable that sets another cache folder.
 VARIABLE = "HYBRIDYN_CACHE"
+
+#: Most entries of a folder that are kept; those used least recently are removed.
+MOST_ENTRIES = 100
+#: Largest entry that is kept, compressed [bytes]; that of 300 six-legged modules.
+LARGEST_ENTRY = 2**20
+#: Folder of texts.
+TEXTS = "texts"
 
 _INNER = ("keys", "models", "libraries", "texts")
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -92,3 +107,41 @@ def is_own(file: Path) -> bool:
     """
     about = file.lstat()
     return stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid() and not about.st_mode & _OTHERS_WRITE
+
+
+def kept(name: str, at: str = TEXTS) -> Any:
+    """Return an entry of a folder in the cache folder, or None if there is none that can be trusted."""
+    with contextlib.suppress(OSError, ValueError, zlib.error, CompileError):
+        path = folder() / at / name
+        check_ownership(folder())
+        if is_own(path):
+            entry = json.loads(zlib.decompress(path.read_bytes()))
+            os.utime(path)  # the time of its last use
+            return entry
+    return None
+
+
+def keep(name: str, entry: Any, at: str = TEXTS) -> None:
+    """Keep an entry in a folder of the cache folder; if it cannot be used, nothing is kept."""
+    content = zlib.compress(json.dumps(entry).encode(), 1)
+    if len(content) > LARGEST_ENTRY:
+        return
+    with contextlib.suppress(OSError, CompileError):
+        place = folder() / at
+        place.mkdir(parents=True, exist_ok=True, mode=0o700)
+        check_ownership(folder())
+        with appearing(place / name) as draft:
+            draft.touch(0o600)
+            draft.write_bytes(content)
+        entries = sorted(place.iterdir(), key=lambda path: -path.lstat().st_mtime)
+        for path in entries[MOST_ENTRIES:]:
+            path.unlink(missing_ok=True)
+
+
+@cache
+def state_of(package: str) -> str:
+    """Return names, sizes and times of a package's Python files, which change with their content."""
+    found = importlib.util.find_spec(package)
+    with os.scandir(Path((found and found.origin) or "").parent) as entries:
+        files = [(entry.name, entry.stat()) for entry in entries if entry.name.endswith(".py")]
+    return " ".join(f"{name} {about.st_size} {about.st_mtime_ns}" for name, about in sorted(files))

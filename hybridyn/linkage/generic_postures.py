@@ -11,8 +11,7 @@ import pickle
 
 import numpy as np
 
-from ..description.cache_folder import hashed
-from ..description.kept_texts import keep, kept, state_of
+from ..description.cache_folder import hashed, keep, kept, state_of
 from ..spatial import Array
 from .closures import Closures
 from .newton import Closed, LoopProblem, close

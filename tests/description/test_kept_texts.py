@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hybridyn.description import kept_texts
+from hybridyn.description import cache_folder
 from hybridyn.description.cache_folder import folder
 from hybridyn.description.side_cars import model_toml
 from hybridyn.description.urdf import xacro
@@ -117,27 +117,27 @@ def test_a_model_file_is_checked_once(at: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_entries_used_least_recently_are_removed(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept_texts, "MOST_ENTRIES", 3)
+    monkeypatch.setattr(cache_folder, "MOST_ENTRIES", 3)
     for i in range(3):
-        kept_texts.keep(str(i), {"number": i})
+        cache_folder.keep(str(i), {"number": i})
         os.utime(folder() / "texts" / str(i), (i, i))
-    assert kept_texts.kept("0") == {"number": 0}
-    kept_texts.keep("3", [1.5])
-    assert [kept_texts.kept(str(i)) for i in range(4)] == [{"number": 0}, None, {"number": 2}, [1.5]]
+    assert cache_folder.kept("0") == {"number": 0}
+    cache_folder.keep("3", [1.5])
+    assert [cache_folder.kept(str(i)) for i in range(4)] == [{"number": 0}, None, {"number": 2}, [1.5]]
 
 
 def test_a_large_text_and_a_folder_that_cannot_be_used_keep_nothing(
     at: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept_texts.keep("large", os.urandom(2 * kept_texts.LARGEST_ENTRY).hex())
-    assert kept_texts.kept("large") is None
+    cache_folder.keep("large", os.urandom(2 * cache_folder.LARGEST_ENTRY).hex())
+    assert cache_folder.kept("large") is None
     save(at, "", "in_the_way")
     for cache in (str(at / "in_the_way"), ""):  # without a name, it is in the home folder
         monkeypatch.setenv("HYBRIDYN_CACHE", cache)
         monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
         monkeypatch.setattr(Path, "home", classmethod(_homeless))
-        kept_texts.keep("any", {})
-        assert kept_texts.kept("any") is None
+        cache_folder.keep("any", {})
+        assert cache_folder.kept("any") is None
     refused(folder, CompileError, r"no home folder for the cache: name .* HYBRIDYN_CACHE")
 
 

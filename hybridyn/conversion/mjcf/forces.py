@@ -51,16 +51,14 @@ def add_forces(root: ET.Element, d: Description, tree: Tree) -> None:
     """
     springs, driven = {spring.name: spring for spring in d.springs if spring.stiffness}, {*d.motors}
     limits = {joint.name: joint.effort_limit for joint in d.joints}
-    for joint in d.joints:
-        if joint.kind in ("fixed", "floating"):
-            continue
-        element = tree.joints[joint.name]
+    for joint in (joint for joint in d.joints if joint.kind not in ("fixed", "floating")):
+        element, bounds = tree.joints[joint.name], (joint.lower, joint.upper)
         put(element, damping=joint.damping or None, armature=joint.armature or None)
         if joint.kind == "spherical":
             continue
         put(element, frictionloss=joint.friction or None)
-        if joint.lower < joint.upper and np.isfinite([joint.lower, joint.upper]).any():
-            put(element, range=(joint.lower, joint.upper), limited="true")
+        if joint.lower < joint.upper and np.isfinite(bounds).any():
+            put(element, range=bounds, limited="true")
         if joint.name not in driven and limits[joint.name] < np.inf:
             put(element, actuatorfrcrange=(-joint.effort, joint.effort), actuatorfrclimited="true")
         if spring := springs.get(joint.name):

@@ -18,7 +18,7 @@ import numpy as np
 from ...description.names import listed, unique
 from ...description.placement import outwards, placement_from, turned
 from ...description.records import Description
-from ...description.side_cars.model_text import model_file
+from ...description.side_cars.companions import model_file
 from ...errors import ModelError
 from ..home import home_of
 from ..numerals import add, numeral, put

@@ -14,7 +14,7 @@ from ...description.closure_forms import FORMS
 from ...description.placement import turned
 from ...description.records import Array, Closure, Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
-from ...description.side_cars.model_text import model_file
+from ...description.side_cars.companions import model_file
 from ...description.urdf.loops import terms_between
 from ...description.urdf.shapes import SIZES, Shape
 from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED

@@ -13,7 +13,7 @@ import numpy as np
 from ...description.placement import free_pose, poses_at
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
-from ...description.side_cars.model_text import model_file
+from ...description.side_cars.companions import model_file
 from ..mjcf.bodies import POINT_INERTIA, sizes_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of
 from .joints import End, add_closure, add_joint, axis_of, start_joint, unit_of

@@ -27,9 +27,8 @@ from itertools import chain
 from typing import Any
 
 from ...errors import ModelError
-from ..cache_folder import hashed
+from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
-from ..kept_texts import keep, kept, state_of
 from ..names import did_you_mean
 from ..records import Coupling, JointKind
 from ..robot_file import ZERO, MotorStatement, RobotFile

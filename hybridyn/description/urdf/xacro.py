@@ -15,8 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ...errors import ModelError
-from ..cache_folder import hashed
-from ..kept_texts import keep, kept, state_of
+from ..cache_folder import hashed, keep, kept, state_of
 from ..shipped import data_folder
 from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE

@@ -105,19 +105,11 @@ def roots_of(stage: Stage, joints: list[UsdJoint]) -> list[str]:
 
 def names_of(prims: Iterable[Prim]) -> dict[str, str]:
     """Return a name for each prim by its path: the last part of it, or as much as makes the name unique."""
-    out: dict[str, str] = {}
-    taken: set[str] = set()
-    waiting = {prim.path: prim.path.strip("/").split("/") for prim in prims}
-    length = 0
-    while waiting:
-        length += 1
-        wanted = {path: "_".join(parts[-length:]) for path, parts in waiting.items()}
-        counts = Counter(wanted.values())
-        for path, name in wanted.items():
-            if counts[name] == 1 or length >= len(waiting[path]):
-                out[path] = unique(name, taken)
-                del waiting[path]
-    return out
+    parts = {prim.path: prim.path.strip("/").split("/") for prim in prims}
+    ends = {path: ["_".join(own[-n:]) for n in range(1, len(own) + 1)] for path, own in parts.items()}
+    counts, taken = Counter(end for own in ends.values() for end in own), set[str]()
+    shortest = {path: next((end for end in own if counts[end] == 1), own[-1]) for path, own in ends.items()}
+    return {path: unique(name, taken) for path, name in shortest.items()}
 
 
 def _joint(prim: Prim, name: str) -> UsdJoint:
