@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0b4f9e", "#e07b00", "#3f8f4f", "#7a3fa0", "#00a5ab", "#c22f1f", "#8a8a8a", "#9c5400")
-REMARK = "Lower left is better. Pale: all settings; line: the front. Filled: one call; open: a batch."
+REMARK = "Lower left is better. Pale: all settings; line: the front."
+CALLS = " Filled: one call; open: a batch."
 
 
 def figure_of(study: Study, source: str) -> Figure:
@@ -27,7 +28,8 @@ def figure_of(study: Study, source: str) -> Figure:
             "part of time": [one.share for one in order],
         }
         panels.append(Bars("effects", "part of the whole", names, pairs, study.own_error))
-    return draw(f"{source}: {study.question}", REMARK, [panels])
+    remark = REMARK + CALLS * (study.time_unit == "per sample")
+    return draw(f"{source}: {study.question}", remark, [panels])
 
 
 def _settings(study: Study) -> Panel:
@@ -40,7 +42,7 @@ def _settings(study: Study) -> Panel:
             zip(*((p.seconds * scale, p.error) for p in points), strict=True)
             for points in (front(own, study.own_error) or own, own)
         )
-        hollow = [not own[0].one_call] * len(x)
+        hollow = [study.time_unit == "per sample" and not own[0].one_call] * len(x)
         curves.append(Curve(name, colour, x, y, hollow=hollow, all_x=all_x, all_y=all_y))
     usual = next((p for p in study.points if p.use == "usual"), None)
     named = ((usual, "now"), (cheapest(study, ADVISED), "advised"))

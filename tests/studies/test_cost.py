@@ -30,6 +30,7 @@ from hybridyn.studies.cost.points import (
 )
 from hybridyn.studies.cost.runner import Runner, distance, errors
 from hybridyn.studies.cost.runs import needed_effects, study_runs, typical_step
+from hybridyn.studies.cost.settings import effects_fragment
 from hybridyn.studies.cost.stages import by_rates
 from hybridyn.tables.rates import derivatives
 from hybridyn.tables.signals import WRENCH
@@ -396,10 +397,11 @@ def test_effects_that_a_scene_needs() -> None:
         Worth("coulomb_friction", 2e-3, 0.01, computed=False),
         Worth("rotor_inertia", 1e-4, 0.01, computed=False),
     ]
-    lines = tomllib.loads("\n".join(needed_effects(study, ready, 1e-3)))
-    assert lines["effects"]["use"] == [
-        "gravity", "inertia", "leg_inertia", "viscous_friction", "coulomb_friction",
-    ]  # fmt: skip
+    needed = needed_effects(study, ready, 1e-3)
+    assert needed[:3] == ["gravity", "inertia", "leg_inertia"]
+    assert {*needed} - {*needed[:3]} == {"viscous_friction", "coulomb_friction", "payload"}
+    lines = tomllib.loads(effects_fragment(ready.source, needed))
+    assert lines["effects"]["use"] == [name for name in needed if name != "payload"]
     # together they change more than the target: the payload stays in a table of its own
     assert needed_effects(study, ready, 1e-7) != []
 

@@ -94,10 +94,16 @@ def study_runs(
         (family[0].line, len(family), _family(runner, family, tried, limit))
         for family in (quick, [usual], *([[general]] * in_c), *others)
     ]
-    steps.insert(-len(others), ("effects", len(DROPPABLE), _worth(study, runner, seconds * ONE_EFFECT)))
+    every = every_effect(ready)
+    steps.insert(
+        -len(others), ("effects", len(DROPPABLE), _worth(study, runner, every, seconds * ONE_EFFECT))
+    )
     fill(study, steps, progress)
+    if needed := needed_effects(study, ready, target):
+        sets = {"these": every.only(needed), "those of the scene": ready.effects}
+        study.needed = effects_fragment(ready.source, needed).split("\n")
+        study.needed += [f"# {line}" for line in _apart(runner, every, sets, in_c, limit)]
     _elsewhere(study, runner, tried, target)
-    study.needed = needed_effects(study, ready, target)
     return study
 
 
@@ -147,43 +153,56 @@ def _elsewhere(study: Study, runner: Runner, tried: dict[str, Setting], target: 
     study.points[study.points.index(best)] = replace(best, elsewhere=error)
 
 
-def _worth(study: Study, runner: Runner, limit: float) -> Iterator[Worth]:
+def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterator[Worth]:
     """Measure what each effect changes: those of the scene if left out, those of the files if added.
 
     Args:
+        every: Effects of the scene and of the files.
         limit: Time of a run [s]; what does not come to the end in time ends earlier for all.
     """
     robot, on = runner.ready.robot, runner.ready.effects
-    stated, every = choose(robot, ["default", *stated_names(robot)]), operations(robot, on, "ddm")
-    setting = setting_of("dopri5", OF_ONE, compiled=False)
-    whole, _ = runner.run(setting, limit)
-    for name in DROPPABLE:
+    setting, whole = setting_of("dopri5", OF_ONE, compiled=False), operations(robot, on, "ddm")
+    exact, _ = runner.run(setting, limit)
+    for name in (name for name in DROPPABLE if name in every.names):
         computed = name in on.names
-        if not computed and name not in stated.names:
-            continue
-        other = without(on, [name]) if computed else _with(on, stated, name)
-        share = operations(robot, other, "ddm") / every - 1.0
+        other = without(on, [name]) if computed else every.only([*on.names, name])
+        share = operations(robot, other, "ddm") / whole - 1.0
         try:
-            change = errors(robot, runner.run(setting, 2 * limit, effects=other)[0], whole)["error"]
+            change = errors(robot, runner.run(setting, 2 * limit, effects=other)[0], exact)["error"]
         except HybridynError:  # a motion without mass
             change = np.inf
         yield Worth(name, change, -share if computed else share, computed)
-    if whole.status == "interrupted":
-        study.remarks.append(f"effects are those of the first {whole.t[-1]:.2g} s: --seconds gives more time")
+    if exact.status == "interrupted":
+        study.remarks.append(f"effects are those of the first {exact.t[-1]:.2g} s: --seconds gives more time")
 
 
-def _with(on: Effects, stated: Effects, name: str) -> Effects:
-    """Return effects with one more, as the robot's files state it."""
-    more = stated.only([name])
+def _apart(
+    runner: Runner, every: Effects, sets: dict[str, Effects], compiled: bool, limit: float
+) -> Iterator[str]:
+    """Run sets of effects, and say how far their ends are from that with every effect."""
+    setting = setting_of("dopri5", OF_EFFECTS, compiled)
+    try:
+        exact, _ = runner.run(setting, limit, effects=every)
+        for words, on in sets.items():
+            error = errors(runner.ready.robot, runner.run(setting, limit, effects=on)[0], exact)["error"]
+            yield f"with {words}, the end is {error:.1e} from that with every effect that is stated"
+    except HybridynError as failure:
+        yield f"not run with every effect that is stated: {failure}"
+
+
+def every_effect(ready: Stage) -> Effects:
+    """Return the effects of a scene with those of `DROPPABLE` that the robot's files state besides."""
+    on, stated = ready.effects, choose(ready.robot, ["default", *stated_names(ready.robot)])
+    more = stated.only([name for name in DROPPABLE if name not in on.names])
     return replace(
         on, leg_inertia=on.leg_inertia or more.leg_inertia, velocity=on.velocity or more.velocity,
         joints=(*on.joints, *more.joints), rotors=(*on.rotors, *more.rotors),
-        names=tuple(unit for unit in UNITS if unit in {*on.names, name}),
+        names=tuple(unit for unit in UNITS if unit in {*on.names, *more.names}),
     )  # fmt: skip
 
 
 def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
-    """Return lines that request the effects that a scene needs for an error, if it names others.
+    """Return the effects that a scene needs for an error, or nothing if it names them.
 
     Effects are left out, the least important first, as long as their changes together stay below the target.
     """
@@ -192,5 +211,4 @@ def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
     gone = spared(study.worth, target, lambda names: sum(worth[name] for name in names))
     if not more and not gone:
         return []
-    names = [name for name in UNITS if name in {*ready.effects.names, *more} - {*gone}]
-    return effects_fragment(ready.source, names).split("\n")
+    return [name for name in UNITS if name in {*ready.effects.names, *more} - {*gone}]
