@@ -40,7 +40,7 @@ WIDTH = 120
 MOST_ROWS = 12
 
 #: What is computed along a trajectory, the usual one first.
-QUANTITIES = ("idm", "ddm", "close", "idm_jacobian", "ddm_jacobian")
+QUANTITIES = ("idm", "ddm", "close", "designs", "idm_jacobian", "ddm_jacobian")
 
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130

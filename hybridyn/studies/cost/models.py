@@ -54,7 +54,12 @@ MANY, THREADED = 400, 20_000
 #: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
 #: The usual setting in words, where no effects are in question.
-USUAL = {"close": "the general path", "idm_jacobian": "all of them in C", "ddm_jacobian": "all of them in C"}
+USUAL = {
+    "close": "the general path",
+    "designs": "a robot for each design",
+    "idm_jacobian": "all of them in C",
+    "ddm_jacobian": "all of them in C",
+}
 #: Part of the time of the whole by which that of its stages together may differ.
 ADDS_UP = 0.15
 #: What a controller calls at each tick, from the motors, by quantity.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -29,6 +31,7 @@ QUANTITIES = {
     "idm": "motor efforts",
     "ddm": "accelerations",
     "close": "the motion of all joints from the motors'",
+    "designs": "motor efforts of designs with another mass",
     "idm_jacobian": "derivatives of motor efforts over the motors' motion",
     "ddm_jacobian": "derivatives of the motors' accelerations over their motion and efforts",
 }
@@ -39,6 +42,9 @@ EVERY = "every effect"
 STEPS = tuple(10.0**-k for k in range(1, 8))
 #: Step of the differences that are extrapolated.
 EXTRAPOLATED = 1e-4
+
+#: Mass of the heaviest link in a design, relative to its own.
+HEAVIER = 1.1
 
 #: Speed of the second motion, relative to the first, on the same path.
 SLOWER = 0.7
@@ -72,15 +78,18 @@ class Models:
     def __init__(self, robot: HybridRobot) -> None:
         self.robot, self._found = robot, dict[tuple[Any, ...], CompiledRobot]()
 
-    def compiled(self, effects: Effects, dtype: str = "float64", threads: int = 1) -> CompiledRobot:
+    def compiled(
+        self, effects: Effects, dtype: str = "float64", threads: int = 1, parameters: Sequence[str] = ()
+    ) -> CompiledRobot:
         """Return a model.
 
         Raises:
             HybridynError: It cannot be built.
         """
-        key = effects.names, dtype, threads
+        key = effects.names, dtype, threads, parameters
+        options: dict[str, Any] = {"dtype": dtype, "threads": threads, "parameters": parameters}
         if key not in self._found:
-            self._found[key] = compile(self.robot, effects, dtype=dtype, threads=threads)
+            self._found[key] = compile(self.robot, effects, **options)
         return self._found[key]
 
 
@@ -118,6 +127,15 @@ def ways(models: Models, quantity: str, effects: Effects) -> list[Way]:
             Way(slow, "usual", "keep the general path", "# hybridyn.assemble", "(usual)"),
             Way(fast, "command", "close the loops in C", call.format("", "assemble"), "a batch"),
         ]
+    if quantity == "designs":
+        slow = replace(slow, batches=False)
+        return [
+            Way(
+                slow, "usual", "build the robot of each design", "# robot.with_parameters", "a robot a design"
+            ),
+            Way(fast, "command", "compute designs in C", call.format(", parameters=[...]", "idm"), "a batch"),
+            Way(single, "program", "compute designs in C (float32)", setting="a batch"),
+        ]
     told, keep = partial(model_fragment, effects.names, command=quantity), "keep every effect and "
     number, shared = (call.format(x, quantity) for x in (', dtype="float32"', ", threads=2"))
     return [
@@ -132,6 +150,11 @@ def solver(quantity: str, robot: HybridRobot, effects: Effects, model: CompiledR
     """Return the call that computes a quantity for many samples, by the general path without a model."""
     if quantity == "close":
         return partial(_closed, model.assemble if model else partial(assemble, robot), robot)
+    if quantity == "designs":
+        design = design_of(robot)
+        if model:
+            return partial(model.idm, parameters=[*design.values()])
+        return lambda *state: idm(robot.with_parameters(design), *state, effects=effects)
     if model:
         return getattr(model, quantity)
     return partial(idm if quantity == "idm" else ddm, robot, effects=effects)
@@ -141,8 +164,15 @@ def in_c(
     models: Models, quantity: str, effects: Effects, dtype: str, robot: HybridRobot, threads: int = 1
 ) -> Any:
     """Prepare a compiled model."""
-    solve = solver(quantity, robot, effects, models.compiled(effects, dtype, threads))
+    free = tuple(design_of(robot)) if quantity == "designs" else ()
+    solve = solver(quantity, robot, effects, models.compiled(effects, dtype, threads, free))
     return lambda setting: solve
+
+
+def design_of(robot: HybridRobot) -> dict[str, float]:
+    """Return the design that is measured: another mass of the heaviest link."""
+    heaviest = max(robot.description.links, key=lambda link: link.mass)
+    return {f"mass:{heaviest.name}": HEAVIER * heaviest.mass}
 
 
 def motors_of(robot: HybridRobot, q: Array, v: Array, a: Array) -> State:
@@ -192,6 +222,8 @@ def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> 
         HybridynError: The C code cannot be built, or it is not certain of every sample.
         ImportError: CasADi is not installed.
     """
+    if quantity == "designs":
+        quantity, robot = "idm", robot.with_parameters(design_of(robot))
     program = program_of(robot, effects, quantity)
     base = [np.zeros((len(state[0]), size)) for _, size in program.inputs[3:]]  # that of a moving base
     found, guard = load([program], dtype="float128").batch(program.name, *state, *base)
