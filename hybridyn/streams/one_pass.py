@@ -49,8 +49,9 @@ class Pass:
                 motors = (*(motor for motor in motors if motor not in replaced), *outputs)
         self.robot, self.table = robot, table
         self.layout: Layout = read_layout(
-            table.columns, robot.description, motors=motors, base=robot.base, file=table.file, efforts=efforts
-        )
+            table.columns, robot.description, motors=motors, base=robot.base, file=table.file,
+            efforts=efforts, passive=robot.mobility - 6 * (robot.base == "floating") - len(robot.motors),
+        )  # fmt: skip
 
     @property
     def connected(self) -> bool:

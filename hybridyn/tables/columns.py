@@ -104,6 +104,7 @@ def read_layout(
     base: str = "fixed",
     file: str | None = None,
     efforts: bool = False,
+    passive: int = 0,
 ) -> Layout:
     """Determine the meaning of each column, and check that none is missing.
 
@@ -114,6 +115,7 @@ def read_layout(
         file: Path of the table, for messages.
         efforts: Whether the caller reads `<motor>/effort` of every motor, and no accelerations; if not,
             columns of efforts are an error.
+        passive: Number of joints without a motor that may be given, too, since motors leave freedoms open.
 
     Raises:
         TrajectoryError: A column is unknown, a needed one is missing, or columns contradict each other.
@@ -150,7 +152,7 @@ def read_layout(
     if efforts:
         _check_efforts(layout, motors)
     _check_base(layout, description.root, base)
-    _check_inputs(layout, movable, motors, description.root)
+    _check_inputs(layout, movable, motors, description.root, passive)
     _check_time(layout)
     return layout
 
@@ -199,7 +201,9 @@ def _check_base(layout: Layout, root: str, base: str) -> None:
         raise TrajectoryError(message, file=layout.file, column=column)
 
 
-def _check_inputs(layout: Layout, movable: Iterable[str], motors: Sequence[str], root: str) -> None:
+def _check_inputs(
+    layout: Layout, movable: Iterable[str], motors: Sequence[str], root: str, most: int
+) -> None:
     """Check that joints and poses are a full state, or that a posture can be assembled from them."""
     platforms = [key for key in layout.poses if key != root]
     if layout.full_state:
@@ -209,7 +213,7 @@ def _check_inputs(layout: Layout, movable: Iterable[str], motors: Sequence[str],
             raise TrajectoryError(message, file=layout.file, column=f"{platforms[0]}/pose/{components[0]}")
         return
     passive = [name for name in layout.joints if name not in motors]
-    if passive:
+    if len(passive) > most:
         rest = [name for name in movable if name not in layout.joints]
         message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
         message += f"; for the motion of output joints, 'hybridyn idm --map {','.join(passive)}'"

@@ -43,6 +43,22 @@ def five_bar() -> FiveBar:
     return FiveBar()
 
 
+@pytest.mark.parametrize("engine", ["general", "compiled"])
+def test_a_joint_that_the_only_motor_leaves_open_is_given_in_the_table(
+    run, tmp_path: Path, five_bar: FiveBar, engine: str
+) -> None:
+    """The motor on the right is off: the position of a passive elbow takes its place in the table."""
+    left = ["m1_left_drive", "m1_left_elbow"]
+    at = [five_bar.robot.joints.index(name) for name in left]
+    header = ["time", *(f"{name}/{rate}" for rate in ("position", "velocity") for name in left)]
+    rows = [five_bar.time, five_bar.q[:, at], five_bar.v[:, at], five_bar.tau[:, 0]]
+    path = save(tmp_path, table_text([*header, f"{left[0]}/effort"], np.column_stack(rows)), "states.csv")
+    table = read_table(run("ddm", FIVE_BAR, path, "--motors", left[0], "--engine", engine).out)
+    robot = hybridyn.load(FIVE_BAR, motors=left[:1])
+    wanted = hybridyn.ddm(robot, five_bar.q, five_bar.v, five_bar.tau[:, :1])
+    close_to(np.column_stack([table[f"{name}/acceleration"] for name in robot.joints]), wanted, ROUND_TRIP)
+
+
 @pytest.mark.parametrize("full", [True, False])
 def test_a_five_bar_from_its_motors_or_its_full_state(run, tmp_path: Path, five_bar: FiveBar, full) -> None:
     joints = five_bar.robot.joints if full else five_bar.robot.motors
