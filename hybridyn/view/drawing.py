@@ -24,6 +24,8 @@ THIN = 0.018
 DRUM, BALL, HUB = 1.9, 1.7, 1.35  # radii over the rod's: a motor's drum, a closure, a passive joint
 #: Half of a plate's thickness relative to the rod's radius.
 PLATE = 1.2
+#: Points whose spread across is a smaller part of that along are a limb: rods that meet, and no plate.
+NARROW = 0.3
 #: Points closer than this, relative to the module's length, are merged.
 SAME_PLACE = 1e-6
 #: Part of a prismatic joint's rod at home that its motor covers.
@@ -118,16 +120,18 @@ class _Pen:
     def _points_of_bodies(self) -> list[list[Array]]:
         """Return for each body the distinct positions of its joints and closures in the body's frame, [m]."""
         bodies = self.robot.bodies
-        points: list[list[Array]] = [[np.zeros(3)] if body.joint >= 0 else [] for body in bodies.bodies]
+        points: list[list[Array]] = [[] for _ in bodies.bodies]
         for joint in bodies.joints:
-            points[joint.parent].append(joint.p)
+            if joint.joint.kind != "floating":  # which holds a body nowhere
+                points[joint.parent].append(joint.p)
+                points[joint.child].append(np.zeros(3))
         for closure in self.robot.description.closures:
             for end in _ends(self.robot, closure):
                 points[end.body].append(end.at)
-        return [_distinct(own, SAME_PLACE * self.length) for own in points]
+        return [_distinct(own or [np.zeros(3)], SAME_PLACE * self.length) for own in points]
 
     def _add_plate(self, name: str, module: int, body: int, points: Array) -> bool:
-        """Add the hull of three or more points; return False if they are collinear."""
+        """Add the hull of three or more points; return False if they lie near a line."""
         found = hull(points, PLATE * self.radius(module))
         if found is None:
             return False
@@ -247,13 +251,13 @@ def hull(points: Array, half: float) -> tuple[Array, Index] | None:
         half: Half of the thickness of a flat one [m].
 
     Returns:
-        Corners and triangles, counter-clockwise from outside; None where all points lie on one line.
+        Corners and triangles, counter-clockwise from outside; None where all points lie near one line.
     """
     from scipy.spatial import ConvexHull
 
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre)
-    if len(spread) < 2 or spread[1] < 1e-3 * spread[0]:
+    if len(spread) < 2 or spread[1] < NARROW * spread[0]:
         return None
     if len(points) == 3 or spread[2] < half:
         points = np.concatenate([points - half * axes[2], points + half * axes[2]])

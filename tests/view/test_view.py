@@ -149,6 +149,21 @@ def test_the_hull_of_flat_points_is_a_plate_and_of_a_line_nothing() -> None:
     assert hull(np.linspace([0, 0, 0], [1, 2, 3], 4), 0.1) is None
 
 
+def test_a_limb_with_motors_at_its_sides_is_no_plate() -> None:
+    shank = np.array([[0.0, 0, 0], [0, 0.05, -0.2], [0, -0.05, -0.2], [0, 0, -0.4]])
+    assert hull(shank, 0.01) is None
+    assert hull(shank * [1, 5, 1], 0.01) is not None
+
+
+def test_a_floating_joint_holds_its_base_nowhere(tmp_path: Path) -> None:
+    """The ground under a platform on legs is as flat as their feet, which stand at z = 0."""
+    blocks = (ROOT / "docs/describing-loops.md").read_text().split("```")
+    text = next(block for block in blocks if "whole=platform.urdf.xacro" in block).partition("\n")[2]
+    picture = draw(hybridyn.load(save(tmp_path, text, "platform.urdf.xacro")))
+    (ground,) = (solid for solid in picture.solids if solid.module < 0)
+    assert np.ptp(ground.vertices[:, 2]) < 0.1 * np.ptp(ground.vertices[:, 0])
+
+
 def test_the_nearer_triangle_is_seen_whatever_their_order() -> None:
     corners = np.array([[[0, 0], [40, 0], [0, 40]], [[5, 5], [30, 5], [5, 30]]], dtype=float)
     depths, colours = np.array([[2.0] * 3, [1.0] * 3]), np.array([[1.0, 0, 0], [0, 1.0, 0]])
