@@ -7,7 +7,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,28 +82,12 @@ def command(
     started = time.perf_counter()
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
-    state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
-    if state is not None and os.path.islink(state):  # a scene's folder may have come with it
-        raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
-    if state is not None and os.path.exists(state) and not (resume or overwrite):
-        raise click.UsageError(
-            f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew"
-        )
+    state = _state_of(ready, target, anew=not resume and not overwrite)
     check_targets(files_of(ready.source), (target, state, plot))
     if resume:
         _check_earlier(ready, target, state)
     chosen = _engine(ready, engine)
-    with Progress("steps") as bar, _between_steps() as stop:
-        steps, reached = 0, 0.0
-
-        def after_step(t: float, end: float) -> None:
-            """Show how far the run is, and stop it on Ctrl-C and at `until`."""
-            nonlocal steps, reached
-            steps, reached = steps + (t != reached), t
-            bar.show(steps, t / end)
-            if stop or (until is not None and t >= until):
-                raise KeyboardInterrupt
-
+    with _between_steps(until) as (after_step, stop):
         result = play(
             ready,
             progress=after_step,
@@ -181,10 +165,36 @@ def _own_target(ready: Stage) -> str | None:
     return target
 
 
+def _state_of(ready: Stage, target: str | None, *, anew: bool) -> str | None:
+    """Return the file of the state of a run into a file, None where there is none; check it."""
+    if target is None or target == "-" or ready.motion is not None:
+        return None
+    state = f"{target}.state"
+    if os.path.islink(state):  # a scene's folder may have come with it
+        raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
+    if os.path.exists(state) and anew:
+        raise click.UsageError(
+            f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew"
+        )
+    return state
+
+
 @contextlib.contextmanager
-def _between_steps() -> Iterator[list[int]]:
-    """Yield a list to which Ctrl-C appends, so that runs stop between steps; a second one stops at once."""
+def _between_steps(until: float | None) -> Iterator[tuple[Callable[[float, float], None], list[int]]]:
+    """Yield what a run calls after each step, and a list to which Ctrl-C appends.
+
+    The run is shown, and stops between steps, on Ctrl-C and at a time [s]; a second Ctrl-C stops it at once.
+    """
     marks: list[int] = []
+    steps, reached = 0, 0.0
+
+    def after_step(t: float, end: float) -> None:
+        """Show how far the run is, and stop it."""
+        nonlocal steps, reached
+        steps, reached = steps + (t != reached), t
+        bar.show(steps, t / end)
+        if marks or (until is not None and t >= until):
+            raise KeyboardInterrupt
 
     def mark(number: int, frame: object) -> None:
         """Note the first Ctrl-C; end the program at the second."""
@@ -192,15 +202,10 @@ def _between_steps() -> Iterator[list[int]]:
             raise KeyboardInterrupt
         marks.append(number)
 
-    try:
-        before = signal.signal(signal.SIGINT, mark)
-    except ValueError:  # signals can be handled in the main thread only
-        yield marks
-        return
-    try:
-        yield marks
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with Progress("steps") as bar, contextlib.ExitStack() as after:
+        with contextlib.suppress(ValueError):  # signals can be handled in the main thread only
+            after.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, mark))
+        yield after_step, marks
 
 
 def _check_earlier(ready: Stage, target: str | None, state: str | None) -> None:

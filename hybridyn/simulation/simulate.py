@@ -102,6 +102,25 @@ def simulate(
     """
     solver = choose_solver(solver, **options)
     one_of("initial_velocity", initial_velocity, "refuse", "project")
+    times, wanted = _sampled(robot, solver, times, output_times)
+    law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
+    projection = solver.projection
+    system = System(Manifold(robot), law, projection == "stages", projection == "steps", solver.baumgarte)
+    origin = Origin(robot.name, solver.method, digest(robot), scene)
+    earlier = _earlier(resume, origin, times)
+    state = earlier.state if earlier else _start(system, q0, v0, float(times[0]), initial_velocity)
+    stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
+    if earlier is not None:
+        stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
+    run = Run(system, stepper, origin, tuple(events), wanted, state, earlier)
+    return run.to(float(times[-1]), progress, checkpoint, project=projection != "never")
+
+
+def _sampled(
+    robot: HybridRobot, solver: Solver, times: Sequence[float] | Array,
+    output_times: Sequence[float] | Array | None,
+) -> tuple[Array, Array | None]:  # fmt: skip
+    """Return the times of the run and of its samples, None for the ends of steps; check their number."""
     times = _times(times, "times")
     wanted = None if output_times is None else _times(output_times, "output_times")
     if wanted is None and len(times) > 2:
@@ -109,24 +128,16 @@ def simulate(
     if solver.fixed is not None:
         steps = abs(float(times[-1] - times[0])) / solver.fixed
         check_run_size(robot, steps if wanted is None else len(wanted), steps, "take longer steps")
-    manifold = Manifold(robot)
-    law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
-    system = System(
-        manifold, law, solver.projection == "stages", solver.projection == "steps", solver.baumgarte
-    )
+    return times, wanted
+
+
+def _earlier(resume: Result | str | PathLike[str] | None, origin: Origin, times: Array) -> Result | None:
+    """Return the run to continue, from its file if that is given, after checking it."""
+    named = isinstance(resume, str | PathLike)
     earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
-    origin = Origin(robot.name, solver.method, digest(robot), scene)
-    if earlier is None:
-        state = _start(system, q0, v0, float(times[0]), initial_velocity)
-    else:
-        file = str(resume) if isinstance(resume, str | PathLike) else None
-        _check_resumed(earlier, origin, times, file)
-        state = earlier.state
-    stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
     if earlier is not None:
-        stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
-    run = Run(system, stepper, origin, tuple(events), wanted, state, earlier)
-    return run.to(float(times[-1]), progress, checkpoint, project=solver.projection != "never")
+        _check_resumed(earlier, origin, times, str(resume) if named else None)
+    return earlier
 
 
 def _check_resumed(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:

@@ -121,11 +121,8 @@ def sweep(
     check_pool(pool, scheduler)
     source = read_study(Path(study), allow_python=allow_python)
     designs = Designs(source)
-    state, pace, plan = Swept(Path(output), designs.count), CHUNK_SECONDS, None
-    if not shards_in(Path(output)):
-        first, pace = _try_some(source, designs)
-        if compiled:
-            plan, state.why_general = plan_for(source, designs, _tried(designs), first)
+    state = Swept(Path(output), designs.count)
+    pace, plan = _begun(source, designs, state, compiled=compiled)
     about = About(
         str(study), identity(source, designs), designs.count, designs.names, source.columns,
         format or "parquet", designs.method, plan is not None, _units(source, designs),
@@ -140,6 +137,16 @@ def sweep(
                 _Run(source, designs, shards, state, processes, plan, pace, progress, started).all()
     state.seconds = time.perf_counter() - started
     return state
+
+
+def _begun(source: StudyFile, designs: Designs, state: Swept, *, compiled: bool) -> tuple[float, Plan | None]:
+    """Try a design where no results are there; return the time of one [s], and what is compiled."""
+    pace, plan = CHUNK_SECONDS, None
+    if not shards_in(state.folder):
+        first, pace = _try_some(source, designs)
+        if compiled:
+            plan, state.why_general = plan_for(source, designs, _tried(designs), first)
+    return pace, plan
 
 
 def _units(source: StudyFile, designs: Designs) -> dict[str, str]:
