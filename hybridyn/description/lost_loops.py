@@ -26,15 +26,15 @@ from .weightless import Bodies
 #: Frames coincide if they are closer than this fraction of the robot's size: CAD closes loops to 1e-4 of it.
 TOGETHER = 1e-3
 #: End of a name that distinguishes the two frames of a pair (a number or letter), and what may follow it.
-ENDING = re.compile(r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?")
+ENDING = r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?"
 #: The ends of two names that make a pair.
 ENDS = ({"1", "2"}, {"0", "1"}, {"a", "b"})
 #: Words of names that suggest a loop.
 LOOP_WORDS = {
     "cl", "close", "closed", "closing", "closure", "constraint", "cut", "fermeture", "loop", "weld",
 }  # fmt: skip
-CLOSED_LOOP = re.compile(r"closed_?loop|loop_?closure|closing_?loop|loop_?joint", re.IGNORECASE)
-BESIDE = re.compile(r".*(submechanism|loop_?closure|closed_?loop).*\.ya?ml", re.IGNORECASE)
+CLOSED_LOOP = r"(?i)closed_?loop|loop_?closure|closing_?loop|loop_?joint"
+BESIDE = r"(?i).*(submechanism|loop_?closure|closed_?loop).*\.ya?ml"
 FOLDERS = ("submechanism", "smurf")
 #: Most entries of a folder that are examined.
 MOST_FILES = 1000
@@ -80,7 +80,7 @@ def _paired_frames(description: Description) -> Iterator[Sign]:
     for stem, one, other in pairs:
         if {one, other} & reported:
             continue
-        if (one, other) in coincident or LOOP_WORDS & _words(stem) or CLOSED_LOOP.search(stem):
+        if (one, other) in coincident or LOOP_WORDS & _words(stem) or re.search(CLOSED_LOOP, stem):
             reported |= {one, other}
             at = ", and coincide in the zero posture" if (one, other) in coincident else ""
             message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop{at}"
@@ -104,7 +104,7 @@ def _pairs(frames: list[Joint]) -> list[tuple[str, ...]]:
     alike: dict[str, dict[str, dict[str, None]]] = {}
     for joint in frames:
         for name in (joint.child, joint.name):
-            if match := ENDING.fullmatch(name):
+            if match := re.fullmatch(ENDING, name):
                 ends = alike.setdefault(match[1], {})
                 ends.setdefault((match[2] or match[3]).lower(), {})[joint.child] = None
     return [
@@ -199,7 +199,9 @@ def _files_beside(description: Description) -> Iterator[Sign]:
     folder = Path(description.source).absolute().parent
     beside = [place for above in (folder, folder.parent) for place in _entries(above)]
     folders = [p for p in beside if p.name.lower().startswith(FOLDERS) and p.is_dir()]
-    found = [file for place in (folder, *folders) for file in _entries(place) if BESIDE.fullmatch(file.name)]
+    found = [
+        file for place in (folder, *folders) for file in _entries(place) if re.fullmatch(BESIDE, file.name)
+    ]
     if found:
         names = listed(dict.fromkeys(file.name for file in found))
         yield Sign(

@@ -17,7 +17,7 @@ from ..errors import ModelError
 PACKAGE = Path(__file__).parents[1]
 ENDINGS = (".urdf.xacro", ".urdf")
 BARE_NAME = re.compile(r"[A-Za-z]\w*")
-OPENING_COMMENT = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
+OPENING_COMMENT = r"(?s)<!--\s*(.*?)\s*-->"
 #: Number of characters at the start of a file in which its first comment is searched.
 OPENING = 4000
 
@@ -167,6 +167,6 @@ def _record(folder: Path, name: str, file: Path, facts: dict[str, Any]) -> Shipp
 
 def _first_sentence(file: Path) -> str:
     with open(file, encoding="utf-8") as text:
-        comment = OPENING_COMMENT.search(text.read(OPENING))
+        comment = re.search(OPENING_COMMENT, text.read(OPENING))
     words = " ".join(comment[1].split()) if comment else ""
     return re.split(r"(?<=[.:])\s", words)[0].rstrip(".:")

@@ -20,10 +20,9 @@ MOST_PARTS = 16
 _PART = r"""(?:[\w-]++|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+')"""
 
 #: A text of several lines (closed or not), a comment, a key of too many parts, or a part of another key.
-_TOKEN = re.compile(
-    r'''"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|#[^\n]*'''
-    rf"|(?P<key>{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_PARTS}}})|{_PART}",
-    re.DOTALL,
+_TOKEN = (
+    r'''(?s)"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|#[^\n]*'''
+    rf"|(?P<key>{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_PARTS}}})|{_PART}"
 )
 
 #: The head of a table or of a table in an array, or the key of an assignment.
@@ -42,7 +41,7 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
         raise ModelError(f"is larger than {LARGEST_TOML // 2**20} MiB", file=file)
     try:
         text = data.decode("utf-8")
-        if long := next((token for token in _TOKEN.finditer(text) if token["key"]), None):
+        if long := next((token for token in re.finditer(_TOKEN, text) if token["key"]), None):
             line = text.count("\n", 0, long.start()) + 1
             raise ModelError(f"a key has more than {MOST_PARTS} parts", file=file, line=line)
         return text, tomllib.loads(text)

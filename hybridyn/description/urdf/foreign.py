@@ -60,11 +60,7 @@ OTHER_FORMATS = {
     "sdf": "this is SDF (Gazebo)",
 }
 
-_COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
-_ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
-_LOOP_WORDS = re.compile(
-    r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE
-)
+_LOOP_WORDS = r"(?i)loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage"
 _END_WORDS = {
     "predecessor", "successor", "link1", "link2", "link_a", "link_b", "body1", "body2", "joint1", "joint2",
 }  # fmt: skip
@@ -73,14 +69,14 @@ _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE
 
 def unread_form(text: bytes) -> str:
     """Return the message for a text that is not well-formed XML, or "" if it is not recognised."""
-    tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in _ELEMENT.findall(_COMMENT.sub(b"", text)))
+    text = re.sub(rb"(?s)<!--.*?(?:-->|\Z)", b"", text)
+    found = re.findall(rb"<([A-Za-z_][\w:.-]*)", text)
+    tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in found)
     root = next(iter(tags), "")
     if root in OTHER_FORMATS:
         return OTHER_FORMATS[root]
-    found = [tag for tag in tags if tag in LEGACY_FORMS]
-    if found:
-        return f"and it holds <{found[0]}>, {LEGACY_FORMS[found[0]]}"
-    return ""
+    legacy = next((tag for tag in tags if tag in LEGACY_FORMS), "")
+    return legacy and f"and it holds <{legacy}>, {LEGACY_FORMS[legacy]}"
 
 
 def refuse_unread_loops(root: Node, notes: list[str]) -> None:
@@ -177,7 +173,7 @@ def _refuse_if_suspicious(node: Node) -> None:
     }
     if node.tag in {*_END_WORDS, "parent", "child", *MIMIC_TAGS, "inertial"}:
         raise node.error(f"is not read directly below <robot>; {ACCEPTED_FORMS}")
-    if _LOOP_WORDS.search(node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
+    if re.search(_LOOP_WORDS, node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
         raise _refusal(node, "an unknown form")
     if {"link", "joint"} & {inner.tag for inner in inside if inner.xml.get("name")}:
         raise node.error(
