@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..description.records import Description
-from ..description.shape_files import MeshFiles, MissingMeshError, urdf_root
-from ..description.urdf.shapes import Shape, shapes_of
+from ..description.shape_files import MeshFiles, MissingMeshError, Shape, shapes_of, urdf_root
 from ..description.urdf.xml_node import Node
 from ..errors import ModelError
 from .request import Losses

@@ -13,7 +13,7 @@ from hybridyn.conversion.request import Request
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.closure_forms import FORMS
 from hybridyn.description.placement import inverse, placement_from, poses_at
-from hybridyn.description.urdf.shapes import Shape
+from hybridyn.description.shape_files import Shape
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
 from tests.conversion.judge import SAME, read_back, states

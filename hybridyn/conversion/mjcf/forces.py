@@ -14,7 +14,7 @@ import numpy as np
 
 from ...description.records import Description
 from ...description.robot_file import FREEDOMS
-from ...description.urdf.shapes import Shape
+from ...description.shape_files import Shape
 from ..numerals import add, put
 from ..request import Losses, Request, add_limits
 from .bodies import Tree, pose

@@ -15,8 +15,8 @@ import numpy as np
 from ...description.names import noted, unique
 from ...description.placement import angle_of, free_pose, motion_of, poses_at
 from ...description.records import Coupling, Description, Joint, Link
+from ...description.shape_files import SIZES, Shape
 from ...description.side_cars.companions import model_file
-from ...description.urdf.shapes import SIZES, Shape
 from ..home import home_of
 from ..numerals import Content, document
 from ..request import Losses, Request, Written, allowed, followers_of

@@ -14,9 +14,9 @@ from ...description.closure_forms import FORMS
 from ...description.placement import turned
 from ...description.records import Array, Closure, Coupling, Description, Joint, Link
 from ...description.robot_file import FREEDOMS
+from ...description.shape_files import SIZES, Shape
 from ...description.side_cars.companions import model_file
 from ...description.urdf.loops import terms_between
-from ...description.urdf.shapes import SIZES, Shape
 from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
 from ..numerals import Content, angles_of, document, numerals
 from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits, followers_of, rows_of

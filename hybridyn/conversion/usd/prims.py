@@ -8,7 +8,7 @@ import numpy as np
 
 from ...description.names import unique
 from ...description.records import Array, Link
-from ...description.urdf.shapes import Shape
+from ...description.shape_files import Shape
 from ..numerals import numeral, principal, quaternion_of
 from ..request import Losses
 

@@ -14,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...description.shape_files import MeshFiles, MissingMeshError
-from ...description.urdf.shapes import Shape as Stated
-from ...description.urdf.shapes import shapes_of
+from ...description.shape_files import MeshFiles, MissingMeshError, shapes_of
+from ...description.shape_files import Shape as Stated
 from ...description.urdf.xml_node import Node
 from ...spatial import Array
 
