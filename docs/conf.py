@@ -14,7 +14,10 @@ project = "hybridyn"
 copyright = "the hybridyn maintainers"
 version = release = hybridyn.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_reference", "public_names"]
+extensions = [
+    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_reference", "finding_codes",
+    "public_names",
+]  # fmt: skip
 myst_heading_anchors = 3
 
 html_theme = "furo"

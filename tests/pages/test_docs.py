@@ -16,7 +16,6 @@ from hybridyn.description import Description
 from hybridyn.description.side_cars.tables import ModelFile, keys_at
 from hybridyn.scenes import scene_tables as scenes
 from hybridyn.scenes.stage import play, stage
-from hybridyn.studies.check.check import CODES
 from hybridyn.studies.cost.points import Point
 from hybridyn.studies.sweep.evaluation import STATUSES
 from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
@@ -189,11 +188,6 @@ NAMED: dict[str, tuple[set[str], tuple[str, ...]]] = {
 def test_every_key_and_measure_is_named(page: str) -> None:
     text, (words, marks) = (DOCS / page).read_text(), NAMED[page]
     assert [word for word in sorted(words) if not any(f"{mark}{word}" in text for mark in marks)] == []
-
-
-def test_the_table_of_codes_is_complete() -> None:
-    rows = re.findall(r"^\| `([\w-]+)` \| (\w+) \| (.*) \|$", (DOCS / "check.md").read_text(), re.MULTILINE)
-    assert {code: (severity, title) for code, severity, title in rows} == CODES
 
 
 def test_the_scene_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
