@@ -22,7 +22,7 @@ from .library.calls import Library, loaded
 from .library.current import Replacement, check_bits, receive, run_in_turn
 from .model import CompiledRobot
 from .programs.designs import designs_to_verify
-from .programs.sources import MODELS, library_key, library_of
+from .programs.sources import MODELS, Artifact, library_key, library_of
 from .verifying import verify, warn_of_handed_over
 
 #: Models that a quick build may begin with, the default first.
@@ -73,21 +73,27 @@ def compile(
         raise ModelError(f"quick must be True, False, 'idm' or 'ddm', not {quick!r}")
     if threads < 1:
         raise ModelError(f"threads must be at least 1, not {threads}")
-    on = choose(robot, effects)
-    find_compiler()
-    robot = with_stated_springs(robot, on) if parameters else robot
-    asked = _Asked.of(robot, on, parameters, dtype)
-    check_coefficients(robot, on, asked.parameters.slots)
+    asked = _Asked.of(robot, choose(robot, effects), parameters, dtype)
     with as_compile_error(robot):
         first = quick if isinstance(quick, str) else FIRST[0]
         library = loaded(lambda: asked.quickly(first) if quick else asked.built())
-        compiled = CompiledRobot(robot, on, library, threads, asked.parameters)
+        compiled = CompiledRobot(asked.robot, asked.effects, library, threads, asked.parameters)
     if compiled.quick:
         compiled.replace_later(
             lambda: loaded(lambda: asked.built(quick=True)),
             lambda use: Replacement(build_optimised, (asked, library.built), asked.known, use),
         )
     return compiled
+
+
+def inverse_model(robot: HybridRobot, effects: Effects, slots: Sequence[Slot]) -> tuple[Artifact, Parameters]:
+    """Return the library of the inverse model alone, and its arguments, numbers in slots.
+
+    Raises:
+        CompileError, ModelError: As in `compile`.
+    """
+    asked = _Asked.of(robot, effects, slots, "float64")
+    return asked.artifact(("idm",)), asked.parameters
 
 
 @dataclass(frozen=True)
@@ -102,10 +108,24 @@ class _Asked:
 
     @staticmethod
     def of(robot: HybridRobot, effects: Effects, parameters: Sequence[str | Slot], dtype: str) -> _Asked:
-        """Return what is asked for; the key is that of this process, as equal robots have several pickles."""
+        """Return what is asked for; the key is that of this process, as equal robots have several pickles.
+
+        Raises:
+            CompileError, ModelError: As in `compile`.
+        """
+        find_compiler()
+        robot = with_stated_springs(robot, effects) if parameters else robot
         chosen, scalar = Parameters(robot.description, parameters), Scalar(dtype, best_lanes(dtype))
+        check_coefficients(robot, effects, chosen.slots)
         key = library_key(robot, effects, scalar, chosen.slots)
         return _Asked(robot, effects, chosen, scalar, key)
+
+    def artifact(
+        self, models: tuple[str, ...] = MODELS, check: Callable[[Built], None] | None = None
+    ) -> Artifact:
+        """Return the library of some models."""
+        slots, check = self.parameters.slots, check or self.accept
+        return library_of(self.robot, self.effects, self.scalar, slots, models, self.key, check)
 
     def built(
         self,
@@ -118,9 +138,7 @@ class _Asked:
         Raises:
             CompileError: As in `compile`.
         """
-        slots, check = self.parameters.slots, check or self.accept
-        artifact = library_of(self.robot, self.effects, self.scalar, slots, models, self.key, check)
-        return artifact.built(**options)
+        return self.artifact(models, check).built(**options)
 
     def known(self, *, quick: bool = False) -> Built | None:
         """Return the library if it is in the cache."""

@@ -88,21 +88,35 @@ measure = {{ peak = "peak_effort", mean = "mean_power", w = "rms top0/velocity" 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
-    monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", 0)
+    monkeypatch.setattr(compiled_designs, "OF_WRITING", 0)
     monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 1)
 
 
-@pytest.mark.parametrize(("loads", "why"), [(0, "every joint"), (np.inf, "")])
 def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
-    loads: float, why: str, folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
+    folder: Path, here: Any
 ) -> None:
-    """Where a model cannot be compiled; a study that takes less than compiling says nothing."""
-    monkeypatch.setattr(compiled_chunks, "COMPILING_LOADS", loads)
     state = hybridyn.sweep(written("method = 'grid'", SCALES), "out", format="csv")
-    assert why in state.why_general
-    assert bool(why) == bool(state.why_general)
+    assert "every joint" in state.why_general
     assert (state.compiled, state.statuses) == (0, {"ok": 6})
     assert not about_of("out").compiled
+
+
+@pytest.mark.slow
+def test_models_in_the_cache_are_used_however_long_they_took_to_build(
+    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """A small study is compiled where that is quicker: never, if writing the C already takes longer."""
+    needs("compiled")
+    study = five_bar_in(folder)
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
+    monkeypatch.setattr(compiled_designs, "OF_WRITING", np.inf)
+    state = hybridyn.sweep(study, "slow", format="csv", jobs=1)
+    assert (state.compiled, state.why_general) == (0, "")
+    monkeypatch.setattr(compiled_designs, "OF_WRITING", 0)
+    assert hybridyn.sweep(study, "built", format="csv", jobs=1).compiled
+    compiled_chunks._kept.clear()
+    monkeypatch.setattr(compiled_designs, "OF_WRITING", 1e6)
+    assert hybridyn.sweep(study, "again", format="csv", jobs=1).compiled
 
 
 def both_ways(study: Path) -> Swept:
@@ -252,7 +266,10 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
 
     def found(count: int) -> list[tuple[list[float], set[str], list[float]]]:
         some = compiled_chunks._structures(designer, count, values)
-        return [(own.base.tolist(), {s.field for s in own.slots}, x[:, 1].tolist()) for own, x in some]
+        return [
+            (one.structure.base.tolist(), {s.field for s in one.structure.slots}, one.designs[:, 1].tolist())
+            for one in some
+        ]
 
     scales = {"mass", "inertia"}
     two, one = ([2.0, 2.0], scales, [1.0, 2.0, 3.0]), ([1.0, 2.0], scales, [2.0, 3.0])

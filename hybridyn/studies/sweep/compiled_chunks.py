@@ -22,10 +22,6 @@ from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
 from .slot_numbers import by_structure
 from .study_file import StudyFile
 
-#: Models are compiled for a study whose designs take the general path as long as loading its robot so many
-#: times, per task: compiling takes as long as 60 to 400 loads, whatever the machine.
-COMPILING_LOADS = 200
-
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
 
@@ -124,7 +120,7 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
 
 
 def plan_for(
-    source: StudyFile, designs: Designs, numbers: Index, timed: int | None = None
+    source: StudyFile, designs: Designs, numbers: Index, *, asked: bool = False
 ) -> tuple[Plan | None, str]:
     """Choose what is compiled for a study, and compile it.
 
@@ -132,14 +128,12 @@ def plan_for(
 
     Args:
         numbers: Numbers of some designs, spread over the study.
-        timed: Number of a design that shows whether compiling pays; None to compile in any case.
+        asked: Whether models are compiled even if the general path takes less time than compiling.
 
     Returns:
         The plan; or None, and why there are no compiled models, "" where compiling does not pay.
     """
     designer = Designer(source)
-    if timed is not None and not _pays(designer, designs, timed):
-        return None, ""
     own: list[CompiledDesigns] = []
     why = ""
     try:
@@ -149,16 +143,19 @@ def plan_for(
         if designer.variants.arguments:
             further = np.setdiff1d(_further(designs.count), numbers)
             values = np.array([*values, *(designs.values(k, k + 1)[0] for k in further.tolist())])
-        for structure, some in _structures(designer, designs.count, values):
+        for found in _structures(designer, designs.count, values):
             try:
-                models = CompiledDesigns(designer, structure)
+                models = CompiledDesigns(designer, found.structure)
+                if not (asked or own) and found.seconds * designs.count < models.seconds_to_build():
+                    return None, ""
+                certain = models.certain_of_any(found.designs)
             except (ModelError, TrajectoryError) as error:  # of this robot, or of the table with it
                 why = str(error)
                 continue
-            if models.certain_of_any(some):
+            if certain:
                 own.append(models)
             else:
-                why = f"compiled models are certain of none of {len(some)} designs"
+                why = f"compiled models are certain of none of {len(found.designs)} designs"
     except HybridynError as error:
         return None, str(error)
     if not own:
@@ -171,26 +168,28 @@ def plan_for(
     return plan, ""
 
 
-def _pays(designer: Designer, designs: Designs, number: int) -> bool:
-    """Return whether compiling is quicker than the general path, by the times of a design and its robot."""
-    values = designs.values(number, number + 1)[0]
-    description = designer.variants.description(designer.variants.named(values))
-    started = time.perf_counter()
-    designer.variants.robot(description)
-    loaded = time.perf_counter()
-    designer(number, values)
-    general = designs.count * (time.perf_counter() - loaded)
-    return general >= COMPILING_LOADS * (loaded - started) * len(designer.source.study.tasks)
-
-
 def _further(count: int) -> Index:
     """Return the numbers of further designs that are read to find structures."""
     multiples = GOLDEN * np.arange(1, min(MOST_READ, count // READ_SHARE) + 1)
     return (multiples % 1 * count).astype(int)
 
 
-def _structures(designer: Designer, count: int, values: Array) -> Iterator[tuple[Structure, Array]]:
-    """Yield the structures that occur often enough, the most frequent first, and some designs of each.
+class _Found(NamedTuple):
+    """A structure of a study.
+
+    Attributes:
+        structure: The structure.
+        designs: Values of the parameters of some of its designs, shape (designs, parameters).
+        seconds: Processor time of the general path for the design whose robot is compiled [s].
+    """
+
+    structure: Structure
+    designs: Array
+    seconds: float
+
+
+def _structures(designer: Designer, count: int, values: Array) -> Iterator[_Found]:
+    """Yield the structures that occur often enough, the most frequent first.
 
     Args:
         count: Number of designs of the study.
@@ -212,12 +211,14 @@ def _structures(designer: Designer, count: int, values: Array) -> Iterator[tuple
     ]
     found = False
     for group in [*groups[:1], *often]:
-        able = (k for k in group[:TRIED_OF_STRUCTURE] if designer(0, read[k][0]).status == "ok")
-        base = next(able, None)
-        if base is not None:
-            found = True
-            slots = {slot for k in group for slot in differences(read[base][1], read[k][1])}
-            structure = Structure(read[base][0], tuple(sorted(slots)))
-            yield structure, np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]])
+        for base in group[:TRIED_OF_STRUCTURE]:
+            started = time.process_time()
+            if designer(0, read[base][0]).status == "ok":
+                seconds, found = time.process_time() - started, True
+                slots = {slot for k in group for slot in differences(read[base][1], read[k][1])}
+                structure = Structure(read[base][0], tuple(sorted(slots)))
+                some = np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]])
+                yield _Found(structure, some, seconds)
+                break
     if not found:
         raise ModelError(f"none of {len(read)} designs, spread over the study, can make its motions")

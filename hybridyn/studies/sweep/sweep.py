@@ -143,9 +143,9 @@ def _begun(source: StudyFile, designs: Designs, state: Swept, *, compiled: bool)
     """Try a design where no results are there; return the time of one [s], and what is compiled."""
     pace, plan = CHUNK_SECONDS, None
     if not shards_in(state.folder):
-        first, pace = _try_some(source, designs)
+        pace = _try_some(source, designs)
         if compiled:
-            plan, state.why_general = plan_for(source, designs, _tried(designs), first)
+            plan, state.why_general = plan_for(source, designs, _tried(designs))
     return pace, plan
 
 
@@ -169,7 +169,7 @@ def _plan_of(shards: Shards, plan: Plan | None, source: StudyFile, designs: Desi
     if not shards.about.compiled:
         return None
     if plan is None:
-        plan, why = plan_for(source, designs, _tried(designs))
+        plan, why = plan_for(source, designs, _tried(designs), asked=True)
         if plan is None:
             raise HybridynError(
                 f"{shards.folder}: its results are of compiled models, which are not to be had: {why}"
@@ -258,8 +258,8 @@ def _tried(designs: Designs) -> Index:
     return np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
 
 
-def _try_some(source: StudyFile, designs: Designs) -> tuple[int, float]:
-    """Evaluate designs in this process until one loads; return its number, and the time that it took [s].
+def _try_some(source: StudyFile, designs: Designs) -> float:
+    """Evaluate designs in this process until one loads; return the time that it took [s].
 
     Raises:
         HybridynError: None of the designs tried loads, or fails for another reason than its postures.
@@ -271,7 +271,7 @@ def _try_some(source: StudyFile, designs: Designs) -> tuple[int, float]:
         started = time.perf_counter()
         row = designer(number, designs.values(number, number + 1)[0])
         if row.status in ("ok", "unreachable", "singular"):
-            return number, time.perf_counter() - started
+            return time.perf_counter() - started
         first = first or row
     assert first is not None
     named = ", ".join(
