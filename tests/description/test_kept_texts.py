@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from hybridyn.description import cache_folder
-from hybridyn.description.cache_folder import folder
 from hybridyn.description.side_cars import model_toml
 from hybridyn.description.urdf import xacro
 from hybridyn.errors import CompileError, ModelError
@@ -84,7 +83,7 @@ def test_an_entry_that_somebody_else_may_have_written_is_not_used(
 ) -> None:
     save(at, "<robot/>", "r.xacro")
     expand()
-    (entry,) = (folder() / "texts").iterdir()
+    (entry,) = (cache_folder.folder() / "texts").iterdir()
     if harm == "writable":
         entry.chmod(0o666)
     elif harm == "link":
@@ -93,7 +92,7 @@ def test_an_entry_that_somebody_else_may_have_written_is_not_used(
     elif harm == "cut":
         entry.write_bytes(entry.read_bytes()[:-3])
     else:
-        (folder() / "texts").chmod(0o777)
+        (cache_folder.folder() / "texts").chmod(0o777)
     assert expand()[1]
     assert expand()[1] is (harm in ("open", "link"))
 
@@ -101,7 +100,7 @@ def test_an_entry_that_somebody_else_may_have_written_is_not_used(
 def test_a_failure_is_not_kept(at: Path) -> None:
     save(at, FOUR_BAR.replace("<link", "<xacro:nothing/><link", 1), "r.xacro")
     refused(lambda: xacro.expand(str(at / "r.xacro"), {}, ()), ModelError, "xacro")
-    assert not (folder() / "texts").exists()
+    assert not (cache_folder.folder() / "texts").exists()
 
 
 def test_a_model_file_is_checked_once(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +119,7 @@ def test_the_entries_used_least_recently_are_removed(at: Path, monkeypatch: pyte
     monkeypatch.setattr(cache_folder, "MOST_ENTRIES", 3)
     for i in range(3):
         cache_folder.keep(str(i), {"number": i})
-        os.utime(folder() / "texts" / str(i), (i, i))
+        os.utime(cache_folder.folder() / "texts" / str(i), (i, i))
     assert cache_folder.kept("0") == {"number": 0}
     cache_folder.keep("3", [1.5])
     assert [cache_folder.kept(str(i)) for i in range(4)] == [{"number": 0}, None, {"number": 2}, [1.5]]
@@ -138,7 +137,7 @@ def test_a_large_text_and_a_folder_that_cannot_be_used_keep_nothing(
         monkeypatch.setattr(Path, "home", classmethod(_homeless))
         cache_folder.keep("any", {})
         assert cache_folder.kept("any") is None
-    refused(folder, CompileError, r"no home folder for the cache: name .* HYBRIDYN_CACHE")
+    refused(cache_folder.folder, CompileError, r"no home folder for the cache: name .* HYBRIDYN_CACHE")
 
 
 def _homeless(_: type[Path]) -> Path:
