@@ -93,9 +93,9 @@ def quick_compiler(program: Path) -> None:
 @pytest.fixture(scope="session", autouse=True)
 def expand_once() -> None:
     """Expand each shipped xacro file once a session."""
-    from hybridyn.description import opening
+    from hybridyn.description import reading
 
-    opening.expand = kept(opening.expand)
+    reading.expand = kept(reading.expand)
 
 
 def kept(expand: Callable[..., Any]) -> Callable[..., Any]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from hybridyn.description.opening import open_robot
+from hybridyn.description.reading import open_robot
 
 
 def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from ..description import Description, read
 from ..description.closure_forms import words_of_rows
 from ..description.names import did_you_mean
-from ..description.opening import split_model
+from ..description.reading import split_model
 from ..description.records import StatedBase
 from ..description.shipped import find_robot
 from ..description.side_cars.companions import find_model_file, find_side_car

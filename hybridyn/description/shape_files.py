@@ -15,7 +15,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..errors import ModelError
-from .opening import open_robot
+from .reading import open_robot
 from .records import Array
 from .urdf.placement import origin_of
 from .urdf.xacro import share_dirs

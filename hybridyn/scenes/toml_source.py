@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from ..description.names import did_you_mean, listed
-from ..description.opening import read_bytes
+from ..description.reading import read_bytes
 from ..description.side_cars.tables import Schema, schemas_in
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError

@@ -82,7 +82,7 @@ def test_what_other_readers_accept_is_read_and_noted(
 
 
 def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybridyn.description.opening.LARGEST_FILE", 1000)
+    monkeypatch.setattr("hybridyn.description.reading.LARGEST_FILE", 1000)
     refused(save(tmp_path, FOUR_BAR), "larger than")
     monkeypatch.setattr(xml_node, "LARGEST_FILE", 1000)
     with pytest.raises(ModelError, match="MiB of XML"):

@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 import hybridyn
-from hybridyn.description.opening import open_robot
+from hybridyn.description.reading import open_robot
 from hybridyn.errors import install_advice
 from hybridyn.studies.check.check import CODES, Finding, is_readable, worst
 from hybridyn.studies.check.masses import unit_guess

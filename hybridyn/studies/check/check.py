@@ -17,7 +17,7 @@ from os import PathLike, fspath
 import numpy as np
 
 from ...description import Description, read
-from ...description.opening import open_robot
+from ...description.reading import open_robot
 from ...description.urdf.xml_node import Node
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot

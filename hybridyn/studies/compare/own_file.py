@@ -8,7 +8,7 @@ from os import PathLike
 
 from lxml import etree
 
-from ...description.opening import open_robot
+from ...description.reading import open_robot
 from ...errors import HybridynError
 from ...structure.robot import HybridRobot
 

@@ -7,7 +7,7 @@ import hashlib
 import json
 
 from ...description.files_read import recorded
-from ...description.opening import read_bytes
+from ...description.reading import read_bytes
 from ...errors import HybridynError
 from .designs import Designs
 from .study_file import StudyFile
