@@ -13,7 +13,8 @@ are those of `hybridyn compare`), `reference` (answers with their own error; are
 jobs, and what is remembered). What is said of it: `fronts`, `goals`, `figures` (SVG), `texts`
 and `report` (Markdown, from the results alone). `hard` has pages of tests.
 
-`python -m benchmarks.batches` measures batches on a GPU, by itself.
+`python -m benchmarks.batches` measures batches on a GPU, `python -m benchmarks.identification` identification
+beside figaroh, each by itself.
 
 Optional: the packages of the extra `bench`, and valgrind (`apt-get install valgrind`) for counting
 instructions. What is absent is noted in the results. A full run takes some forty minutes on a quiet machine

@@ -37,7 +37,7 @@ CACHE = ROOT / "build" / "benchmarks" / "cache"
 OUTPUT = {
     f"{name}.py"
     for name in (
-        "report", "texts", "figures", "fronts", "goals", "__main__", "hard",
+        "report", "texts", "figures", "fronts", "goals", "__main__", "hard", "identification",
     )
 }  # fmt: skip
 

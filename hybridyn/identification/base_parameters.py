@@ -128,7 +128,7 @@ def led(R: Array, rank: int, parameters: StandardParameters, unit: Array) -> Bas
     """
     columns = _independent(R, rank, parameters)
     combination = scipy.linalg.lstsq(R[:, columns], R)[0] if rank else np.zeros((0, len(unit)))
-    combination[np.abs(combination) < RANK**0.75] = 0.0
+    combination[np.abs(combination) < RANK] = 0.0
     combination *= unit[columns, None] / unit
     combination[:, columns] = np.eye(rank)
     names = tuple(_name(*one, parameters.names) for one in zip(combination, columns, strict=True))
