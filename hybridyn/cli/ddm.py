@@ -49,6 +49,7 @@ def command(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine:
         from ..effects import choose
         from ..studies.check.remarks import free_motions_of
         from ..tables.columns import acceleration_columns
+        from ..tables.signals import unit_of
 
         robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
         obstacles = {
@@ -57,7 +58,7 @@ def command(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine:
         }
         chosen = choose_engine(engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
-        units = ["m/s^2" if unit == "N" else "rad/s^2" for unit in robot.effort_units]
+        units = [unit_of(robot.records[motor].kind, "acceleration") for motor in robot.motors]
         remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
         remarks += free_motions_of(robot)
         summary = Summary(robot, "acceleration", units, columns, remarks=remarks, engine=chosen, others=True)

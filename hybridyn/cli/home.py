@@ -102,12 +102,14 @@ def _save(robot: HybridRobot, found: Homes, target: str) -> None:
 
 def _names(robot: HybridRobot, found: Homes) -> list[str]:
     """Name each posture by the joints that are farthest from home, as many as make the names differ."""
+    from ..tables.signals import unit_of
+
     names = ["home"] * len(found.postures)  # of a robot without joints
     for count in range(1, len(found.postures[0].distances) + 1):
         names = []
         for posture in found.postures:
             far = [
-                f"{joint} {x:.3g} {'m' if robot.kinds[robot.joint_index[joint]] == 'prismatic' else 'rad'}"
+                f"{joint} {x:.3g} {unit_of(robot.kinds[robot.joint_index[joint]])}"
                 for joint, x in list(posture.distances.items())[:count]
             ]
             names.append("home" if posture.distance < AT_HOME else f"{', '.join(far)} from home")

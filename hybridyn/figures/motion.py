@@ -12,18 +12,13 @@ from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
+from ..tables.signals import unit_of
 from .panels import Chart, Line, Panel
 
 #: Largest number of panels of motors that stays legible in a figure.
 MOST_GROUPS = 60
 #: Value drawn for an exact zero on a logarithmic axis.
 SMALLEST = 1e-17
-
-#: For each quantity of a column: its name, the units by kind of joint, and the unit of all other kinds.
-QUANTITIES = {
-    "effort": ("effort", {"prismatic": "N"}, "N m"),
-    "acceleration": ("acceleration", {"prismatic": "m/s^2"}, "rad/s^2"),
-}
 
 
 class Group(NamedTuple):
@@ -42,8 +37,7 @@ class Group(NamedTuple):
 
 
 def groups(robot: HybridRobot, quantity: str) -> list[Group]:
-    """Return the motors grouped by panel. `quantity`: one of `QUANTITIES`."""
-    _, units, other = QUANTITIES[quantity]
+    """Return the motors grouped by panel. `quantity`: "effort" or "acceleration"."""
     kinds = dict(zip(robot.joints, robot.kinds, strict=True))
     runs: list[list[int]] = []
     for number, module in enumerate(robot.modules):
@@ -59,7 +53,7 @@ def groups(robot: HybridRobot, quantity: str) -> list[Group]:
         first, last = robot.modules[run[0]].name, robot.modules[run[-1]].name
         title = first if len(run) == 1 else f"{first} ... {last}"
         motors = [motor for number in run for motor in robot.modules[number].motors]
-        of_motor = {motor: units.get(kinds[motor], other) for motor in motors}
+        of_motor = {motor: unit_of(kinds[motor], quantity) for motor in motors}
         for unit in dict.fromkeys(of_motor.values()):
             same = tuple(motor for motor in motors if of_motor[motor] == unit)
             out.append(Group(title, module_colour(run[0]), same, unit))
@@ -93,7 +87,6 @@ def chart_of_rows(
 
 
 def _motor_panels(robot: HybridRobot, data: dict[str, Array], quantity: str) -> list[Panel]:
-    name = QUANTITIES[quantity][0]
     limits = {m: robot.records[m].effort_limit if quantity == "effort" else np.inf for m in robot.motors}
     panels = []
     every = groups(robot, quantity)
@@ -106,7 +99,7 @@ def _motor_panels(robot: HybridRobot, data: dict[str, Array], quantity: str) -> 
         if lines:
             left = f" ({len(every) - number:,} more groups are not drawn)"
             title = group.title + (left if number == MOST_GROUPS < len(every) else "")
-            panels.append(Panel(title, f"{name} [{group.unit}]", lines, group.colour, group.unit))
+            panels.append(Panel(title, f"{quantity} [{group.unit}]", lines, group.colour, group.unit))
     return panels
 
 

@@ -46,7 +46,7 @@ def _panel(load: MotorLoad, points: Array) -> Panel:
             marks.append(Mark("limit", across, np.full(2, sign * limits[1]), "solid", ALARM))
         if limits[0] < math.inf:
             marks.append(Mark("limit", np.full(2, sign * limits[0]), up, "solid", ALARM))
-    speed_unit, unit = ("m/s", "N") if load.linear else ("rad/s", "N m")
+    unit, across_unit = load.unit("effort"), load.unit("speed")
     return Panel(
-        load.motor, f"effort [{unit}]", (), unit=unit, marks=tuple(marks), x_label=f"speed [{speed_unit}]"
+        load.motor, f"effort [{unit}]", (), unit=unit, marks=tuple(marks), x_label=f"speed [{across_unit}]"
     )

@@ -13,16 +13,12 @@ import numpy as np
 
 from ..errors import TrajectoryError
 from ..spatial import Array
+from ..tables.signals import UNITS, unit_of
 from .motion import MOST_GROUPS, energies, residual
 from .panels import Chart, Line, Panel
 
-#: Units of each quantity of a joint that slides, and of one that turns.
-QUANTITIES = {
-    "position": ("m", "rad"),
-    "velocity": ("m/s", "rad/s"),
-    "acceleration": ("m/s^2", "rad/s^2"),
-    "effort": ("N", "N m"),
-}
+#: Quantities of a joint that are drawn.
+QUANTITIES = ("position", "velocity", "acceleration", "effort")
 
 
 def chart_of_table(
@@ -66,15 +62,14 @@ def joints_of_unknown_unit(columns: Sequence[str], kinds: Mapping[str, str]) -> 
 
 def _of_joints(data: Mapping[str, Array], part: str, kinds: Mapping[str, str]) -> list[Panel]:
     """Return the panels of one quantity: joints that slide, joints that turn, and each unknown joint."""
-    sliding, turning = QUANTITIES[part]
     groups: dict[tuple[str, str], list[Line]] = {}
     names = _drawn([*data], part)
     unknown = [name for name in names if name not in kinds]
     for name in names:
         if name in unknown:
-            key = (name if len(unknown) > 1 else "", f"{sliding} or {turning}")
+            key = (name if len(unknown) > 1 else "", " or ".join(UNITS[part]))
         else:
-            key = ("", sliding if kinds[name] == "prismatic" else turning)
+            key = ("", unit_of(kinds[name], part))
         groups.setdefault(key, []).append(Line(name, data[f"{name}/{part}"]))
     return [Panel(title, f"{part} [{unit}]", tuple(lines)) for (title, unit), lines in groups.items()]
 

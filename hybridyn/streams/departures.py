@@ -14,13 +14,13 @@ import numpy as np
 from ..description.records import Joint
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..tables.signals import unit_of
 from .other_units import other_unit
 
 #: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9
 #: A position may exceed its limit by this part of the joint's range, because files are rounded.
 ROUNDED = 1e-6
-UNITS = {"position": ("m", "rad"), "speed": ("m/s", "rad/s"), "effort": ("N", "N m")}
 #: Largest number of departures that are listed one by one.
 MOST_LISTED = 8
 
@@ -105,7 +105,7 @@ def _outside(quantity: str, values: Array, limited: list[tuple[Joint, int]]) -> 
         yield Departure(
             joints[i].name,
             quantity,
-            UNITS[quantity][joints[i].kind != "prismatic"],
+            unit_of(joints[i].kind, quantity),
             high if value > high else low,
             value,
             float(beyond[worst]),

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..tables.signals import unit_of
+
 if TYPE_CHECKING:
     from ..description.records import Joint
     from ..structure.robot import HybridRobot
@@ -42,10 +44,8 @@ def question(robot: HybridRobot, motion: Motion) -> str:
         joint, column = robot.records[name], np.ravel(position)
         worst = float(column[np.argmax(np.abs(column))])
         if asked := other_unit(joint, worst, size):
-            unit = "m" if joint.kind == "prismatic" else "rad"
-            return (
-                f". '{name}' goes to {worst:g} {unit} (limits {joint.lower:g} and {joint.upper:g}): {asked}"
-            )
+            limits = f"(limits {joint.lower:g} and {joint.upper:g})"
+            return f". '{name}' goes to {worst:g} {unit_of(joint.kind)} {limits}: {asked}"
     for name, (pose, *_) in motion.platforms.items():
         part = [pose[word] for word in "xyz" if word in pose] if isinstance(pose, dict) else pose[..., :3]
         far = float(np.abs(part).max(initial=0.0))

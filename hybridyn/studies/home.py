@@ -13,6 +13,7 @@ from ..description.robot_file import ZERO
 from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot, positions
+from ..tables.signals import unit_of
 
 #: Decimals of a distance that decide which joint is farther; at a tie the joint that stands first is.
 TIED = 9
@@ -103,7 +104,7 @@ def far_from_zero(robot: HybridRobot) -> str:
     joint = max((name for name in distances if name in looped), key=lambda name: distances[name], default="")
     if not joint or distances[joint] == 0.0:
         return ""
-    unit = "m" if robot.kinds[robot.joints.index(joint)] == "prismatic" else "rad"
+    unit = unit_of(robot.kinds[robot.joint_index[joint]])
     return f"in which '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"
 
 

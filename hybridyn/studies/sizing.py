@@ -20,6 +20,7 @@ from ..description.records import Joint
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.over_time import Means, Peaks
+from ..tables.signals import UNITS
 
 #: Points of the speed-effort cloud kept per motor. Above twice this number, every second point is dropped.
 CLOUD = 2000
@@ -78,6 +79,10 @@ class MotorLoad:
     lower_limit: float
     upper_limit: float
     gear_ratio: float
+
+    def unit(self, quantity: str) -> str:
+        """Return the unit of a quantity, such as "effort"."""
+        return UNITS[quantity][not self.linear]
 
     @property
     def rotor_torque(self) -> float:

@@ -14,12 +14,23 @@ ANGLES = ("roll", "pitch", "yaw")
 RATES = ("velocity", "acceleration")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
+#: Units of quantities of a joint that slides, and of one that turns.
+UNITS = {
+    "position": ("m", "rad"), "velocity": ("m/s", "rad/s"), "acceleration": ("m/s^2", "rad/s^2"),
+    "effort": ("N", "N m"), "speed": ("m/s", "rad/s"), "power": ("W", "W"),
+}  # fmt: skip
+
 #: Components of position and of velocity of the joints with several freedoms.
 JOINT_COMPONENTS = {
     "spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
     "planar": (("x", "y", "yaw"), ("x", "y", "wz")),
     "floating": (POSE, TWIST),
 }
+
+
+def unit_of(kind: str, quantity: str = "position") -> str:
+    """Return the unit of a quantity of a joint with one freedom, by its kind."""
+    return UNITS[quantity][kind != "prismatic"]
 
 
 class Signal(NamedTuple):

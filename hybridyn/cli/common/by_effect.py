@@ -49,20 +49,20 @@ def tell_effects(
     with rows_named(layout, motion):
         worth = Worth(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time, compiled=sets)
     added, seconds = worth.contributions()
+    told = contribution_facts(robot, added)
     if tables.output:
-        write_report(tables.output, contribution_facts(robot, added))
+        write_report(tables.output, told)
     lines = [*contribution_lines(robot, added), *cost_lines(added, seconds)]
     if within is not None:
         lines += ["", selection_line(robot, worth.sufficient(within), within)]
     click.echo("\n".join(lines))
     if tables.plot:
-        from ...figures.effects import chart_of_effects
+        from ...figures.reports import chart_of_report
 
         title = f"{robot.name}, {os.path.basename(tables.source)}: what each effect adds"
-        save_chart(chart_of_effects(robot, added, title=title), tables.plot)
+        save_chart(chart_of_report(told, title=title), tables.plot)
     if not tables.quiet:
-        told = [*effects_line(on), *by_rows(layout), *engine_lines(chosen, sets)]
-        click.echo("\n".join(told), err=True)
+        click.echo("\n".join([*effects_line(on), *by_rows(layout), *engine_lines(chosen, sets)]), err=True)
 
 
 def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:

@@ -49,6 +49,10 @@ def motor_states(
     return made._replace(result=rows)
 
 
+#: Quantities that have limits.
+LIMITED = ("position", "speed", "effort")
+
+
 class Loads:
     """The loads of the motors, collected block by block, and their report."""
 
@@ -73,12 +77,10 @@ class Loads:
 
     def show(self, layout: Layout, quiet: bool) -> None:
         """Print the table, write the files, and name what exceeds its limit."""
-        from ...streams.departures import UNITS
-
         loads, name = self.sizing.loads(), self.robot.name
         timed = layout.time is not None
         if self.tables.output:
-            counts = [{f"over_{what}": self._count(load.motor, what) for what in UNITS} for load in loads]
+            counts = [{f"over_{what}": self._count(load.motor, what) for what in LIMITED} for load in loads]
             rows = [facts(load, timed) | over for load, over in zip(loads, counts, strict=True)]
             write_report(self.tables.output, rows)
         if self.tables.plot:
@@ -112,7 +114,7 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
     rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
     rows[0] += ["mean power", "positive work", "negative work"] if timed else []
     for load in loads:
-        force, speed = ("N", "m/s") if load.linear else ("N m", "rad/s")
+        force, speed = load.unit("effort"), load.unit("speed")
         cells = [
             load.motor,
             f"{load.effort.value:.5g} {force}",
@@ -158,7 +160,7 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
         elif isinstance(value, float) and math.isinf(value):
             out[field.name] = None
         elif field.name == "linear":
-            out |= {"effort_unit": "N" if value else "N m", "speed_unit": "m/s" if value else "rad/s"}
+            out |= {"effort_unit": load.unit("effort"), "speed_unit": load.unit("speed")}
         else:
             out[field.name] = value
     if load.gear_ratio != 1.0:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...description.records import Joint
+from ...tables.signals import unit_of
 from .finding import Finding
 from .subject import Subject
 
@@ -34,18 +35,14 @@ def _crossed(subject: Subject) -> Iterator[Finding]:
         yield subject.of_joint(
             "limits-crossed",
             name,
-            f"lower {lower:g}, upper {upper:g} {_unit(subject.joints[name])}: no position is allowed",
+            f"lower {lower:g}, upper {upper:g} {unit_of(subject.joints[name].kind)}: no position is allowed",
             "hybridyn treats the joint as not limited; other programs may not move it",
             "exchange the two limits, or correct a sign",
         )
 
 
-def _unit(joint: Joint) -> str:
-    return "m" if joint.kind == "prismatic" else "rad"
-
-
 def _range(subject: Subject, joint: Joint, driven: bool) -> Iterator[Finding]:
-    stated = f"lower {joint.lower:g}, upper {joint.upper:g} {_unit(joint)}"
+    stated = f"lower {joint.lower:g}, upper {joint.upper:g} {unit_of(joint.kind)}"
     if joint.lower == joint.upper:
         yield subject.of_joint(
             "limits-empty",
@@ -74,7 +71,8 @@ def _home(subject: Subject, joint: Joint) -> Iterator[Finding]:
     yield subject.of_joint(
         "home-outside-limits",
         joint.name,
-        f"is at {position:.6g} {_unit(joint)} at home; its limits are {joint.lower:g} to {joint.upper:g}",
+        f"is at {position:.6g} {unit_of(joint.kind)} at home; its limits are {joint.lower:g} to "
+        f"{joint.upper:g}",
         "simulations and workspaces start at a position that the joint cannot reach",
         "correct [home] in model.toml, or the limits"
         if named
@@ -84,8 +82,8 @@ def _home(subject: Subject, joint: Joint) -> Iterator[Finding]:
 
 def _motor(subject: Subject, joint: Joint) -> Iterator[Finding]:
     for what, value, unit in (
-        ("effort", joint.effort, "N" if joint.kind == "prismatic" else "N m"),
-        ("speed", joint.velocity, "m/s" if joint.kind == "prismatic" else "rad/s"),
+        ("effort", joint.effort, unit_of(joint.kind, "effort")),
+        ("speed", joint.velocity, unit_of(joint.kind, "speed")),
     ):
         if value <= 0.0:
             yield subject.of_joint(

@@ -24,6 +24,7 @@ from ...spatial import Array
 from ...streams.postures import Postures
 from ...structure.robot import HybridRobot
 from ...tables.over_time import mean_over, rms_over
+from ...tables.signals import UNITS
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
 from .columns import column_of
@@ -80,7 +81,7 @@ OF_MOTORS: dict[str, Callable[[Loads], float]] = {
 #: Measures whose unit is that of the motor, with the units of slides and of joints that turn.
 OF_KIND = {
     f"{what}_{of}": units
-    for of, units in {"effort": ("N", "N m"), "speed": ("m/s", "rad/s")}.items()
+    for of, units in ((of, UNITS[of]) for of in ("effort", "speed"))
     for what in ("peak", "rms")
 }
 
@@ -97,12 +98,16 @@ OF_MOTORS |= {
 }
 
 #: Units of measures that do not depend on the robot; margins and conditioning have none.
-UNITS = {"peak_power": "W", "braking_power": "W", "mean_power": "W", "energy": "J", "reach": "m", "time": "s"}
+OF_ROBOT = {
+    "peak_power": "W",
+    "braking_power": "W",
+    "mean_power": "W",
+    "energy": "J",
+    "reach": "m",
+    "time": "s",
+}
 #: Units of the columns of slides and of other joints, and of links by their components without and with "w".
-OF_COLUMN = {
-    "position": ("m", "rad"), "velocity": ("m/s", "rad/s"), "acceleration": ("m/s^2", "rad/s^2"),
-    "effort": ("N", "N m"), "power": ("W", "W"), "pose": ("m", ""),
-}  # fmt: skip
+OF_COLUMN = {**UNITS, "pose": ("m", "")}
 
 #: Measures of a workspace.
 OF_WORKSPACE: dict[str, Callable[[Workspace], float]] = {
@@ -178,7 +183,7 @@ def unit_of(word: str, description: Description) -> str:
     turns = kinds.get(owner) != "prismatic"
     if owner not in kinds:
         turns, quantity = quantity.startswith("w"), owner.rpartition("/")[2]
-    return OF_COLUMN[quantity][turns] if quantity in OF_COLUMN else UNITS.get(word, "")
+    return OF_COLUMN[quantity][turns] if quantity in OF_COLUMN else OF_ROBOT.get(word, "")
 
 
 def check_units(robot: HybridRobot, words: Iterable[str]) -> None:
