@@ -19,6 +19,7 @@ from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
+from ..streams.departures import position_limits
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
@@ -105,10 +106,9 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     """Check which postures, shape (n, nq), keep every joint within its limits."""
     within = np.ones(len(q), dtype=bool)
     for joint in robot.description.joints:
-        if joint.kind in ("revolute", "prismatic"):
+        if joint.kind in ("revolute", "prismatic") and (limits := position_limits(joint)):
             x = q[:, robot.q_slices[robot.joint_index[joint.name]].start]
-            slack = SAME_ASSEMBLY * max(abs(x) for x in (joint.lower, joint.upper, 1.0) if np.isfinite(x))
-            within &= (x >= joint.lower - slack) & (x <= joint.upper + slack)
+            within &= (x >= limits[0]) & (x <= limits[1])
     return within
 
 

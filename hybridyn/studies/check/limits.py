@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from ...description.records import Joint
+from ...streams.departures import position_limits
 from ...tables.signals import unit_of
 from .finding import Finding
 from .subject import Subject
 
-#: A home position may be outside the limits by this part of their range: files are rounded.
-HOME_SLACK = 1e-6
 ONE_FREEDOM = ("revolute", "prismatic")
 
 
@@ -63,9 +61,8 @@ def _home(subject: Subject, joint: Joint) -> Iterator[Finding]:
         position = float(subject.robot.home[at.start])
     else:
         position = subject.description.home.get(joint.name, (0.0,))[0]
-    width = joint.upper - joint.lower
-    slack = HOME_SLACK * (width if math.isfinite(width) else 1.0)
-    if joint.lower - slack <= position <= joint.upper + slack:
+    limits = position_limits(joint)
+    if limits is None or limits[0] <= position <= limits[1]:
         return
     named = joint.name in subject.description.home
     yield subject.of_joint(

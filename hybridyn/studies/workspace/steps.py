@@ -11,13 +11,12 @@ from ...assembly.requests import gather_requests
 from ...assembly.task import module_task
 from ...linkage.newton import close
 from ...spatial import Array, Index, Mask
+from ...streams.departures import position_limits
 from ...structure.robot import HybridRobot
 from .sweep import Sweep, pose_of
 
 #: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
 MOST_NEWTON_STEPS = 25
-#: A joint may exceed its limit by this much [m, rad], to allow for rounding.
-LIMIT_SLACK = 1e-9
 #: Results of a step. Any other value is the number of the joint that is outside its limits.
 REACHED, OUT_OF_REACH = -1, -2
 
@@ -26,18 +25,15 @@ class JointLimits:
     """Position limits of a module's joints with one freedom."""
 
     def __init__(self, robot: HybridRobot, module: int, respected: bool) -> None:
-        chosen = robot.modules[module]
-        tree = chosen.mechanism.spanning
-        rows = []
-        for number, (name, at) in enumerate(zip(chosen.joints, tree.q_slices, strict=True)):
+        chosen, rows = robot.modules[module], []
+        for number, (name, at) in enumerate(
+            zip(chosen.joints, chosen.mechanism.spanning.q_slices, strict=True)
+        ):
             joint = robot.records.get(name)
-            if joint is not None and joint.kind in ("revolute", "prismatic") and joint.lower < joint.upper:
-                rows.append((number, at.start, joint.lower, joint.upper))
-        rows = rows if respected else []
-        self.joints = np.array([row[0] for row in rows], dtype=int)
-        self.columns = np.array([row[1] for row in rows], dtype=int)
-        self.lower = np.array([row[2] for row in rows])
-        self.upper = np.array([row[3] for row in rows])
+            if respected and joint is not None and joint.kind in ("revolute", "prismatic"):
+                rows += [(number, at.start, *ends) for ends in (position_limits(joint),) if ends]
+        joints, columns, self.lower, self.upper = np.array(rows).reshape(-1, 4).T
+        self.joints, self.columns = joints.astype(int), columns.astype(int)
 
     def broken(self, q: Array) -> Index:
         """Return for each posture, shape (T, its nq), the joint farthest outside its limits, or REACHED."""
@@ -46,7 +42,7 @@ class JointLimits:
         positions = q[:, self.columns]
         outside = np.maximum(self.lower - positions, positions - self.upper)
         worst = outside.argmax(axis=1)
-        return np.where(outside.max(axis=1) > LIMIT_SLACK, self.joints[worst], REACHED)
+        return np.where(outside.max(axis=1) > 0, self.joints[worst], REACHED)
 
 
 class Closing:
