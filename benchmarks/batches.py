@@ -5,8 +5,9 @@
 
 Each row has the share of the device's limits: bytes that a sample reads and writes, at the speed of a copy;
 and operations of its kernels (a fused product counts as one), at the speed of a kernel of such products. Rows
-of `close` and `step` count no operations, as the number of Newton steps is not known. MuJoCo Warp steps the
-converted robot with its default solver; its error is the largest opening of a loop after the steps [m].
+of `close` and `step` count no operations, as the number of Newton steps is not known. Steps of `compile` are
+those of one trajectory on one core, as `simulate` takes them in C. MuJoCo Warp steps the converted robot with
+its default solver; its error is the largest opening of a loop after the steps [m].
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ def row(engine: str, robot: str, model: str, dtype: str, samples: int, seconds: 
 def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any]]:
     """Measure the models of a robot in both precisions, and compiled ones on all cores."""
     robot = hybridyn.load(name)
+    yield compiled_steps(robot, name, 2 * sizes[0])
     for dtype in ("float64", "float32"):
         batch = hybridyn.warp(robot, dtype=dtype, device=on)
         threaded = hybridyn.compile(robot, threads=os.cpu_count() or 1, dtype=dtype)
@@ -111,6 +113,15 @@ def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any
                     host = best(threaded.assemble, motors=motors, guess=robot.home)
                     yield row("compile", name, model, dtype, count, host)
                 yield found
+
+
+def compiled_steps(robot: hybridyn.HybridRobot, name: str, steps: int) -> dict[str, Any]:
+    """Measure the steps of a compiled simulation, as those of a batch, of a robot that its motors hold."""
+    compiled, still, h = hybridyn.compile(robot), np.zeros(robot.nv), 1e-3
+    hold = compiled.idm(robot.home, still, still)
+    given = {"effort": hold, "method": "rk4", "step": h, "compiled": compiled}
+    seconds = best(hybridyn.simulate, robot, robot.home, still, (0.0, steps * h), **given)
+    return row("compile", name, "step", "float64", steps, seconds)
 
 
 def operations(compiled: hybridyn.CompiledRobot, model: str) -> int:

@@ -7,14 +7,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..effects.choice import Choice, Effects, choose
+from ..effects.choice import Choice, Effects
 from ..errors import CompileError, HybridynError, ModelError
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
+from .asking import asked_for
 from .code.scalars import Scalar
-from .equations.arguments.coefficients import at_robot, check_coefficients, with_stated_springs
+from .equations.arguments.coefficients import at_robot
 from .failures import as_compile_error
 from .library.building import best_lanes, find_compiler
 from .library.cache import Built, known
@@ -67,13 +68,11 @@ def compile(
         ModelError: A parameter is unknown, `dtype` or `threads` is invalid, or an effect is not available in
             compiled models.
     """
-    if dtype not in ("float64", "float32"):
-        raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
     if quick not in (True, False, *FIRST):
         raise ModelError(f"quick must be True, False, 'idm' or 'ddm', not {quick!r}")
     if threads < 1:
         raise ModelError(f"threads must be at least 1, not {threads}")
-    asked = _Asked.of(robot, choose(robot, effects), parameters, dtype)
+    asked = _Asked.of(robot, effects, parameters, dtype)
     with as_compile_error(robot):
         first = quick if isinstance(quick, str) else FIRST[0]
         library = loaded(lambda: asked.quickly(first) if quick else asked.built())
@@ -107,18 +106,17 @@ class _Asked:
     key: str
 
     @staticmethod
-    def of(robot: HybridRobot, effects: Effects, parameters: Sequence[str | Slot], dtype: str) -> _Asked:
+    def of(robot: HybridRobot, effects: Choice, parameters: Sequence[str | Slot], dtype: str) -> _Asked:
         """Return what is asked for; the key is that of this process, as equal robots have several pickles.
 
         Raises:
             CompileError, ModelError: As in `compile`.
         """
+        robot, on, chosen = asked_for(robot, effects, parameters, dtype)
         find_compiler()
-        robot = with_stated_springs(robot, effects) if parameters else robot
-        chosen, scalar = Parameters(robot.description, parameters), Scalar(dtype, best_lanes(dtype))
-        check_coefficients(robot, effects, chosen.slots)
-        key = library_key(robot, effects, scalar, chosen.slots)
-        return _Asked(robot, effects, chosen, scalar, key)
+        scalar = Scalar(dtype, best_lanes(dtype))
+        key = library_key(robot, on, scalar, chosen.slots)
+        return _Asked(robot, on, chosen, scalar, key)
 
     def artifact(
         self, models: tuple[str, ...] = MODELS, check: Callable[[Built], None] | None = None

@@ -10,17 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from ..description.writing import write_text
-from ..effects.choice import Choice, Effects, choose
+from ..effects.choice import Choice, Effects
 from ..errors import CompileError, ModelError
-from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot, values_of
 from ..structure.robot import HybridRobot
-from .equations.arguments.coefficients import check_coefficients, with_stated_springs
+from .asking import asked_for
 from .failures import WITHOUT_CASADI, as_compile_error
 from .verifying import check_trusted
 
 try:
-    from .code.plain_c import REAL, WRITTEN, ControlStep, plain_source, prototype
+    from .code.plain_c import WRITTEN, ControlStep, plain_source, prototype
     from .equations.request import request
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
@@ -69,18 +68,8 @@ def export(
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
     """
     name = checked_name(robot, name)
-    if robot.nv == 0:
-        raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to export")
-    if dtype not in REAL:
-        raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
-    on = choose(robot, effects)
-    if on.limits is not None:
-        raise ModelError(
-            "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
-        )
-    robot = with_stated_springs(robot, on) if parameters else robot
-    slots = Parameters(robot.description, parameters).slots
-    check_coefficients(robot, on, slots)
+    robot, on, chosen = asked_for(robot, effects, parameters, dtype, "exported C")
+    slots = chosen.slots
     if slots and map_joints:
         raise ModelError("the map of output joints has no parameters: export it by itself")
     values = np.array(values_of(robot.description, slots))

@@ -179,7 +179,8 @@ class Batch:
             rate: Their rates, of the same shape; zero by default.
             acceleration: Their accelerations, of the same shape; zero by default.
             near: Closed postures, shape (N, nq) or (nq,), from which the motors move straight to `position`,
-                on the same assembly branch; the home posture by default. A base keeps its pose.
+                on the same assembly branch; the home posture by default. A base keeps its pose, and
+                joints that no motor moves keep their positions.
             parameters: As in `idm`.
             fallback: As in `idm`.
 

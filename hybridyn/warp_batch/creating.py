@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from ..compiled.code.plain_c import REAL
-from ..compiled.equations.arguments.coefficients import check_coefficients, with_stated_springs
+from ..compiled.asking import asked_for
 from ..compiled.failures import needs_casadi
-from ..effects.choice import Choice, choose
-from ..errors import CompileError, ModelError, install_advice
-from ..structure.parameters.entries import Parameters
+from ..effects.choice import Choice
+from ..errors import CompileError, install_advice
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 
@@ -51,16 +49,5 @@ def warp(
     from .arrays import device_of  # they import Warp, which takes half a second
     from .batch import Batch
 
-    if dtype not in REAL:
-        raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
-    if robot.nv == 0:
-        raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to compute")
-    on = choose(robot, effects)
-    if on.limits is not None:
-        raise ModelError(
-            "the effect 'limits' is not part of batches: clip the efforts yourself", element="limits"
-        )
-    robot = with_stated_springs(robot, on) if parameters else robot
-    chosen = Parameters(robot.description, parameters)
-    check_coefficients(robot, on, chosen.slots)
+    robot, on, chosen = asked_for(robot, effects, parameters, dtype, "batches")
     return Batch(robot, on, chosen, dtype, device_of(device))

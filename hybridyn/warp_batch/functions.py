@@ -130,7 +130,7 @@ def own_text(file: str, **sizes: int) -> str:
     return sizes_text(**sizes) + text if sizes else text
 
 
-def sizes_text(**sizes: int) -> str:
+def sizes_text(**sizes: int | str) -> str:
     """Return the C of an enumeration of sizes."""
     return f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};\n"
 

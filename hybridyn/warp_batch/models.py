@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
+import numpy as np
+
+from ..assembly.follow import FARTHEST
 from ..compiled.code.scalars import text_of
 from ..compiled.equations.guards import GUARD_CLOSED
 from ..compiled.equations.request import Request, request
 from ..compiled.program import Program
-from ..compiled.programs.close import close_program, lift_program
+from ..compiled.programs.close import close_program, freedoms_of, lift_program, turning_program
 from ..compiled.programs.direct import direct_program
 from ..compiled.programs.inverse import inverse_program
 from ..compiled.programs.kinematics import kinematics_program
@@ -19,6 +21,7 @@ from ..compiled.programs.map_programs import map_programs
 from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Effects
 from ..errors import ModelError
+from ..spatial import Array
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from .functions import Native, native, own_text, sizes_text
@@ -31,26 +34,15 @@ PLAIN = {"idm": inverse_program, "ddm": direct_program, "kinematics": kinematics
 LAWS = {"constant": ("tau",), "table": ("tau", "tau_rate", "tau_bend")} | dict.fromkeys(
     ("pd", "torque"), ("position", "rate", "acceleration", "kp", "kd")
 )
-KINDS = {"constant": "CONSTANT", "table": "TABLE", "pd": "PD", "torque": "TORQUE"}
 #: Length of Newton's last step in a time step, by the type of the numbers.
 LAST_NEWTON_STEP = {"float64": "1e-12", "float32": "1e-5"}
-#: C that `laws.h` and `steps.h` need; the direct model reads parameters after its states.
-STEP_HEAD = """#undef ROOM
-#define SCALAR(name) FUNCTION(name)
-typedef long long Long;
-static S none_of(const S *x, int n) {
-    S sum = 0;
-    for (int k = 0; k < n; k++) sum += x[k] * (S)0;
-    return sum;
-}
-static int absent(const S *const *in, S *out) { return !in || !out || 1; }
-static int ddm_with(const S *numbers, const S *const *in, S *out) {
-    const S *all[4] = {in[0], in[1], in[2], numbers};
-    return ddm_single_at(all, out);
-}
-"""
+LIFT_HEAD = "#define EXPORT static CUDA_CALLABLE\n#define LAST_STEP {}\n"
+#: C of a program that a law does not call.
+ABSENT = "static int {0}_single_at(const S *const *in, S *out) {{ return !in || !out || 1; }}\n"
 #: A table of the joints of one side.
-PLACES = "static int {0}(int m) {{\n    static const int table[] = {{{1}}};\n    return table[m];\n}}\n"
+TABLE = "static {0} {1}(int m) {{\n    static const {0} table[] = {{{2}}};\n    return table[m];\n}}\n"
+#: How far a joint without loops may move in one part of the way.
+UNLIMITED = 1e30
 Ends = list[tuple[str, int]]
 
 
@@ -86,8 +78,8 @@ class Models:
         sides = motors_beside(self.robot, joints), tuple(joints)
         run = f"walk(given, given + {self.robot.nq}, result)"
         return [
-            native(program.name, (program.inputs, program.outputs), {"close": program}, run, self.dtype,
-                   self._walk(program, side, posed=True))
+            native(program.name, (program.inputs, program.outputs), self._along(program, side), run,
+                   self.dtype, self._walk(program, side, posed=True))
             for program, side in zip(map_programs(self._request, joints), sides, strict=True)
         ]  # fmt: skip
 
@@ -103,10 +95,6 @@ class Models:
     def _lift(self) -> Program | None:
         return lift_program(self._plain_request)
 
-    @property
-    def _sizes(self) -> dict[str, int]:
-        return {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
-
     @cached_property
     def _motions(self) -> tuple[Ends, Ends]:
         """Inputs and outputs of "close"."""
@@ -119,8 +107,10 @@ class Models:
 
     def _close(self) -> Native:
         program = close_program(self._request)
-        return native("close", self._motions, {"close": program}, "follow(given, result)", self.dtype,
-                      self._follow(program))  # fmt: skip
+        called = self._along(program, self.robot.motors)
+        return native(
+            "close", self._motions, called, "follow(given, result)", self.dtype, self._follow(program)
+        )
 
     def _control(self) -> Native:
         """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
@@ -128,17 +118,26 @@ class Models:
         close, idm = close_program(self._request), inverse_program(replace(self._request, compared=False))
         more = self._follow(close) + own_text("efforts.h", INVERSE=_size(idm.inputs))
         ends = inputs, [*outputs, *idm.outputs]
-        called = {"close": close, "idm": idm}
+        called = self._along(close, self.robot.motors) | {"idm": idm}
         return native("idm_from_motors", ends, called, "control(given, result)", self.dtype, more)
 
     def _follow(self, close: Program) -> str:
         return self._walk(close, self.robot.motors, posed=False) + own_text("motors.h")
 
+    def _along(self, close: Program, side: Sequence[str]) -> dict[str, Program]:
+        """Return the programs of a walk: that which closes the loops, and that which compares them."""
+        return {"close": close, "turning": turning_program(self._request, freedoms_of(self.robot, side))}
+
     def _walk(self, program: Program, side: Sequence[str], *, posed: bool) -> str:
         """Return the C of the walk with a program that closes the loops from the positions of some joints."""
-        sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "SIDE": len(side), "POSED": int(posed)}
-        sizes |= {"GIVEN": _size(program.inputs)}
-        closed = f"#define CLOSED {GUARD_CLOSED[self.dtype]!r}\n"
+        robot, farthest = self.robot, np.full(self.robot.nv, UNLIMITED)
+        for module in robot.modules:
+            if module.mechanism.spanning_closures.rows:
+                farthest[module.v_index] = FARTHEST * module.mechanism.spanning_col_scale
+        places = [robot.v_slices[robot.joint_index[name]].start for name in side]
+        sizes = {"NQ": robot.nq, "NV": robot.nv, "SIDE": len(side), "POSED": int(posed)}
+        sizes |= {"GIVEN": _size(program.inputs), "NUMBERS": _size(self._request.parameter_inputs)}
+        closed = f"#define CLOSED {GUARD_CLOSED[self.dtype]!r}\n" + _table("S", "farthest", farthest[places])
         return closed + self._places(side) + own_text("walk.h", **sizes)
 
     def _places(self, side: Sequence[str]) -> str:
@@ -150,7 +149,7 @@ class Models:
             "column": [robot.v_slices[i].start for i in numbers],
             "turns": [int(robot.kinds[i] == "continuous") for i in numbers],
         }
-        return "".join(PLACES.format(name, ", ".join(map(str, of)) or "0") for name, of in tables.items())
+        return "".join(_table("int", name, of) for name, of in tables.items())
 
     def step(self, law: str) -> Native:
         """Return closed time steps under a law, one of `LAWS`.
@@ -164,19 +163,22 @@ class Models:
                 "its parameters change the loops" if not self.fixed else "its loops close by more than pivots"
             )
             raise ModelError(f"robot '{robot.description.name}' has no closed steps in a batch: {why}")
-        called, efforts = {"lift": lift, "ddm": direct_program(self._request)}, _own(text_of("laws.h"))
+        called = {"lift": lift, "ddm": direct_program(self._request)}
         if law == "torque":
-            called["following"] = close_program(plain)
+            called["close"] = close_program(plain)
             called["idm"] = inverse_program(replace(plain, compared=False))
-        for name in ("following", "idm"):
-            calls = f"{name}_single_at(" if name in called else "absent("
-            efforts = _replaced(efforts, f"law->{'close' if name == 'following' else name}(", calls)
         given = [("q", robot.nq), ("v", robot.nv), ("clock", 2), *((name, motors) for name in LAWS[law])]
         given += self._request.parameter_inputs
         outputs = [("q_next", robot.nq), ("v_next", robot.nv), ("a_next", robot.nv)]
-        text = sizes_text(EFFORTS=motors, **self._sizes) + STEP_HEAD + self._places(robot.motors)
-        text += _replaced(efforts, "law->function(t)", "1")
-        text += _steps_text(self.dtype) + f"enum {{ KIND = {KINDS[law]} }};\n" + own_text("step.h")
+        parts = [
+            self._lift_text(),
+            sizes_text(EFFORTS=motors),
+            own_text("calls.h"),
+            self._places(robot.motors),
+        ]
+        parts += [ABSENT.format(name) for name in ("close", "idm") if name not in called]
+        parts += [text_of("laws.h"), text_of("steps.h"), sizes_text(KIND=law.upper())]
+        text = "".join([*parts, own_text("step.h")])
         return native(f"step_{law}", (given, outputs), called, "stepped(given, result)", self.dtype, text)
 
     def regular(self) -> Native:
@@ -185,28 +187,17 @@ class Models:
         if self._lift is None:
             more = "static S regular(const S *given) { return 0; }\n"
             return native("regular", ends, {}, "regular(given)", self.dtype, more)
-        lifted = _steps_text(self.dtype).partition("typedef struct {\n    Long")[0]
-        more = sizes_text(**self._sizes) + lifted + own_text("regular.h")
+        more = self._lift_text() + own_text("regular.h")
         return native("regular", ends, {"lift": self._lift}, "regular(given)", self.dtype, more)
 
-
-def _steps_text(dtype: str) -> str:
-    """Return what `steps.h` needs for one step, with as much memory as the method takes."""
-    text = _replaced(_own(text_of("steps.h")), "#define STAGES 8", "#define STAGES 4")
-    text = _replaced(text, "#define LAST_STEP 1e-12", f"#define LAST_STEP {LAST_NEWTON_STEP[dtype]}")
-    return _replaced(text, "ddm_single_at(in", "ddm_with(law->v, in")
+    def _lift_text(self) -> str:
+        """Return the C that closes the loops of a time step."""
+        sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
+        return LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes) + text_of("lift.h")
 
 
-def _own(text: str) -> str:
-    """Return C without what it exports, and without pointers to functions."""
-    text = re.sub(r"^EXPORT (?:[^;{]*;|[^{]*\{.*?\n\})\n", "", text, flags=re.MULTILINE | re.DOTALL)
-    return re.sub(r"^    int \(\*.*\n", "", text, flags=re.MULTILINE)
-
-
-def _replaced(text: str, old: str, new: str) -> str:
-    """Replace what must be there."""
-    assert old in text
-    return text.replace(old, new)
+def _table(kind: str, name: str, of: Sequence[float] | Array) -> str:
+    return TABLE.format(kind, name, ", ".join(map(str, of)) or "0")
 
 
 def _size(ends: Sequence[tuple[str, int]]) -> int:

@@ -195,7 +195,7 @@ def test_limits_are_not_exported(tmp_path: Path) -> None:
     refused(
         lambda: export(hybridyn.load("five_bar"), tmp_path / "made", ["default", "limits"]),
         hybridyn.ModelError,
-        "'limits' is not exported: clip the efforts",
+        "'limits' is not part of exported C: clip the efforts",
     )
     assert not (tmp_path / "made").exists()
 

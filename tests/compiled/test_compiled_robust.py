@@ -82,7 +82,7 @@ def test_a_robot_without_freedoms_has_models_and_is_not_exported(tmp_path: Path)
     refused(
         lambda: export(robot, tmp_path, name="block"),
         hybridyn.ModelError,
-        "'a block' has no joint that moves: there is nothing to export",
+        "'a block' has no joint that moves: there is nothing to compute",
     )
     assert not list(tmp_path.iterdir())
 

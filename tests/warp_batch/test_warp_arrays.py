@@ -18,7 +18,7 @@ from tests.quantities.ankle import JOINTS, ankle
 from tests.samples import slow
 
 wp = needs("gpu")
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 wp_array = wp.array
 
 
@@ -223,7 +223,7 @@ def test_tensors_that_cannot_be_shared_or_are_elsewhere_are_refused(robot: hybri
         ("there is no device 'cuda:9': Warp has cpu", {"device": "cuda:9"}),
         ("dtype must be", {"dtype": "float16"}),
         ("parameter", {"parameters": ["mass:nothing"]}),
-        ("clip the efforts yourself", {"effects": ["default", "limits"]}),
+        ("not part of batches: clip the efforts", {"effects": ["default", "limits"]}),
     ],
 )
 def test_wrong_requests_are_refused_in_one_line(
@@ -247,7 +247,7 @@ def test_wrong_requests_are_refused_in_one_line(
             "batches need Warp: install it with",
         ),
         (
-            "import warp; warp.config.quiet = True\n"
+            "import warp; warp.config.log_level = warp.LOG_WARNING\n"
             "r = hybridyn.load('five_bar')\n"
             "hybridyn.warp(r, device='cpu').random_states(2)\n"
             "maps = open('/proc/self/maps').read()\n"

@@ -12,7 +12,7 @@ from tests.extras import needs
 from tests.samples import slow
 
 wp = needs("gpu")
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 ARCHITECTURES = [80, 90]
 #: Registers and bytes of stack of a thread: a tenth above what Warp 1.19 made of them.

@@ -16,7 +16,7 @@ from tests.extras import needs
 from tests.samples import slow
 
 wp = needs("gpu")
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 SAMPLES, STEPS, H = 3, 5, 2e-3
 #: Both take the same steps in the same coordinates; what is left is rounding through five steps.

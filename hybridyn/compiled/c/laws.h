@@ -1,5 +1,5 @@
 /* Motor efforts as functions of time and state: those of `scenes.controllers`, or a program of the user.
-   Needs NQ, NV, EFFORTS. Each function gives 0 where the efforts are certain. */
+   Needs NQ, NV, EFFORTS, LAW (calls a program). Each gives 0 where the efforts are certain. */
 #define PI (S)3.141592653589793
 #define ROOM (EFFORTS ? EFFORTS : 1)
 enum { CONSTANT, TABLE, PD, TORQUE, FUNCTION };
@@ -11,8 +11,10 @@ typedef struct {
     const S *time, *width, *piece;    /* the reference: times, widths, polynomials (pieces + 1, 6, EFFORTS) */
     const S *kp, *kd;
     const Long *at, *column, *turns;  /* of the motors, as `scenes.references.MotorAxes` */
+#ifndef __cplusplus
     int (*close)(const S *const *, S *), (*idm)(const S *const *, S *);
     int (*function)(S);               /* reads q and v, writes `effort` */
+#endif
     S *effort, *q, *v;
 } Law;
 
@@ -58,9 +60,9 @@ static int inverse_of(const Law *law, const S *q, const S *v, const S x[3][ROOM]
     for (int i = 0; i < NV; i++) a[i] = 0;
     for (int m = 0; m < EFFORTS; m++) a[law->column[m]] = x[2][m];
     const S *in[3] = {q, v, a};
-    if (law->close(in, closed)) return 1;
+    if (LAW(close)(in, closed)) return 1;
     in[2] = closed + NQ + NV;
-    return law->idm(in, tau);
+    return LAW(idm)(in, tau);
 }
 
 static int efforts(const Law *law, S t, const S *q, const S *v, S *tau) {
@@ -70,7 +72,7 @@ static int efforts(const Law *law, S t, const S *q, const S *v, S *tau) {
     } else if (law->kind == FUNCTION) {
         memcpy(law->q, q, sizeof(S[NQ]));
         memcpy(law->v, v, sizeof(S[NV]));
-        if (law->function(t)) return 1;
+        if (LAW(function)(t)) return 1;
         memcpy(tau, law->effort, EFFORTS * sizeof(S));
     } else {
         if (referred(law, t, x)) return 1;

@@ -1,53 +1,8 @@
-/* Explicit Runge-Kutta steps on the assembled postures, as `integrators.Explicit` takes them, in the independent
-   joints of `lift_program`. Needs NQ, NV, MODULES, laws.h, and the single calls of "lift" and "ddm". */
-#define STAGES 8          /* most stages of a method */
-#define LIFTS 8           /* most Newton steps of a posture */
-#define FARTHEST 0.1      /* rad, module lengths: a first step beyond is not small enough to be the right branch's */
-#define CONTRACTION 0.25  /* a Newton step must be shorter than this part of the last */
-#define LAST_STEP 1e-12   /* the next one would be rounding */
-#define GOOD 5e-2         /* pivots below this part of their usual size are for the general path */
-
-typedef struct {
-    S q[NQ], xi[NV], v[NV], rate[NV], independent[NV], step[MODULES], pivot[MODULES], residual[MODULES];
-} Lifted;
-
-static S largest_of(const S *x, int n) {
-    S out = 0;
-    for (int i = 0; i < n; i++)
-        if (!(x[i] <= out)) out = x[i];
-    return out;
-}
-static S least_of(const S *x, int n) {
-    S out = x[0];
-    for (int i = 1; i < n; i++)
-        if (!(x[i] >= out)) out = x[i];
-    return out;
-}
-
-/* Close the loops from the displacement xi on, with the independent rates of v; 0 where that is certain. */
-static int lifted(const S *q_0, const S *xi, const S *v, Lifted *out, S *pivot) {
-    const S *in[3] = {q_0, xi, v};
-    S before = FARTHEST / CONTRACTION;
-    for (int k = 0; k < LIFTS; k++) {
-        if (lift_single_at(in, (S *)out)) return 1;
-        const S step = largest_of(out->step, MODULES), least = least_of(out->pivot, MODULES);
-        if (least < *pivot) *pivot = least;
-        if (!(least >= GOOD)) return 1;
-        if (step <= LAST_STEP) return 0;
-        if (!(step <= CONTRACTION * before)) return 1;
-        before = step;
-        in[1] = out->xi;
-    }
-    return 1;
-}
-
-EXPORT int lifted_posture(const S *q_0, const S *xi, const S *v, S *out, S *pivot) {
-    return lifted(q_0, xi, v, (Lifted *)out, pivot);
-}
-
+/* Explicit Runge-Kutta steps on the assembled postures, as `integrators.Explicit` takes them. Needs `laws.h`, `lift.h`,
+   STAGES (most of a method), DDM (the direct model). */
 typedef struct {
     Long stages;
-    const S *A, *b, *c, *e; /* weights of the stages and of the result, times of the stages, weights of the error or NULL */
+    const S *A, *b, *c, *e; /* weights of the stages and the result, times of the stages, weights of the error or NULL */
 } Tableau;
 
 /* Lengths of steps by the estimated error, as `stepping.Stepper` chooses them. */
@@ -60,7 +15,6 @@ typedef struct {
     S rate[STAGES + 1][NV], acceleration[STAGES + 1][NV], xi[NV], u[NV], error[2][NV];
     Lifted at, direction;
 } Work;
-EXPORT Long steps_work = sizeof(Work);
 
 /* One step of h from (q, v, a) into the next rows; 0 where it can be trusted. */
 static int step_of(const Tableau *m, const Law *law, S t, S h, S *q, S *v, S *a, S *pivot, Work *w) {
@@ -80,7 +34,7 @@ static int step_of(const Tableau *m, const Law *law, S t, S h, S *q, S *v, S *a,
         if (lifted(q, w->xi, w->u, &w->at, pivot)) return 1;
         if (efforts(law, s < m->stages ? t + h * m->c[s] : t + h, w->at.q, w->at.v, tau)) return 1;
         const S *in[3] = {w->at.q, w->at.v, tau};
-        if (ddm_single_at(in, w->acceleration[s])) return 1;
+        if (DDM(in, w->acceleration[s])) return 1;
         memcpy(w->rate[s], w->at.rate, sizeof(w->rate[0]));
     }
     for (int part = 0; m->e && part < 2; part++) {

@@ -15,12 +15,15 @@ Modules do not depend on each other, so equal modules are copies.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ...assembly.follow import MOST_TURNING
+from ...errors import SingularityError
 from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.module import Module
@@ -28,7 +31,7 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
 from ..equations.arguments.module_arguments import ChosenNumbers
 from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
-from ..equations.expressions import Expression, Folding, dot, pack, symbols, unpack, zeros
+from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack, zeros
 from ..equations.guards import GUARD_CLOSED, OTHER_STRUCTURE, largest, trusted
 from ..equations.request import Request
 from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
@@ -57,31 +60,61 @@ def freedoms_of(robot: HybridRobot, joints: Iterable[str]) -> set[int]:
 def following_program(request: Request, name: str, driven: set[int]) -> Program:
     """Build the program in which all joints follow the freedoms `driven`, with the arrays of "close"."""
     robot = request.robot
-    shapes: dict[Any, list[Module]] = {}
-    specs: dict[Any, list[ModuleSpec]] = {}
-    chosen = request.arguments if isinstance(request.arguments, ChosenNumbers) else None
-    every = [None] * len(robot.modules) if chosen is None else chosen.of_modules
-    for module, own in zip(robot.modules, every, strict=True):
-        shape = shape_of(module, motor_freedoms(module, driven))
-        shapes.setdefault(shape, []).append(module)
-        specs.setdefault(shape, []).append(module.mechanism.spec if own is None else own.spec)
     inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
     w = Writer(name, inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base == "moving":
         keep_base(w)
-    for shape, modules in shapes.items():
-        motors, closed = motor_freedoms(modules[0], driven), GUARD_CLOSED[request.dtype]
-        function, table = by_motors(modules, motors, closed, () if chosen is None else specs[shape])
-        q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
-        sources: list[Source] = [
-            w.from_given("near", q),
-            w.from_given("v", v),
-            w.from_given("a", v),
-            w.numbers(table, None if chosen is None else chosen.column),
-        ]
-        targets: list[Target] = [w.result("q", q), w.result("v_closed", v), w.result("a_closed", v), Worst()]
-        w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
+    ends = {"near": "q_index", "v": "v_index", "a": "v_index"}, ("q", "v_closed", "a_closed")
+    _add_modules(w, request, driven, partial(by_motors, closed=GUARD_CLOSED[request.dtype]), *ends)
     return w.program()
+
+
+def turning_program(request: Request, driven: set[int]) -> Program:
+    """Build the program that compares the loops at two postures, of which the freedoms `driven` are given.
+
+    Inputs are "near" and "q"; there are no outputs. The guard is the largest sum of a row of
+    |K_d^-1 (K_d' - K_d)|, K_d' at "q", without units, over `assembly.follow.MOST_TURNING`. Postures on two
+    sides of a fold have a guard above 1.
+
+    Raises:
+        SingularityError: The freedoms depend on each other.
+    """
+    robot = request.robot
+    w = Writer("turning", [("near", robot.nq), ("q", robot.nq), *request.parameter_inputs], [])
+    _add_modules(w, request, driven, _turning, {"near": "q_index", "q": "q_index"})
+    return w.program()
+
+
+def _add_modules(
+    w: Writer,
+    request: Request,
+    driven: set[int],
+    write: Callable[..., tuple[ca.Function, Array]],
+    inputs: Mapping[str, str],
+    outputs: Sequence[str] = (),
+) -> None:
+    """Add the calls of the kernels of all modules.
+
+    Args:
+        write: Writes the kernel of modules of one shape, and the table of their numbers.
+        inputs: The index of each input in a module; the outputs have the same in their order.
+    """
+    shapes: dict[Any, list[Module]] = {}
+    specs: dict[Any, list[ModuleSpec]] = {}
+    chosen = request.arguments if isinstance(request.arguments, ChosenNumbers) else None
+    every = [None] * len(request.robot.modules) if chosen is None else chosen.of_modules
+    for module, own in zip(request.robot.modules, every, strict=True):
+        shape = shape_of(module, motor_freedoms(module, driven))
+        shapes.setdefault(shape, []).append(module)
+        specs.setdefault(shape, []).append(module.mechanism.spec if own is None else own.spec)
+    for shape, modules in shapes.items():
+        motors = motor_freedoms(modules[0], driven)
+        function, table = write(modules, motors, specs=() if chosen is None else specs[shape])
+        places = [np.array([getattr(m, index) for m in modules]) for index in inputs.values()]
+        sources: list[Source] = [w.from_given(name, at) for name, at in zip(inputs, places, strict=True)]
+        sources.append(w.numbers(table, None if chosen is None else chosen.column))
+        targets: list[Target] = [w.result(name, at) for name, at in zip(outputs, places, strict=False)]
+        w.call(w.kernel(shape, function, "closures"), len(modules), sources, [*targets, Worst()])
 
 
 def keep_base(w: Writer) -> None:
@@ -134,6 +167,27 @@ def by_motors(
     moved = by_joint(tree, moved_joint, q, step, positions=1)
     outputs = [pack(moved), pack(v), pack(a), ca.SX(guard)]
     return ca.Function("close", [q_col, v_col, a_col, folding.symbol()], outputs), folding.table(len(modules))
+
+
+def _turning(
+    modules: list[Module], motors: tuple[int, ...], specs: Sequence[ModuleSpec]
+) -> tuple[ca.Function, Array]:
+    """Return the kernel that compares two postures of modules, see `turning_program` and `by_motors`."""
+    m, folding, turned = modules[0].mechanism, Folding(), ca.SX(0.0)
+    (near_col, near), (q_col, q) = (symbols(name, m.spanning.nq) for name in ("near", "q"))
+    if m.spanning_closures.rows:
+        pivots = dependent_pivots(modules, motors)
+        dependent = list(pivots.cols)
+        if set(dependent) & set(motors):
+            why = "its motors depend on each other: their positions contradict each other but by chance"
+            raise SingularityError(f"module '{modules[0].name}': {why}", module=modules[0].name)
+        unit = m.spanning_col_scale[dependent]
+        K, K_there = (spanning_closures(modules, folding, x, specs)[0] for x in (near, q))
+        change, _ = solve(K, (K_there - K)[:, dependent] * unit, pivots)
+        for row in change[dependent, : len(dependent)] / unit[:, None]:
+            turned = ca.fmax(turned, sum(ca.fabs(x) for x in row if not is_zero(x)))
+    inputs = [near_col, q_col, folding.symbol()]
+    return ca.Function("turning", inputs, [turned / MOST_TURNING]), folding.table(len(modules))
 
 
 def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:

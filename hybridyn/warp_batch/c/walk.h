@@ -1,7 +1,8 @@
 /* The loops closed from one side's positions, along the branch of a posture. Needs NQ, NV, SIDE (joints of the side), GIVEN
-   and RESULT of the program, whether their positions are its inputs (POSED), CLOSED, and `at` and `turns`, the places of
-   the side's joints in q. */
-#define FAR 0.1          /* rad, module lengths: a first Newton step beyond is not small enough */
+   (size of what the program reads), NUMBERS (of which at its end are parameters), whether the side's positions are among it
+   (POSED), CLOSED, the program "turning", `at` and `turns`, the places of the side's joints in q, and `farthest`, how far
+   each may move in one part of the way. */
+#define FAR 0.5          /* rad, module lengths: a first Newton step beyond is not small enough */
 #define CONTRACTION 0.25 /* a Newton step must be shorter than this part of the last */
 #define NEWTON_STEPS 8
 #define SETTLED 1e-3 /* guard: rates and accelerations belong to the posture before the last step */
@@ -31,21 +32,33 @@ static S newton(S *given, S *result) {
     return guard;
 }
 
+/* The guard of a part of the way: above 1 where another branch could lie between its ends. */
+static S turned(const S *given, const S *here, const S *there) {
+    S both[2 * NQ + NUMBERS];
+    for (int k = 0; k < NQ; k++) both[k] = here[k], both[NQ + k] = there[k];
+    for (int k = 0; k < NUMBERS; k++) both[2 * NQ + k] = given[GIVEN - NUMBERS + k];
+    return turning_run(both, both);
+}
+
 /* Walk to the positions `goal` in steps as long as Newton's method agrees; `given`: the program's, of a closed posture. */
 static S walk(const S *start, const S *goal, S *result) {
-    S given[GIVEN], here[NQ], from[SIDE], way[SIDE], done = 0, part = 1, guard = 0;
+    S given[GIVEN], here[NQ], from[SIDE], way[SIDE], done = 0, part = 1, longest = 1, guard;
     for (int k = 0; k < GIVEN; k++) given[k] = start[k];
     for (int k = 0; k < NQ; k++) here[k] = start[k];
     for (int m = 0; m < SIDE; m++) {
         from[m] = position_of(here, m);
         way[m] = goal[m] - from[m];
         if (turns(m)) way[m] -= (S)6.283185307179586 * FUNCTION(floor)(way[m] / (S)6.283185307179586 + (S)0.5);
+        if (!(FUNCTION(fabs)(way[m]) * longest <= farthest(m))) longest = farthest(m) / FUNCTION(fabs)(way[m]);
     }
     for (;;) {
+        if (part > longest) part = longest;
         const bool last = done + part >= 1;
         for (int k = 0; k < NQ; k++) given[k] = here[k];
         for (int m = 0; m < SIDE; m++) place(given, m, last ? goal[m] : from[m] + (done + part) * way[m]);
         guard = newton(given, result);
+        const S turn = guard <= 1 ? turned(start, here, result) : 0;
+        if (!(turn <= 1)) guard = turn;
         if (guard <= 1) {
             if (last) return guard;
             for (int k = 0; k < NQ; k++) here[k] = result[k];
