@@ -17,4 +17,4 @@ class Clock:
         self.now += self.tick
         return self.now
 
-    time = perf_counter
+    time = process_time = perf_counter

@@ -213,7 +213,7 @@ class Measured:
             if self.stages and not self.closing[stage]:
                 self.closing[stage] = self._stages(stage, one.solve)
             error, elsewhere = self.errors(one.solve, method.batches)
-            own = timed(one.call, rounds=3)[0] / one.samples
+            own = timed(one.call, rounds=3, threads=way.threads)[0] / one.samples
             yield Point(
                 f"{method.name}, one call a sample" if one.single and method.batches else method.name,
                 written(one.setting) or way.setting, error, self.closing[stage] + own, way.fragment,

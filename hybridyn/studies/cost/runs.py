@@ -29,8 +29,8 @@ from .settings import (
 )
 from .stages import spared, without
 
-#: Parts of `SECONDS`: for one family of settings and for the reference, and for each effect.
-ONE_FAMILY, ONE_EFFECT = 1 / 12, 1 / 24
+#: Parts of `SECONDS`: for one family of settings, for the reference, and for each effect.
+ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 40
 #: Relative tolerance of the runs that show what effects are worth together, and what one is, by the general
 #: path: changes matter from 1e-3 on.
 OF_EFFECTS, OF_ONE = 1e-8, 1e-5
@@ -73,7 +73,7 @@ def study_runs(
     except HybridynError as error:
         in_c = False
         study.remarks.append(f"no compiled models: {error}")
-    first = runner.find_reference(in_c, limit)
+    first = runner.find_reference(in_c, seconds * REFERENCE)
     if first.status == "interrupted":
         study.remarks.append(
             f"only the first {runner.duration:.3g} s are measured: --seconds gives more time"
@@ -158,7 +158,7 @@ def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterat
 
     Args:
         every: Effects of the scene and of the files.
-        limit: Time of a run [s]; what does not come to the end in time ends earlier for all.
+        limit: Time of a run [s]; one that does not come to the end is compared as far as it came.
     """
     robot, on = runner.ready.robot, runner.ready.effects
     setting, whole = setting_of("dopri5", OF_ONE, compiled=False), operations(robot, on, "ddm")
@@ -168,7 +168,7 @@ def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterat
         other = without(on, [name]) if computed else every.only([*on.names, name])
         share = operations(robot, other, "ddm") / whole - 1.0
         try:
-            change = errors(robot, runner.run(setting, 2 * limit, effects=other)[0], exact)["error"]
+            change = errors(robot, runner.run(setting, limit, effects=other)[0], exact)["error"]
         except HybridynError:  # a motion without mass
             change = np.inf
         yield Worth(name, change, -share if computed else share, computed)
