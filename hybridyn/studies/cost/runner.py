@@ -26,7 +26,7 @@ ROUNDS, SHORT = 3, 0.3
 #: Part of a time that the first run takes at most. Where it is stopped, the scene is as many times as short,
 #: since tighter tolerances take longer.
 SHORTER = 4.0
-#: Times of a run at which postures are compared, as parts of the whole; early ones judge a run that is stopped.
+#: Times at which postures are compared, as parts of a run; early ones judge a run that is stopped.
 OUTPUTS = np.array([0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
 #: Part of a scene that is run before anything is timed.
 BEGINNING = 1e-3
