@@ -1,5 +1,6 @@
 """Sweeps by compiled models: the rows of the general path, however the work is divided."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description.reading import read
+from hybridyn.description.records import Description
 from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
@@ -17,7 +19,7 @@ from hybridyn.studies.sweep.evaluation import Designer, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
 from hybridyn.studies.sweep.sweep import Swept
-from hybridyn.studies.sweep.variants import Variants, scaled
+from hybridyn.studies.sweep.variants import Variants
 from tests import ROOT
 from tests.comparing import refused
 from tests.extras import needs
@@ -248,6 +250,16 @@ def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_gene
     state = both_ways(save(folder, NUMBERS, "five_bar.toml"))
     assert state.checked + state.statuses["unreachable"] == 12
     assert 6 <= state.compiled == state.statuses["ok"] < 12
+
+
+def scaled(description: Description, link: str, factor: float) -> Description:
+    if factor < 0:
+        raise hybridyn.ModelError("no robot")
+    links = [
+        replace(one, mass=factor * one.mass, inertia=factor * one.inertia) if one.name == link else one
+        for one in description.links
+    ]
+    return replace(description, links=tuple(links))
 
 
 def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

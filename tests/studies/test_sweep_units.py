@@ -11,7 +11,9 @@ import hybridyn
 from hybridyn.figures.sweep import chart_of_sweep
 from hybridyn.studies.sweep.expressions import Expression
 from hybridyn.studies.sweep.measures import OF_KIND, check_units, unit_of
+from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import read_shards
+from hybridyn.studies.sweep.variants import Variants
 from tests.command_line import table_text
 from tests.comparing import refused
 from tests.extras import needs
@@ -108,6 +110,21 @@ def test_a_unit_that_no_motor_has_is_refused(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_measure_has_the_unit_of_its_motors_or_column(word: str, unit: str, tmp_path: Path) -> None:
     assert unit_of(word, hybridyn.load(save(tmp_path, ARM, "arm.urdf")).description) == unit
+
+
+@pytest.mark.parametrize(
+    ("link", "low", "said"),
+    [
+        ("tol", 1.0, "parameters.mass.*'tol'.*did you mean 'tool'"),
+        ("tool", -1.0, "'parameters': mass of 'tool' cannot be -2"),
+    ],
+)
+def test_a_scale_names_a_link_and_is_not_negative(tmp_path: Path, link: str, low: float, said: str) -> None:
+    path = study(tmp_path, '["energy"]')
+    text = path.read_text().replace('[numbers]\n"mass:tool" = "mass"\n', "")
+    path.write_text(text.replace("values = [1.0, 2.0]", f"scale_inertia = '{link}', values = [{low}, 2.0]"))
+    variants = Variants(read_study(path))
+    refused(lambda: variants({"mass": low}), hybridyn.ModelError, said)
 
 
 OF_ROWS = {"a": [0.5, 1.5, 2.5, 1.0], "b": [2.0, 0.0, 3.0, 1.0]}

@@ -1,4 +1,4 @@
-"""Numbers of a robot's description that a study sets by expressions of its parameters.
+"""Numbers of a robot's description that a study scales, or sets by expressions of its parameters.
 
 [numbers]
 "position:m1_left_elbow.z" = "-upper_length"
@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ...errors import ModelError
 from ...scenes.toml_source import naming
 from ...spatial import Array
 from ...structure.parameters.entries import Entry, Parameters, entry_of
-from ...structure.parameters.slots import NOT_NEGATIVE, Slot, with_values
+from ...structure.parameters.slots import NOT_NEGATIVE, Slot, values_of, with_values
 from .expressions import Expression
 from .study_file import StudyFile
 
@@ -70,10 +71,21 @@ class Numbers:
         rows = np.tile(known.nominal, (designs, 1))
         for name, expression in self.expressions.items():
             rows[:, known.labels.index(found[name][1])] = expression(values)
-        stated = [slot for entry, label in found.values() for slot in _set_by(entry, label)]
-        at = {slot: i for i, slot in enumerate(known.slots)}
-        slots = tuple(dict.fromkeys(stated))
-        return slots, known.slot_values(rows)[:, [at[slot] for slot in slots]]
+        numbers = self._scaled(description, values)
+        stated = dict(zip(known.slots, known.slot_values(rows).T, strict=True))
+        numbers |= {slot: stated[slot] for entry, label in found.values() for slot in _set_by(entry, label)}
+        return tuple(numbers), np.array([*numbers.values()]).reshape(-1, designs).T
+
+    def _scaled(self, description: Description, values: Mapping[str, Array]) -> dict[Slot, Array]:
+        """Return masses and inertias of links that parameters scale, shape (designs,) each."""
+        out: dict[Slot, Array] = {}
+        for name, one in self.source.study.parameters.items():
+            for kind, link in product(("mass", "inertia"), one.links):
+                with naming(self.source, ("parameters", name, "scale_inertia")):
+                    slots = entry_of(description, f"{kind}:{link}").slots
+                for slot, number in zip(slots, values_of(description, slots), strict=True):
+                    out[slot] = out.get(slot, number) * values[name]
+        return out
 
     def described(self, description: Description, values: Mapping[str, float]) -> Description:
         """Return a description with the numbers of a design.
@@ -82,12 +94,13 @@ class Numbers:
             ModelError: A name is unknown, a number is not finite, or a mass, a stiffness or a friction is
                 negative.
         """
-        if not self.expressions:
+        if not self.expressions and not any(one.links for one in self.source.study.parameters.values()):
             return description
         slots, rows = self.in_slots(description, {name: np.array([value]) for name, value in values.items()})
         for slot, number in zip(slots, rows[0], strict=True):
             if not np.isfinite(number) or (slot.field in NOT_NEGATIVE and number < 0):
-                raise self.source.error(("numbers",), f"{slot} cannot be {number:g}")
+                where = "numbers" if self.expressions else "parameters"
+                raise self.source.error((where,), f"{slot} cannot be {number:g}")
         return with_values(description, slots, rows[0].tolist())
 
 

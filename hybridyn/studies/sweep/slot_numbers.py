@@ -10,7 +10,6 @@ import numpy as np
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array, Mask
-from ...structure.parameters.entries import entry_of
 from ...structure.parameters.slots import NOT_NEGATIVE, Slot, differences, values_of
 from .variants import Variants
 
@@ -42,11 +41,6 @@ class SlotNumbers:
         """
         self.variants, self.base, self.slots = variants, base, tuple(slots)
         self._signed = np.array([slot.field in NOT_NEGATIVE for slot in slots], dtype=bool)
-        self._scaled = [
-            (name, [slot for kind in ("mass", "inertia") for slot in entry_of(base, f"{kind}:{link}").slots])
-            for name, one in variants.source.study.parameters.items()
-            for link in one.links
-        ]
 
     def __call__(self, values: Array) -> Slotted:
         """Compute the numbers.
@@ -69,16 +63,12 @@ class SlotNumbers:
         columns = dict(zip(self.variants.source.study.parameters, values.T, strict=True))
         read = self.variants.unscaled
         slots, stated = self.variants.numbers.in_slots(read, columns)
-        every = list(dict.fromkeys([*self.slots, *slots, *(s for _, some in self._scaled for s in some)]))
+        every = list(dict.fromkeys([*self.slots, *slots]))
         at = {slot: i for i, slot in enumerate(every)}
         rows = np.tile(values_of(read, every), (len(values), 1))
-        possible = np.ones(len(values), dtype=bool)
-        for name, some in self._scaled:
-            rows[:, [at[slot] for slot in some]] *= columns[name][:, None]
-            possible &= columns[name] >= 0
         rows[:, [at[slot] for slot in slots]] = stated
         own, rest = np.split(np.arange(len(every)), [len(self.slots)])
-        possible &= (rows[:, rest] == np.array(values_of(self.base, every))[rest]).all(axis=1)
+        possible = (rows[:, rest] == np.array(values_of(self.base, every))[rest]).all(axis=1)
         count = int(possible.sum())
         return Slotted(possible, rows[possible][:, own], [self.base] * count)
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from ...description.names import did_you_mean
 from ...description.reading import read
 from ...description.records import Description
-from ...scenes.toml_source import naming
 from ...spatial import Array
 from ...structure.building import build_robot
 from ...structure.parameters.xacro import text_of
@@ -50,12 +47,7 @@ class Variants:
         Raises:
             HybridynError: The files are wrong with these values, or a link is unknown.
         """
-        description = self._read(self._differing(values))
-        for name, one in self.source.study.parameters.items():
-            for link in one.links:
-                with naming(self.source, ("parameters", name, "scale_inertia")):
-                    description = scaled(description, link, values[name])
-        return self.numbers.described(description, values)
+        return self.numbers.described(self._read(self._differing(values)), values)
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the values of a design's parameters by name.
@@ -117,21 +109,3 @@ class Variants:
 
     def _folders(self) -> list[str]:
         return [self.source.beside(folder) for folder in self.source.study.robot.package_dirs]
-
-
-def scaled(description: Description, link: str, factor: float) -> Description:
-    """Return a description in which a link's mass and inertia are multiplied; its centre stays.
-
-    Raises:
-        ModelError: The link is unknown, or the factor is negative.
-    """
-    from ...errors import ModelError
-
-    links = {one.name: one for one in description.links}
-    if link not in links:
-        raise ModelError(f"there is no link '{link}'{did_you_mean(link, links)}", element=link)
-    if factor < 0:
-        raise ModelError(f"link '{link}': its inertia cannot be scaled by {factor:g}", element=link)
-    one = links[link]
-    links[link] = replace(one, mass=factor * one.mass, inertia=factor * one.inertia)
-    return replace(description, links=tuple(links.values()))
