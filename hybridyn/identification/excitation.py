@@ -16,7 +16,7 @@ from scipy import linalg
 from ..compiled.model import CompiledRobot
 from ..dynamics.forward import forward
 from ..effects.choice import Choice
-from ..errors import AssemblyError, ModelError, SingularityError
+from ..errors import HybridynError, ModelError
 from ..spatial import Array
 from ..streams.departures import departures, position_limits
 from ..structure.robot import HybridRobot, joint_position
@@ -38,6 +38,9 @@ INSIDE = 0.97
 #: Change of the steps after a success and after a failure: one success in five keeps them (Rechenberg).
 GROWS, SHRINKS = 1.5, 0.904
 
+#: Information, condition and gain of a motion.
+Measures = tuple[float, float, float]
+
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
@@ -49,7 +52,7 @@ class Excitation:
         sine: a_k of each motor, shape (harmonics, motors), [m or rad].
         cosine: b_k of each motor, of the same shape.
         home: Positions at the start, shape (motors,).
-        information: log det Y^T Y of a period, in parameters scaled to the robot's size.
+        information: log det Y^T Y of a period, in parameters of like influence.
         condition: Condition number of Y with scaled columns.
         gain: Largest growth of the joints' rates over those of the motors, compared with home.
     """
@@ -145,12 +148,11 @@ def excitation(
         try:
             other = search.within(changed, tries=2)
         except ModelError:
-            other = (-np.inf, changed)
+            other = (-np.inf, np.inf, np.inf), changed
         better = other[0] > best[0]
         best, step = (other, step * GROWS) if better else (best, step * SHRINKS)
-    sine, cosine = search.judged(best[1])
-    information, condition, reached = search.measures(sine, cosine, FINE)
-    return Excitation(robot, period, sine, cosine, search.home, information, condition, reached)
+    measures, best_one = search.within(best[1], each=FINE)
+    return Excitation(robot, period, *search.judged(best_one), search.home, *measures)
 
 
 class _Search:
@@ -188,8 +190,8 @@ class _Search:
         )  # fmt: skip
         return a, b
 
-    def within(self, coefficients: Array, tries: int = TRIES) -> tuple[float, Array]:
-        """Make a candidate smaller until it is within the limits; return its information and itself.
+    def within(self, coefficients: Array, tries: int = TRIES, each: int = COARSE) -> tuple[Measures, Array]:
+        """Make a candidate smaller until it is within the limits; return its measures and itself.
 
         Raises:
             ModelError: It never is.
@@ -197,19 +199,19 @@ class _Search:
         for _ in range(tries):
             a, b = self.judged(coefficients)
             try:
-                return self.measures(a, b, COARSE)[0], coefficients
-            except (AssemblyError, SingularityError, _BeyondError) as error:
+                return self.measures(a, b, each), coefficients
+            except HybridynError as error:
                 wrong = error
             coefficients = coefficients * SMALLER
         raise ModelError(f"no motion around home is within the limits: {wrong}")
 
-    def measures(self, a: Array, b: Array, each: int) -> tuple[float, float, float]:
+    def measures(self, a: Array, b: Array, each: int) -> Measures:
         """Compute information, condition and gain of a motion.
 
         Raises:
             AssemblyError: The loops do not close.
             SingularityError: A posture is singular.
-            _BeyondError: The motion is beyond a limit.
+            ModelError: The motion is beyond a limit.
         """
         robot = self.source.robot
         count = each * len(a)
@@ -221,28 +223,22 @@ class _Search:
             if np.abs(x_dot).max() > joint.speed_limit or (
                 limits and not limits[0] <= x.min() <= x.max() <= limits[1]
             ):
-                raise _BeyondError(f"'{name}' leaves its limits")
+                raise ModelError(f"'{name}' leaves its limits")
         q, v, acceleration = self.source.closed(motion, robot.home)
         Y, _, efforts = self.source.of_states(q, v, acceleration)
         part = INSIDE if each == COARSE else 1.0
         if beyond := departures(robot, q, v / part, efforts / part):
             one = beyond[0]
-            raise _BeyondError(f"{one.quantity} of '{one.joint}' is {one.worst:.4g} {one.unit}")
+            raise ModelError(f"{one.quantity} of '{one.joint}' is {one.worst:.4g} {one.unit}")
         growth = _growth(robot, q) / self.of_home
         if growth > self.gain * part:
-            raise _BeyondError(
-                f"near a singular posture the joints move {growth:.3g} times more than at home"
-            )
+            raise ModelError(f"near a singular posture the joints move {growth:.3g} times more than at home")
         rows = Y.reshape(-1, len(self.scale)) * self.scale
         R = linalg.qr(rows, mode="r", pivoting=True)[0]
         diagonal = np.abs(np.diagonal(R))[: len(self.scale)]
         length = np.linalg.norm(rows, axis=0)
         condition = float(np.linalg.cond(rows / np.where(length > 0, length, 1.0)))
         return 2.0 * float(np.sum(np.log(np.maximum(diagonal, np.finfo(float).tiny)))), condition, growth
-
-
-class _BeyondError(Exception):
-    """A candidate is beyond a limit."""
 
 
 def _growth(robot: HybridRobot, q: Array) -> float:

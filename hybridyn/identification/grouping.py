@@ -24,7 +24,7 @@ from ..structure.bodies import BodyJoint
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
-from .base_parameters import RANK, base_parameters, triangular, units
+from .base_parameters import RANK, BaseParameters, base_parameters, triangular, units
 from .parameters import StandardParameters
 
 #: Relations smaller than this part are rounding of the file.
@@ -68,18 +68,17 @@ def grouping(robot: HybridRobot, *, effects: Choice = None, symmetric: bool = Fa
         symmetric: As in `regressor`.
     """
     base = base_parameters(robot, effects=effects, symmetric=symmetric)
-    parameters = base.standard
     vectors = Vectors(robot)
-    rows = vectors.rows(parameters)
+    rows = vectors.rows(base.standard)
     rank = int(np.linalg.matrix_rank(rows, rtol=RANK)) if rows.size else 0
-    scale = units(robot, parameters)
-    loops = _loops(robot, parameters, rows, base.combination * scale) if rank != base.rank else ""
+    loops = _loops(base, robot, rows) if rank != base.rank else ""
     return Grouping(rank, base.rank, tuple(vectors.rules), loops)
 
 
-def _loops(robot: HybridRobot, parameters: StandardParameters, rows: Array, numerical: Array) -> str:
+def _loops(base: BaseParameters, robot: HybridRobot, rows: Array) -> str:
     """Say which loops tie parameters that the rules leave apart; empty if there are none."""
-    null = scipy.linalg.null_space(numerical, rcond=RANK)
+    parameters = base.standard
+    null = scipy.linalg.null_space(base.combination * units(robot, parameters), rcond=RANK)
     _, sizes, Vt = np.linalg.svd(rows @ null)
     tied = null @ Vt[: int((sizes > RELATED * np.abs(rows).max(initial=1.0)).sum())].T
     felt = np.abs(tied).max(axis=1, initial=0.0) > RELATED

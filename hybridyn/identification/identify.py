@@ -201,7 +201,7 @@ def identify(
         ModelError: Effects or names are unknown, or the robot's base is not fixed.
         AssemblyError: The loops cannot be closed at some sample.
     """
-    _check_method(method, reference)
+    _check_words(method, reference, prior, every)
     check_robot(robot)
     base = base_parameters(robot, effects=effects, symmetric=symmetric)
     model, held = linear_model(base, known, only)
@@ -236,20 +236,28 @@ def identify(
     )
 
 
-def _check_method(method: str, reference: Any) -> None:
-    """Check that there is such a method, and that instruments have a reference.
+def _check_words(method: str, reference: Any, prior: float, every: int | None) -> None:
+    """Check what the caller wishes.
 
     Raises:
-        ModelError: They do not fit.
+        ModelError: There is no such method, a number is out of range, or instruments have no reference.
     """
-    if method not in METHODS:
-        raise ModelError(
-            f"there is no method '{method}'{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}"
-        )
-    if (method == "iv") != (reference is not None):
-        raise ModelError(
-            "the method 'iv' takes a reference, the commanded motion, and other methods take none"
-        )
+    for wrong, says in (
+        (
+            method not in METHODS,
+            f"there is no method '{method}'{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}",
+        ),
+        (
+            (method == "iv") != (reference is not None),
+            "the method 'iv' takes a reference, the commanded motion, and other methods take none",
+        ),
+        (
+            not prior > 0 or (every is not None and every < 1),
+            f"the prior must be above 0 and every at least 1; they are {prior:g} and {every}",
+        ),
+    ):
+        if wrong:
+            raise ModelError(says)
 
 
 def _judged(data: Rows, x: Array, constants: Array | None, weights: Array | None = None) -> Residuals:

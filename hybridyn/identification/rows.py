@@ -9,7 +9,7 @@ from scipy import interpolate, linalg
 
 from ..assembly.assemble import assemble
 from ..compiled.model import CompiledRobot
-from ..description.names import did_you_mean, listed
+from ..description.names import did_you_mean
 from ..errors import HybridynError, ModelError, TrajectoryError
 from ..spatial import Array, Mask
 from ..streams.other_units import other_unit
@@ -28,8 +28,8 @@ LEAST_EACH = 20
 LEAST = 500
 #: Samples on which units are tested, and correlation of measured and predicted efforts that tells a unit.
 TESTED, TELLING = 60, 0.95
-#: Largest deviation from a factor of a thousand, in decades.
-NEAR = 0.15
+#: Units of efforts by their decades, and the largest deviation from these.
+UNITS, NEAR = {3: "N mm or mN", -3: "kN"}, 0.15
 
 
 def linear_model(
@@ -122,7 +122,7 @@ class Source:
     def every_of(self, log: Log) -> int:
         """Return how many samples are averaged."""
         if self.every is not None:
-            return self.every
+            return min(self.every, len(log.time))
         if log.band is None:
             return 1
         enough = len(log.time) * len(self.robot.motors) / (LEAST_EACH * len(self.model.names))
@@ -206,7 +206,7 @@ def _ask_units(robot: HybridRobot, log: Log) -> None:
 
 
 def check_scales(source: Source, data: Rows) -> None:
-    """Check efforts and time for factors of a thousand and wrong signs, against the numbers of the file.
+    """Check each motor's efforts, and time, for factors of a thousand and wrong signs, by the file's numbers.
 
     A factor counts only where measured and predicted efforts are alike otherwise.
 
@@ -214,21 +214,25 @@ def check_scales(source: Source, data: Rows) -> None:
         TrajectoryError: A column is in another unit.
     """
     file, motors = data.log.file, source.robot.motors
-    like, factor = _alike(data.measured, data.of_file)
-    if not data.log.currents and like > TELLING:
-        for size, unit in ((3.0, "N mm or mN"), (-3.0, "kN")):
-            if abs(np.log10(abs(factor)) - size) < NEAR:
-                raise TrajectoryError(
-                    f"efforts are {abs(factor):.4g} times those that the robot's file predicts: {unit}? "
-                    "Efforts are in N and N m", file=file, column=f"{motors[0]}/effort",
-                )  # fmt: skip
-    each = [_alike(*pair) for pair in zip(data.measured.T, data.of_file.T, strict=True)]
-    turned = [name for name, (like, x) in zip(motors, each, strict=True) if like > TELLING and x < 0]
-    if turned:
-        raise TrajectoryError(
-            f"the efforts of {listed(turned)} have the opposite sign of what the robot's file predicts: "
-            "positive is along the joint's axis", file=file, column=f"{turned[0]}/effort",
-        )  # fmt: skip
+    for name, raw, *pair in zip(motors, data.log.effort.T, data.measured.T, data.of_file.T, strict=True):
+        if not np.ptp(raw):
+            raise TrajectoryError(
+                f"is {raw[0]:g} in every row: it was not measured", file=file, column=f"{name}/effort"
+            )
+        like, factor = _alike(*pair)
+        decades = float(np.log10(abs(factor)))
+        unit = None if data.log.currents else UNITS.get(round(decades))
+        if like > TELLING and unit and abs(decades - round(decades)) < NEAR:
+            raise TrajectoryError(
+                f"efforts are {abs(factor):.4g} times those that the robot's file predicts: {unit}? "
+                "Efforts are in N and N m", file=file, column=f"{name}/effort",
+            )  # fmt: skip
+        if like > TELLING and factor < 0:
+            raise TrajectoryError(
+                "efforts have the opposite sign of what the robot's file predicts: positive is along the "
+                "joint's axis", file=file, column=f"{name}/effort",
+            )  # fmt: skip
+    like = _alike(data.measured, data.of_file)[0]
     faster = _faster(source, data)
     if faster > TELLING and faster > like + (1 - like) / 2:
         raise TrajectoryError(

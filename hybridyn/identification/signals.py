@@ -100,9 +100,17 @@ def read_log(robot: HybridRobot, table: Any, *, efforts: bool = True) -> Log:
         if len(absent) == len(names):
             return None
         if absent:
-            hint = did_you_mean(absent[0], columns)
-            raise TrajectoryError(f"is missing{hint}: every motor needs one", file=file, column=absent[0])
-        return np.column_stack([columns[name] for name in names])
+            raise TrajectoryError(
+                f"is missing{did_you_mean(absent[0], columns)}: every motor needs one",
+                file=file, column=absent[0],
+            )  # fmt: skip
+        rows = {len(columns[name]) for name in ("time", *names) if name in columns}
+        if len(rows) > 1:
+            raise TrajectoryError(
+                f"and others have {min(rows)} to {max(rows)} rows: give columns of one length",
+                file=file, column=names[0],
+            )  # fmt: skip
+        return np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
 
     position, effort, current = of("position"), of("effort"), of("current")
     rates = of("velocity"), of("acceleration")
@@ -112,15 +120,14 @@ def read_log(robot: HybridRobot, table: Any, *, efforts: bool = True) -> Log:
         wanted[f"{robot.motors[0]}/effort"] = measured
     for name, values in wanted.items():
         if values is None:
-            hint = did_you_mean(name, columns)
             raise TrajectoryError(
-                f"is missing{hint}: identification needs time, position and effort (or "
-                "current) of the motors",
+                f"is missing{did_you_mean(name, columns)}: identification needs time, position and effort "
+                "(or current) of the motors",
                 file=file, column=name,
             )  # fmt: skip
     assert position is not None
     log = Log(
-        file, columns["time"], position,
+        file, np.asarray(columns["time"], dtype=float), position,
         None if rates[0] is None or rates[1] is None else (rates[0], rates[1]),
         np.zeros_like(position) if measured is None else measured, effort is None and current is not None,
     )  # fmt: skip
@@ -128,12 +135,11 @@ def read_log(robot: HybridRobot, table: Any, *, efforts: bool = True) -> Log:
     return log
 
 
-def _columns(table: Any) -> tuple[str | None, Mapping[str, Array]]:
+def _columns(table: Any) -> tuple[str | None, Mapping[str, Any]]:
     """Return the name of a table, and its columns by name."""
-    if isinstance(table, Mapping):
-        return None, {str(name): np.asarray(values, dtype=float) for name, values in table.items()}
-    if hasattr(table, "columns"):
-        return None, {str(name): np.asarray(table[name], dtype=float) for name in table.columns}
+    if isinstance(table, Mapping) or hasattr(table, "columns"):
+        names = table if isinstance(table, Mapping) else table.columns
+        return None, {str(name): table[name] for name in names}
     with open_table(table) as opened:
         rows = np.concatenate([np.zeros((0, len(opened.columns))), *(b.values for b in opened.blocks)])
         return opened.file, dict(zip(opened.columns, rows.T, strict=True))
@@ -186,7 +192,7 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
     band = band or _band(position, rate)
     if not 0 < band <= WIDEST * rate:
         raise TrajectoryError(
-            f"the band of {band:g} Hz is beyond {WIDEST:g} of the rate, {rate:g} Hz: choose a lower one",
+            f"the band of {band:g} Hz must lie between 0 and {WIDEST:g} of the rate, {WIDEST * rate:g} Hz",
             file=log.file,
         )
     remarks = [f"{spikes} outliers of positions replaced"] if spikes else []

@@ -1,6 +1,7 @@
 """Identification of known numbers, and what it says where a model or a log is wrong."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,8 +48,27 @@ def test_without_noise_base_parameters_come_back(name: str, symmetric: bool) -> 
 
 
 def test_the_filter_leaves_little_behind() -> None:
+    """Columns that are no numbers are left alone."""
     one = case("five_bar")
-    assert off(hybridyn.identify(one.robot, one.log(), symmetric=True), one) <= 1e-4
+    log = one.log() | {"phase": np.full(len(one.time), "moving")}
+    assert off(hybridyn.identify(one.robot, log, symmetric=True), one) <= 1e-4
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ({"prior": 0.0}, "the prior must be above 0"),
+        ({"every": 0}, "every at least 1"),
+        ({"every": 10_000}, "1 sample of 2 motors cannot determine 15 parameters: record a longer motion"),
+        ({"band": 90.0}, "the band of 90 Hz must lie between 0 and 0.4 of the rate, 80 Hz"),
+        ({"method": "iv"}, "takes a reference"),
+        ({"method": "wsl"}, "did you mean 'wls'"),
+    ],
+)
+def test_impossible_wishes_are_refused(words: dict[str, Any], says: str) -> None:
+    one = case("five_bar")
+    with pytest.raises(HybridynError, match=says):
+        hybridyn.identify(one.robot, one.log(), **words)
 
 
 def rows(of: Case) -> np.ndarray:
@@ -183,6 +203,10 @@ def left_out(log: Table, motors: tuple[str, ...]) -> None:
     del log[f"{motors[0]}/effort"]
 
 
+def one_row_less(log: Table, motors: tuple[str, ...]) -> None:
+    log["time"] = log["time"][:-1]
+
+
 def uneven(log: Table, motors: tuple[str, ...]) -> None:
     log["time"] = log["time"] ** 1.1
 
@@ -198,7 +222,10 @@ REFUSED = {
     "N mm or mN\\? Efforts are in N and N m": scaled("effort", 1e3),
     "kN\\?": scaled("effort", 1e-3),
     "milliseconds\\? Times are in s": scaled("time", 1e3),
-    "'m1_left_drive' have the opposite sign": turned,
+    "column 'm1_left_drive/effort': efforts have the opposite sign": turned,
+    "column 'm1_right_drive/effort': .* N mm": scaled("m1_right_drive/effort", 1e3),
+    "column 'm1_right_drive/effort': is -?0 in every row": scaled("m1_right_drive/effort", 0.0),
+    "have 799 to 800 rows: give columns of one length": one_row_less,
     "column 'm1_left_drive/effort': is missing": left_out,
     "times are uneven": uneven,
     "row 202: a number is not finite": not_finite,
