@@ -205,29 +205,20 @@ def open_file(
 ) -> tuple[Node, list[str]]:
     """Return the root element of a file, of one model if the path names it, and notes of XML and xacro."""
     file, model = split_model(path)
-    root, notes = _expanded(file, xacro_args, package_dirs)
+    text = read_bytes(file)
+    root = None if file.endswith(".xacro") else _parsed(text, file)
+    if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):
+        expanded, notes = expand(file, xacro_args, package_dirs)
+        root = parse(expanded, file, placed=True)
+    elif xacro_args:
+        raise ModelError(f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
+    else:
+        notes = list(root.notes)
     if model:
         from .sdf.library import keep_model
 
         keep_model(root, model)
     return root, notes
-
-
-def _expanded(
-    file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
-) -> tuple[Node, list[str]]:
-    """Return the root element of a file, expanded if it is xacro, and the notes of that expansion."""
-    text = read_bytes(file)
-    if not file.endswith(".xacro"):
-        root = _parsed(text, file)
-        if not any(node.tag.startswith("xacro:") for node in root.descendants()):
-            if xacro_args:
-                raise ModelError(
-                    f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
-                )
-            return root, list(root.notes)
-    expanded, notes = expand(file, xacro_args, package_dirs)
-    return parse(expanded, file, placed=True), notes
 
 
 def _parsed(text: bytes, file: str) -> Node:

@@ -93,8 +93,8 @@ def add_joint(
     """
     if joint.kind in REPLACED:
         losses.add(REPLACED[joint.kind], joint.name)
-    numbers = joint.damping, joint.friction, joint.rotor_inertia, joint.gear_ratio - 1
-    if FREEDOMS[joint.kind] > 1 and any(numbers):
+    forces = joint.damping, joint.friction, joint.rotor_inertia, joint.gear_ratio - 1
+    if FREEDOMS[joint.kind] > 1 and any(forces):
         losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
     add_limits(joint, losses)
     parent, content = joint.parent, dict[str, Any]()
@@ -104,11 +104,15 @@ def add_joint(
         }
         parent, content = _slid(model, parent, joint.placement, slides, poses), {"axis": {"xyz": joint.axis}}
     if FREEDOMS[joint.kind] == 1:
+        leader, *numbers = mimic or ("", 1.0, 0.0)
+        follows = {"@joint": leader, **dict(zip(NUMBERS["mimic"], (*numbers, 0.0), strict=True))}
         content = {
             "drake:rotor_inertia": joint.rotor_inertia or None,
             "drake:gear_ratio": joint.gear_ratio if joint.gear_ratio != 1 else None,
-            "axis": {"xyz": joint.axis, **_numbers(joint, spring), "mimic": _mimic(mimic)},
-        }
+            "axis": {
+                "xyz": joint.axis, **_numbers(joint, spring), "mimic": follows if mimic else None
+            },
+        }  # fmt: skip
     if joint.kind != "floating":
         model["joint"].append(joint_of(joint.name, TYPES[joint.kind], parent, joint.child, **content))
 
@@ -121,11 +125,6 @@ def _numbers(joint: Joint, spring: tuple[float, float]) -> dict[str, Content | N
     dynamics = dict(zip(NUMBERS["dynamics"], forces, strict=True))
     has_forces = joint.damping or joint.friction or spring[0]
     return {"limit": limits or None, "dynamics": dynamics if has_forces else None}
-
-
-def _mimic(mimic: tuple[str, float, float] | None) -> Content | None:
-    """Return `<mimic>` of leader, factor and offset."""
-    return mimic and {"@joint": mimic[0], **dict(zip(NUMBERS["mimic"], (*mimic[1:], 0.0), strict=True))}
 
 
 def _slid(model: Model, link: str, frame: Array, slides: Slides, poses: Poses) -> str:

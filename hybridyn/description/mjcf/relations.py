@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..names import listed, unique
-from ..records import Array, Coupling, Joint
+from ..records import Array, Coupling
 from ..robot_file import MotorStatement, RobotFile
 from .bodies import pose
 from .compiling import Compiled
@@ -165,17 +165,12 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
         robot.left_out = tuple(reasons)
     if added or reasons:
         robot.motors.append(MotorStatement("actuator", WHERE, tuple(added), robot.file))
-    robot.joints = [_driven(joint, *added.get(joint.name, (np.inf, 0.0, 0.0))) for joint in robot.joints]
-
-
-def _driven(joint: Joint, limit: float, inertia: float, damping: float) -> Joint:
-    """Return a joint with what its actuators add to it."""
-    return replace(
-        joint,
-        effort=min(joint.effort, float(limit)),
-        rotor_inertia=float(joint.rotor_inertia + inertia),
-        damping=float(joint.damping + damping),
-    )
+    for number, one in enumerate(robot.joints):
+        limit, inertia, damping = (float(x) for x in added.get(one.name, (np.inf, 0.0, 0.0)))
+        robot.joints[number] = replace(
+            one, effort=min(one.effort, limit), rotor_inertia=one.rotor_inertia + inertia,
+            damping=one.damping + damping,
+        )  # fmt: skip
 
 
 def _driven_joint(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ..joint_graph import step
 from ..records import Array, Coupling, Joint, JointKind
 from ..robot_file import FREEDOMS
 from .checking import joint_error
@@ -93,14 +94,14 @@ def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> 
                 "prismatic joints",
             )  # fmt: skip
     if word in WHOLE:
-        return [_piece(name, WHOLE[word], np.array([0.0, 0.0, 1.0]))]
+        return [step(name, WHOLE[word], np.array([0.0, 0.0, 1.0]))]
     if word in CHAINS:
         kind, letters = CHAINS[word]
-        return [_piece(f"{name}_{letter}", kind, np.eye(3)["xyz".index(letter)]) for letter in letters]
+        return [step(f"{name}_{letter}", kind, np.eye(3)["xyz".index(letter)]) for letter in letters]
     if word == "JointModelUniversal":
         universal = joint.extract()
         axes = (np.array(universal.axis1), np.array(universal.axis2))
-        return [_piece(f"{name}_{i}", "revolute", axis) for i, axis in enumerate(axes, 1)]
+        return [step(f"{name}_{i}", "revolute", axis) for i, axis in enumerate(axes, 1)]
     if word == "JointModelComposite":
         return _composite(model, number, joint, name)
     if word.startswith("JointModelMimic"):
@@ -109,12 +110,8 @@ def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> 
         if word.startswith(start):
             alone = pin.Model()
             alone.addJoint(0, joint, pin.SE3.Identity(), "alone")
-            return [_piece(name, kind, _axis(alone, 1, kind))]
+            return [step(name, kind, _axis(alone, 1, kind))]
     raise joint_error(model, number, f"{word} is a kind of joint that hybridyn does not have")
-
-
-def _piece(name: str, kind: JointKind, axis: Array) -> Joint:
-    return Joint(name, kind, "", "", np.eye(4), axis)
 
 
 def _composite(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> list[Joint]:
@@ -140,7 +137,7 @@ def _mimicking(model: pin.Model, number: int, joint: pin.JointModel, name: str) 
         raise joint_error(
             model, number, f"mimics by a {inner}, which has several freedoms; mimic by revolute or prismatic"
         )
-    return _piece(name, kind, _axis(model, number, kind) / float(mimic.scaling))
+    return step(name, kind, _axis(model, number, kind) / float(mimic.scaling))
 
 
 def _axis(model: pin.Model, number: int, kind: JointKind) -> Array:
