@@ -212,11 +212,9 @@ def _add_inertial(body: ET.Element, link: Link, sizes: Sizes, moving: bool, loss
     add(body, "inertial", pos=link.com, mass=mass, diaginertia=possible, quat=quat)
 
 
-def pose(at: Array) -> dict[str, Iterable[float]]:
-    """Return `pos` and `quat` of a placement (4, 4), none where it is the identity."""
-    out: dict[str, Iterable[float]] = {}
-    if at[:3, 3].any():
-        out["pos"] = at[:3, 3]
-    if not np.array_equal(at[:3, :3], np.eye(3)):
-        out["quat"] = quaternion_of(at[:3, :3])
-    return out
+def pose(at: Array) -> dict[str, Iterable[float] | None]:
+    """Return `pos` and `quat` of a placement (4, 4), None where it is the identity."""
+    turned = not np.array_equal(at[:3, :3], np.eye(3))
+    return {
+        "pos": at[:3, 3] if at[:3, 3].any() else None, "quat": quaternion_of(at[:3, :3]) if turned else None
+    }  # fmt: skip

@@ -52,22 +52,25 @@ def add_forces(root: ET.Element, d: Description, tree: Tree) -> None:
     springs, driven = {spring.name: spring for spring in d.springs if spring.stiffness}, {*d.motors}
     limits = {joint.name: joint.effort_limit for joint in d.joints}
     for joint in (joint for joint in d.joints if joint.kind not in ("fixed", "floating")):
-        element, bounds = tree.joints[joint.name], (joint.lower, joint.upper)
-        put(element, damping=joint.damping or None, armature=joint.armature or None)
+        put(tree.joints[joint.name], damping=joint.damping or None, armature=joint.armature or None)
         if joint.kind == "spherical":
             continue
-        put(element, frictionloss=joint.friction or None)
-        if joint.lower < joint.upper and np.isfinite(bounds).any():
-            put(element, range=bounds, limited="true")
-        if joint.name not in driven and limits[joint.name] < np.inf:
-            put(element, actuatorfrcrange=(-joint.effort, joint.effort), actuatorfrclimited="true")
-        if spring := springs.get(joint.name):
-            put(element, stiffness=spring.stiffness, springref=spring.rest)
+        bounds, effort, spring = (joint.lower, joint.upper), limits[joint.name], springs.get(joint.name)
+        limited = joint.lower < joint.upper and np.isfinite(bounds).any()
+        weak = joint.name not in driven and effort < np.inf
+        put(
+            tree.joints[joint.name], frictionloss=joint.friction or None,
+            range=bounds if limited else None, limited="true" if limited else None,
+            actuatorfrcrange=(-effort, effort) if weak else None,
+            actuatorfrclimited="true" if weak else None,
+            stiffness=spring.stiffness if spring else None, springref=spring.rest if spring else None,
+        )  # fmt: skip
     actuator = add(root, "actuator") if d.motors else root
     for motor in d.motors:
-        element = add(actuator, "motor", name=motor, joint=motor)
-        if limits[motor] < np.inf:
-            put(element, ctrlrange=(-limits[motor], limits[motor]), ctrllimited="true")
+        limit = (-limits[motor], limits[motor]) if limits[motor] < np.inf else None
+        add(
+            actuator, "motor", name=motor, joint=motor, ctrlrange=limit, ctrllimited="true" if limit else None
+        )
 
 
 def list_losses(d: Description, tree: Tree, losses: Losses) -> None:
@@ -114,18 +117,16 @@ def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) 
         elif shape.kind != "mesh" and any(size <= 0 for size in shape.size):
             losses.add("visual shapes without extent", shape.link)
         elif shape.kind != "mesh" or _is_readable(shape, losses):
-            geom = add(body, "geom", type=shape.kind, group="2", contype="0", conaffinity="0", mass="0")
-            if shape.kind == "mesh":
-                assert shape.path is not None
+            first, *others = shape.size  # of a box all edges, else the radius and perhaps a length
+            size = first / 2 if shape.kind == "box" else first, *(other / 2 for other in others)
+            mesh = None
+            if shape.path is not None:
                 file = os.path.relpath(shape.path.resolve(), request.target.resolve().parent)
-                name = f"{shape.path.stem}_{len(assets)}"
-                put(geom, mesh=assets.setdefault((file, shape.size), name))
-            else:
-                first, *others = shape.size  # of a box all edges, else the radius and perhaps a length
-                put(
-                    geom, size=(first / 2 if shape.kind == "box" else first, *(other / 2 for other in others))
-                )
-            put(geom, rgba=shape.colour, **pose(shape.placement))
+                mesh = assets.setdefault((file, shape.size), f"{shape.path.stem}_{len(assets)}")
+            add(
+                body, "geom", type=shape.kind, group="2", contype="0", conaffinity="0", mass="0", mesh=mesh,
+                size=None if mesh else size, rgba=shape.colour, **pose(shape.placement),
+            )  # fmt: skip
     asset = add(root, "asset") if assets else root
     for (file, scale), name in assets.items():
         factors = scale if any(factor != 1 for factor in scale) else None
