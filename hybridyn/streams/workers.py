@@ -12,6 +12,7 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -95,19 +96,11 @@ class Workers:
         """
         if not self._text:
             self.prepare(work)
-        for task in tasks:
-            if len(self._waiting) == len(self):
-                yield self._result()
-            self.give(task)
-        while self._waiting:
-            yield self._result()
-
-    def _result(self) -> Any:
-        """Wait for the oldest result, and raise the error of a task that failed."""
-        result = self.take()
-        if isinstance(result, Failure):
-            raise result.error
-        return result
+        with _alive():
+            for result in self._executor.map(partial(_called, self._text), tasks):
+                if isinstance(result, Failure):
+                    raise result.error
+                yield result
 
 
 @contextmanager
