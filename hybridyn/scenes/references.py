@@ -147,21 +147,18 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
     """Build a motion from point to point in the motors' coordinates, at rest in each point.
 
     Args:
-        points: The points, at increasing times; unless the first is at 0, the motion starts at `start`.
+        points: The points, at increasing times, with names of motors; unless the first is at 0, the motion
+            starts at `start`.
         start: Posture at time 0, shape (nq,).
 
     Raises:
         AssemblyError: A point is out of reach.
-        TrajectoryError: Unknown names.
     """
     axes, q = MotorAxes.of(robot), start
     times, rows = [0.0], [axes.positions(start)]
     if points[0].time == 0.0:
         times, rows = [], []
     for point in points:
-        for name in point.joints:
-            if name not in robot.motors:
-                raise TrajectoryError(f"'{name}' is not a motor", column=name)
         try:
             q, row = _posture(robot, axes, point, q)
         except AssemblyError as error:

@@ -23,6 +23,7 @@ from ..simulation.run import Progress
 from ..simulation.run_size import check_run_size
 from ..simulation.simulate import simulate
 from ..spatial import Array
+from ..structure.parameters.xacro import text_of
 from ..structure.robot import HybridRobot
 from . import controllers
 from .effects import check_covers, read_rows, units
@@ -105,7 +106,7 @@ def _load(source: SceneFile) -> HybridRobot:
     return load(
         source.robot, base=stated.base, motors=stated.motors,
         gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
-        xacro_args={name: _xacro(value) for name, value in stated.xacro.items()} or None,
+        xacro_args={name: text_of(value) for name, value in stated.xacro.items()} or None,
         package_dirs=[source.beside(folder) for folder in stated.package_dirs],
     )  # fmt: skip
 
@@ -167,10 +168,6 @@ def _files(said: object) -> Iterator[str]:
     elif isinstance(said, list):
         for value in said:
             yield from _files(value)
-
-
-def _xacro(value: str | bool | int | float) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
