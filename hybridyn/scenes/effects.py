@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..description.names import did_you_mean
 from ..effects import UNITS, BaseMotion, Payload, Wrench
-from ..effects.choice import WORDS, listed_units
-from ..errors import HybridynError, TrajectoryError
+from ..effects.choice import listed_units
 from ..spatial import Array
-from ..tables.opening import open_table
+from ..tables.opening import read_columns
 from ..tables.signals import POSE, WRENCH
+from .toml_source import naming
 
 if TYPE_CHECKING:
     from ..description.side_cars.toml_file import Keys
@@ -30,20 +28,11 @@ def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
     """
     tables = source.scene.effects
     use = [tables.use] if isinstance(tables.use, str) else tables.use
-    for word in use:
-        if word not in (*UNITS, *WORDS):
-            raise source.error(
-                ("effects", "use"),
-                f"there is no effect '{word}'{did_you_mean(word, (*UNITS, *WORDS))}; known: "
-                f"{', '.join((*WORDS, *UNITS))}",
-            )
     own = {name: values for name, values in tables.stated().items() if name not in LISTS}
     spelled = {*own, *(name for name in LISTS[:3] if getattr(tables, name))}
     words = [word for word in use if word not in spelled]
-    try:
+    with naming(source, ("effects", "use")):
         found = [unit for unit in listed_units(robot, words) if unit.name not in spelled] if words else []
-    except HybridynError as error:
-        raise source.error(("effects", "use"), str(error)) from None
     for name, values in own.items():
         _check_names(source, robot, name, values)
         found.append(_made(source, ("effects", name), UNITS[name], values))
@@ -52,10 +41,8 @@ def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
 
 def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]) -> Any:
     """Build an effect; its errors name file, line and key."""
-    try:
+    with naming(source, keys):
         return kind(**values)
-    except HybridynError as error:
-        raise source.error(keys, str(error)) from None
 
 
 def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[str, Any]) -> None:
@@ -119,16 +106,8 @@ def read_rows(source: SceneFile, keys: Keys, name: str, columns: list[str]) -> A
     Raises:
         ModelError: A column is missing, a cell is wrong, or the table is too short.
     """
-    wanted = ["time", *columns]
-    try:
-        with open_table(source.beside(name)) as table:
-            absent = [column for column in wanted if column not in table.columns]
-            if absent:
-                raise TrajectoryError("is missing", file=table.file, column=absent[0])
-            rows = np.concatenate([block.values for block in table.blocks])
-            rows = rows[:, [table.columns.index(column) for column in wanted]]
-    except HybridynError as error:
-        raise source.error(keys, str(error)) from None
+    with naming(source, keys):
+        rows = read_columns(source.beside(name), ["time", *columns])
     check_covers(source, keys, rows[:, 0])
     return rows
 

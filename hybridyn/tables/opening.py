@@ -3,11 +3,31 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..description.records import Array
 from ..errors import TrajectoryError
 from .csv_table import open_csv
 from .table import BLOCK_ROWS, Table
+
+
+def read_columns(path: str | Path, columns: Sequence[str]) -> Array:
+    """Read some columns of a whole table, shape (rows, columns).
+
+    Raises:
+        TrajectoryError: A column is missing, or as `open_table`.
+    """
+    with open_table(path) as table:
+        for name in columns:
+            if name not in table.columns:
+                hint = did_you_mean(name, table.columns)
+                raise TrajectoryError(f"is missing{hint}", file=table.file, column=name)
+        at = [table.columns.index(name) for name in columns]
+        return np.concatenate([block.values[:, at] for block in table.blocks])
 
 
 def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Table:

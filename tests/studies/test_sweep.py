@@ -206,7 +206,11 @@ def test_a_table_gives_the_designs(folder: Path) -> None:
     study = read_study(written("method = 'table'\ntable = 'designs.csv'", "mass = {}"))
     assert Designs(study).values(0, 2).tolist() == [[2.5], [3.5]]
     Path("designs.csv").write_text("other,masss\n1,2.5\n")
-    refused(lambda: Designs(study), hybridyn.HybridynError, r"no column 'mass' \(did you mean 'masss'\?\)")
+    refused(
+        lambda: Designs(study),
+        hybridyn.HybridynError,
+        r"column 'mass': is missing \(did you mean 'masss'\?\)",
+    )
 
 
 def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from ...errors import TrajectoryError
 from ...spatial import Array, Index
-from ...tables.opening import open_table
+from ...tables.opening import read_columns
 from .salib import draw
 from .study_file import StudyFile
 from .study_tables import MOST_DESIGNS, ParameterTable
@@ -45,7 +44,7 @@ class Designs:
             if self.count > MOST_DESIGNS:
                 raise source.error(("designs", "method"), f"a grid of {self.count:,} designs is too large")
         elif self.method == "table":
-            self._all = self._table()
+            self._all = read_columns(source.beside(source.study.designs.table or ""), self.names)
             self.count = len(self._all)
         else:
             self.count = source.study.designs.count or 0
@@ -89,20 +88,6 @@ class Designs:
             engine.fast_forward(first)
         rest = len(numbers) - len(parts)
         return np.concatenate([*parts, engine.random(rest)] if rest else parts)
-
-    def _table(self) -> Array:
-        """Read the parameters' columns of the table, shape (designs, parameters)."""
-        from ...description.names import did_you_mean
-
-        file = self.source.beside(self.source.study.designs.table or "")
-        with open_table(file) as table:
-            for name in self.names:
-                if name not in table.columns:
-                    hint = did_you_mean(name, table.columns)
-                    raise TrajectoryError(f"has no column '{name}'{hint}, which is a parameter", file=file)
-            at = [table.columns.index(name) for name in self.names]
-            parts = [block.values[:, at] for block in table.blocks]
-        return np.concatenate(parts)
 
 
 def generator(seed: int, design: int) -> np.random.Generator:
