@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -14,38 +14,14 @@ from ..compiled.programs.designs import DesignsInSlots
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import ModelError, TrajectoryError
-from ..spatial import Array, Index
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .arrays import Arrays
 from .drawing import Draw
-from .fallback import General
-from .functions import InWarp, in_warp, wp
+from .fallback import Fallback, General
+from .functions import Functions, InWarp, in_warp, wp
+from .maps import BatchMap
 from .models import LAWS, Models
-
-#: Computes some samples by the general path: numbers of the samples and all inputs, to rows of the outputs.
-Fallback = Callable[[Index, dict[str, Array]], Sequence[Array]]
-
-
-class Functions:
-    """Warp functions for kernels of the user's own, by name.
-
-    Each takes one-dimensional arrays of one sample, inputs first, and returns the guard. Outputs are NaN
-    where the guard is above 1.
-    """
-
-    def __init__(self, names: Sequence[str], make: Callable[[str], InWarp]) -> None:
-        self._names, self._make = tuple(names), make
-
-    def __getattr__(self, name: str) -> Any:
-        """Return a Warp function."""
-        if name.startswith("_") or name not in self._names:
-            raise AttributeError(f"a batch has no function '{name}'{did_you_mean(name, self._names)}")
-        return self._make(name).function
-
-    def __dir__(self) -> list[str]:
-        """List the functions."""
-        return list(self._names)
 
 
 class Batch:
@@ -282,7 +258,7 @@ class Batch:
         """
         with as_compile_error(self.robot):
             made = {native.name: in_warp(native, self.dtype) for native in self._models.maps(joints)}
-        return BatchMap(self, made, self._run_native, partial(self._general.map, tuple(joints)))
+        return BatchMap(self.robot.home, made, self._run_native, partial(self._general.map, tuple(joints)))
 
     def random_states(self, count: int, seed: int = 0, *, tries: int = 64) -> tuple[Any, Any, Any, int]:
         """Draw closed states within the limits of the joints, on the device.
@@ -403,63 +379,3 @@ class Batch:
             whole = np.array(result.numpy())
             whole[rows] = part
             result.assign(whole)
-
-
-class BatchMap:
-    """The map between output joints and motors of a batch.
-
-    Attributes:
-        functions: "map_to_joints" and "map_to_motors" as Warp functions, for kernels of your own.
-    """
-
-    def __init__(
-        self, batch: Batch, made: dict[str, InWarp], run: Callable[..., tuple[Any, ...]], general: Fallback
-    ) -> None:
-        self._batch, self._made, self._run, self._general = batch, made, run, general
-        self.functions = Functions(tuple(made), made.__getitem__)
-
-    def to_joints(
-        self,
-        position: Any,
-        rate: Any = 0.0,
-        effort: Any = 0.0,
-        *,
-        near: Any = None,
-        fallback: bool = False,
-    ) -> tuple[Any, ...]:
-        """Compute the output joints from the motors of their modules.
-
-        Args:
-            position: Positions of the motors, shape (N, m), [m or rad].
-            rate: Their rates, of the same shape; zero by default.
-            effort: Their efforts, of the same shape; zero by default.
-            near: As in `Batch.close`.
-            fallback: Whether the general path computes samples whose guard is above 1, each assembled from
-                its own posture `near`.
-
-        Returns:
-            q, positions, rates and efforts of equal power of the joints, shapes (N, nq), (N, k), (N, k),
-            (N, k), the rates' matrix by rows, shape (N, k m), and guards, shape (N,).
-
-        Raises:
-            HybridynError: An array is wrong; or what `hybridyn.joint_map` raises, with `fallback`.
-        """
-        return self._from("motor", (position, rate, effort), near, fallback)
-
-    def to_motors(
-        self,
-        position: Any,
-        rate: Any = 0.0,
-        effort: Any = 0.0,
-        *,
-        near: Any = None,
-        fallback: bool = False,
-    ) -> tuple[Any, ...]:
-        """Compute the motors from the output joints, as `to_joints` the other way."""
-        return self._from("joint", (position, rate, effort), near, fallback)
-
-    def _from(self, side: str, motion: tuple[Any, ...], near: Any, fallback: bool) -> tuple[Any, ...]:
-        given = dict(zip((f"{side}_{name}" for name in ("position", "rate", "effort")), motion, strict=True))
-        given["near"] = self._batch.robot.home if near is None else near
-        made = self._made["map_to_joints" if side == "motor" else "map_to_motors"]
-        return self._run(made, given, self._general if fallback else None)

@@ -27,6 +27,9 @@ from ..structure.robot import HybridRobot
 from .functions import Native
 from .models import LAWS
 
+#: Computes some samples by the general path: numbers of the samples and all inputs, to rows of the outputs.
+Fallback = Callable[[Index, dict[str, Array]], Sequence[Array]]
+
 
 class General:
     """Functions of the general path for some samples of a batch."""

@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import linecache
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module, resources
 from importlib.util import find_spec
@@ -23,6 +23,7 @@ from ..compiled.code.plain_c import FUNCTIONS, MOVES, REAL, SINES
 from ..compiled.code.rules import check, trimmed
 from ..compiled.code.scalars import GUARD_LIMIT, text_of
 from ..compiled.program import Program, stored
+from ..description.names import did_you_mean
 
 #: Warp; None where it is not installed, as where the pages are built.
 wp: Any = import_module("warp") if find_spec("warp") else None
@@ -220,3 +221,24 @@ def defined(text: str, name: str, scope: dict[str, Any]) -> Any:
     found = scope | {"wp": wp, "__name__": __name__}
     exec(compile(text, file, "exec", dont_inherit=True), found)  # annotations are types
     return found[name]
+
+
+class Functions:
+    """Warp functions for kernels of the user's own, by name.
+
+    Each takes one-dimensional arrays of one sample, inputs first, and returns the guard. Outputs are NaN
+    where the guard is above 1.
+    """
+
+    def __init__(self, names: Sequence[str], make: Callable[[str], InWarp]) -> None:
+        self._names, self._make = tuple(names), make
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a Warp function."""
+        if name.startswith("_") or name not in self._names:
+            raise AttributeError(f"a batch has no function '{name}'{did_you_mean(name, self._names)}")
+        return self._make(name).function
+
+    def __dir__(self) -> list[str]:
+        """List the functions."""
+        return list(self._names)

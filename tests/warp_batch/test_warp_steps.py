@@ -14,6 +14,7 @@ from hybridyn.warp_batch.drawing import Draw
 from hybridyn.warp_batch.models import LAWS
 from tests.extras import needs
 from tests.samples import slow
+from tests.shipped import ROBOTS
 
 wp = needs("gpu")
 wp.config.log_level = wp.LOG_WARNING
@@ -40,7 +41,7 @@ def start(robot: hybridyn.HybridRobot) -> tuple[np.ndarray, np.ndarray, np.ndarr
     ("name", "law"),
     [
         ("five_bar", "torque"), *(slow("five_bar", law) for law in ("constant", "table", "pd")),
-        *(slow(name, law) for name in ("gough_stewart", "lx4", "scara_delta") for law in LAWS),
+        *(slow(name, law) for name in ROBOTS if name != "five_bar" for law in LAWS),
     ],
 )  # fmt: skip
 def test_steps_are_those_of_simulate(name: str, law: str, dtype: str) -> None:
