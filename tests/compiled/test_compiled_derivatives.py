@@ -162,6 +162,29 @@ def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) ->
     close_to(run, built, EXACT)
 
 
+@pytest.mark.slow
+def test_while_the_compiler_takes_long_casadi_computes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A warning says so first, progress is told, and the compiled derivatives have the same numbers."""
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path))
+    monkeypatch.setattr(Derivatives, "patience", 0.0)
+    caplog.set_level("INFO", "hybridyn.compiled")
+    robot = hybridyn.load("five_bar")
+    found = Derivatives(robot, "idm")
+    states = random_states(robot, 3)[:3]
+    assert found.library is None
+    assert "the C compiler takes about" in caplog.text
+    room = found.allocate(3)
+    meanwhile = {name: block.copy() for name, block in found(*states, out=room).items()}
+    found.wait_until_compiled()
+    assert found.library is not None
+    assert "the C compiler has done 1 of" in caplog.text
+    for name, block in found(*states, out=room).items():
+        assert block is room[name]
+        assert np.abs(block - meanwhile[name]).max() <= EXACT * np.abs(block).max()
+
+
 def test_calls_fill_arrays(interpreted: None) -> None:
     robot = hybridyn.load("five_bar")
     q, v, a, _ = random_states(robot, 2)

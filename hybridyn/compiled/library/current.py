@@ -106,7 +106,10 @@ class Replacement:
             with contextlib.suppress(BrokenPipeError):  # it ended: its output says why
                 process.stdin.write(request)
                 process.stdin.flush()
-            said = process.stdout.read().decode(errors="replace").strip()
+            said = f"there is none; status {process.poll()}"
+            for line in process.stdout:
+                said = line.decode(errors="replace").strip() or said
+                log.info("%s", said)
             process.wait()
         atexit.unregister(self.stop)
         if self._stopped:
@@ -114,9 +117,7 @@ class Replacement:
         try:
             built = self._find()
             if process.returncode or built is None:
-                raise CompileError(
-                    said.splitlines()[-1] if said else f"there is none; status {process.returncode}"
-                )
+                raise CompileError(said)
             library = Library(built)
         except (CompileError, OSError) as error:
             log.warning("the quick build stays in use: %s", error)
@@ -140,9 +141,11 @@ def _end_with_program() -> None:
 
 
 def run_in_turn(commands: list[list[str]]) -> None:
-    """Run commands of the compiler one after the other; errors are those of `run_one`."""
-    for command in commands:
+    """Run commands of the compiler one after the other, and say how many; errors are those of `run_one`."""
+    for done, command in enumerate(commands, 1):
         run_one(command)
+        sys.stdout.write(f"the C compiler has done {done} of {len(commands)} files\n")
+        sys.stdout.flush()
 
 
 def check_bits(quick: Library, built: Built) -> None:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import os
+import sys
 from collections.abc import Callable
-from functools import cached_property, partial
+from copy import copy
+from functools import cache, cached_property, partial
 from itertools import pairwise
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -15,15 +20,16 @@ from ....errors import AT_SAMPLE, CompileError, HybridynError, ModelError, Singu
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ....structure.samples import as_batch, same_samples
-from ...code.library_source import library_source
+from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
 from ...equations.request import Request, request
 from ...equations.states import any_accelerations, moving_states
 from ...equations.static_elimination import TRUSTED_PIVOT
 from ...failures import as_compile_error, check_agreement, part_of_all
 from ...library.building import best_lanes, find_compiler
-from ...library.cache import Built
+from ...library.cache import Built, known
 from ...library.calls import Library, loaded
+from ...library.current import Replacement, receive, run_in_turn
 from ...program import Program
 from ..general import GENERAL, general, named
 from ..sources import Artifact, robot_key
@@ -31,6 +37,7 @@ from ..whole_robot import function_of
 from .coordinates import check_coordinates
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
+log = logging.getLogger("hybridyn.compiled")
 Jacobians = dict[str, Array]
 
 #: Builders of the programs, by model and by whether the motors are the coordinates.
@@ -49,6 +56,10 @@ DERIVATIVE_AGREES = 1e-6
 DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 
 
+#: Statements for which the C compiler takes a second, about.
+STATEMENTS_A_SECOND = 1000
+
+
 #: Random states at which a new library is compared, factors on their rates, and the largest difference from a
 #: difference quotient, relative to the largest entry: friction is no polynomial of the rates.
 STATES, SPEEDS, DERIVATIVE_CHECKED = 4, (0.999, 1.0, 1.001), 1e-5
@@ -59,7 +70,10 @@ class Derivatives:
 
     Attributes:
         robot: The robot.
+        patience: Time of the C compiler from which another process builds, and CasADi computes meanwhile [s].
     """
+
+    patience: ClassVar[float] = 30.0
 
     def __init__(
         self,
@@ -72,7 +86,7 @@ class Derivatives:
     ) -> None:
         """Load the derivatives from the cache, or generate and build them.
 
-        Without a C compiler CasADi runs them.
+        Without a C compiler CasADi runs them, and until one is done that takes longer than `patience`.
 
         Args:
             model: "idm" or "ddm".
@@ -96,6 +110,7 @@ class Derivatives:
         check_coordinates(robot, coordinates, parameters=parameters)
         self.robot, self._model, self._parameters = robot, model, bool(parameters)
         self._motors = coordinates == "motors"
+        self._replacement: Replacement | None = None
         with as_compile_error(robot):
             self.library = self._built()
             about = self.program if self.library is None else self.library.programs[self._name]
@@ -120,15 +135,39 @@ class Derivatives:
         return f"{self._model}_motor_jacobian" if self._motors else f"{self._model}_jacobian"
 
     def _built(self) -> Library | None:
-        """Return the library from the cache, or build it; None without a C compiler."""
+        """Return the library from the cache, or build it; None without a compiler, or while it takes long."""
         try:
             find_compiler()
         except CompileError:
             return None
         scalar = Scalar("float64", best_lanes())
-        key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
-        artifact = Artifact(self.robot, key, lambda: library_source([self.program], scalar), self._check)
-        return loaded(artifact.built)
+        self._key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
+        artifact = self._artifact()
+        if known(self._key) is not None or (seconds := _seconds_of(artifact.write())) <= self.patience:
+            return loaded(artifact.built)
+        log.warning(
+            "robot '%s': the C compiler takes about %.0f s for '%s'; CasADi computes it meanwhile, slowly",
+            self.robot.description.name, seconds, self._name,
+        )  # fmt: skip
+        asked = copy(self)
+        vars(asked).pop("program", None)
+        self._replacement = Replacement(build_asked, asked, lambda: known(self._key), self._use)
+        return None
+
+    def _artifact(self) -> Artifact:
+        """Return the library, which may be in the cache."""
+        scalar = Scalar("float64", best_lanes())
+        write = cache(lambda: library_source([self.program], scalar))
+        return Artifact(self.robot, self._key, write, self._check)
+
+    def _use(self, library: Library) -> None:
+        """Use a library from now on."""
+        self.library, self._at_once = library, library.programs[self._name].at_once
+
+    def wait_until_compiled(self) -> None:
+        """Wait until another process has built the library, if there is one."""
+        if self._replacement is not None:
+            self._replacement.wait()
 
     def _check(self, built: Built) -> None:
         """Compare a new library with the general path at random states whose rates grow.
@@ -264,8 +303,8 @@ class Derivatives:
         out = {name: block[0] for name, block in out.items()} if single else out
         if filled is None:
             return out
-        if single or self.library is None:
-            for name, block in filled.items():
+        for name, block in filled.items():
+            if not np.may_share_memory(block, out[name]):
                 block[...] = out[name]
         return filled
 
@@ -277,8 +316,8 @@ class Derivatives:
         rows = list(arrays.values())
         if self._parameters:
             rows.append(np.tile(self._numbers, (samples, 1)))
-        if self.library is not None:
-            return self.library.batch(self._name, *rows, outs=outs)
+        if (library := self.library) is not None:
+            return library.batch(self._name, *rows, outs=outs)
         new = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
         for t in range(samples):
             for out, found in zip(new, self._flat.call([x[t] for x in rows]), strict=True):
@@ -313,6 +352,21 @@ class Derivatives:
                     f"(limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
+
+
+def build_asked() -> None:
+    """Build the library of derivatives that another process asks for."""
+    asked = receive()
+    try:
+        asked._artifact().built(run=run_in_turn)
+    except HybridynError as error:
+        sys.exit(str(error))
+
+
+def _seconds_of(source: Source) -> float:
+    """Return about how long the C compiler takes on all cores [s]: the longest file, or its share of all."""
+    statements = [unit.count("\n") for unit in source.units]
+    return max(max(statements), sum(statements) / (os.cpu_count() or 1)) / STATEMENTS_A_SECOND
 
 
 class _Allocated(Jacobians):
