@@ -118,23 +118,21 @@ def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:
         """Return the error of a frame, with its line."""
         return ModelError(message, file=robot.file, line=lines[ends[key]], element=ends[key])
 
-    for key, other in (("1_z", "2_z"), ("2_z", "1_z")):
-        if other not in ends:
+    for key, across in (("1", "2"), ("2", "1")):
+        if f"{across}_z" not in ends:
             raise wrong(
-                key,
-                f"frame '{ends[key]}' states the axis of {title} on one side only; "
-                f"frame '{title}_{other}' is missing",
+                f"{key}_z",
+                f"frame '{ends[f'{key}_z']}' states the axis of {title} on one side only; "
+                f"frame '{title}_{across}_z' is missing",
             )
-    for key in ("1", "2"):
-        link, other = ends[key], ends[f"{key}_z"]
-        if bodies.of(link) != bodies.of(other):
-            message = f"frames '{link}' and '{other}' stand on two bodies; they state the axis of {title}"
-            raise wrong(f"{key}_z", message)
-        inside = {link, other} <= poses.keys()
-        ways.append(relative(poses[link], poses[other])[:3, 3] if inside else np.zeros(3))
+    for link, key in ((ends["1"], "1_z"), (ends["2"], "2_z")):
+        if bodies.of(link) != bodies.of(ends[key]):
+            message = f"frames '{link}' and '{ends[key]}' stand on two bodies; they state the axis of {title}"
+            raise wrong(key, message)
+        inside = {link, ends[key]} <= poses.keys()
+        ways.append(relative(poses[link], poses[ends[key]])[:3, 3] if inside else np.zeros(3))
         if not np.linalg.norm(ways[-1]):
-            message = f"frames '{link}' and '{other}' coincide, so they state no axis of {title}"
-            raise wrong(f"{key}_z", message)
+            raise wrong(key, f"frames '{link}' and '{ends[key]}' coincide, so they state no axis of {title}")
     one, two = (float(np.linalg.norm(way)) for way in ways)
     if abs(one - two) > SAME_DISTANCE * one:
         raise wrong(

@@ -16,7 +16,7 @@ from ..placement import poses_at_zero, relative, rotation_to_axis
 from ..records import Array
 from ..robot_file import RobotFile
 from ..sdf.elements import direction, flag, pose
-from .loops import closure
+from .loops import closure, kind_of
 from .xml_node import Node
 
 #: Types of SDF joints by the kind of closure.
@@ -42,13 +42,8 @@ def read_gazebo_joints(root: Node, robot: RobotFile) -> None:
 
 def _read_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> None:
     node.only(["name", "type"], CHILDREN)
-    stated, name = node.text("type"), node.text("name")
-    if stated not in TYPES:
-        raise node.error(
-            f"an SDF joint of type '{stated}' closes no loop here{did_you_mean(stated, TYPES)}; known: "
-            f"{listed(TYPES)}"
-        )
-    kind = TYPES[stated]
+    stated = kind_of(node, TYPES, "an SDF joint of type '{}' closes no loop here")
+    kind, name = TYPES[stated], node.text("name")
     links = [_link(node.required_child(end), poses) for end in ("parent", "child")]
     at_child, at = node.child("pose"), poses[links[1]]
     if at_child is not None:

@@ -28,7 +28,7 @@ BALL = "drake:ball_constraint"
 
 def read_loop(node: Node) -> Closure:
     """Read `<loop>`; `<axis>` is in the frame of the predecessor's origin, `<axis2>` in the successor's."""
-    kind = _kind(node, [*FORMS, "rows"])
+    kind = kind_of(node, [*FORMS, "rows"])
     axes = {"rows": [], "universal": ["axis", "axis2"]}.get(kind, ["axis"])
     node.only(["name", "type", *(["rows"] if kind == "rows" else [])], ["predecessor", "successor", *axes])
     sides = [_attached(node.required_child(tag)) for tag in ("predecessor", "successor")]
@@ -49,7 +49,7 @@ def read_constraint(node: Node) -> Closure:
     node.only(
         ["name", "type"], [side + part for side in ("parent", "child") for part in ("", "_origin", "_axis")]
     )
-    kind = _kind(
+    kind = kind_of(
         node, [name for name in FORMS if name != "prismatic"], "type '{}' is not read in <constraint>",
         " (write other closures as <loop>)",
     )  # fmt: skip
@@ -70,7 +70,7 @@ def read_loop_joint(node: Node) -> Closure:
     """
     node.only(["name", "type", "link1", "link2"], ["link1", "link2", "axis", "dynamics"])
     known = [*(name for name in FORMS if name != "universal"), *LOOP_JOINT_TYPES]
-    kind = _kind(node, known, names=LOOP_JOINT_TYPES)
+    kind = kind_of(node, known, names=LOOP_JOINT_TYPES)
     ends = node.children("link1", "link2")
     if not ends and {"link1", "link2"} <= set(node.attributes()):
         sides = [(node.text(name), np.eye(4)) for name in ("link1", "link2")]
@@ -190,7 +190,7 @@ def pose_of(node: Node | None) -> Array:
     return origin_of(node)
 
 
-def _kind(
+def kind_of(
     node: Node,
     known: Collection[str],
     wrong: str = "unknown type '{}'",

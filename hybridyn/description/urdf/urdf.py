@@ -78,11 +78,8 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
 
 def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
     """Add the motors that the file states by transmissions (with their rotors) and `independent=`."""
-    statement, rotors = read_transmissions(root, robot)
-    if rotors:
+    if rotors := read_transmissions(root, robot):
         robot.joints = [replace(joint, **rotors.get(joint.name, {})) for joint in robot.joints]
-    if statement is not None:
-        robot.motors.append(statement)
     if len(independent) < len(robot.joints):
         driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
         where = 'URDF+ joints with independent="true"'
@@ -208,14 +205,12 @@ def _friction(node: Node | None, name: str) -> dict[str, float]:
     return out
 
 
-def read_transmissions(
-    root: Node, robot: RobotFile
-) -> tuple[MotorStatement | None, dict[str, dict[str, Any]]]:
-    """Read every `<transmission>`; its joints are driven, except fixed joints.
+def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]]:
+    """Read every `<transmission>`, and add its joints to the motors, except fixed joints.
 
     Returns:
-        The list of motors (None if no transmission names a joint), and the rotors by joint name. For a
-        transmission with several joints or actuators, only the values inside its `<joint>` elements count.
+        The rotors by joint name. For a transmission with several joints or actuators, only the values inside
+        its `<joint>` elements count.
     """
     nodes = root.children("transmission")
     rotors: dict[str, dict[str, Any]] = {}
@@ -229,14 +224,13 @@ def read_transmissions(
         if len(joints) == 1 and len(actuators) <= 1:
             for owner in (*actuators, node):
                 rotors[name] = read_rotor(owner) | rotors[name]
-    if not rotors:
-        return None, {}
     fixed = [joint.name for joint in robot.joints if joint.kind == "fixed" and joint.name in rotors]
     if fixed:
         robot.notes.append(f"<transmission> names fixed joints, which cannot be driven: {listed(fixed)}")
-    driven = tuple(name for name in rotors if name not in fixed)
-    statement = MotorStatement("transmission", "URDF <transmission>", driven, root.file, nodes[0].line)
-    return statement, rotors
+    if rotors:
+        driven, where = tuple(name for name in rotors if name not in fixed), "URDF <transmission>"
+        robot.motors.append(MotorStatement("transmission", where, driven, root.file, nodes[0].line))
+    return rotors
 
 
 def read_rotor(node: Node) -> dict[str, Any]:
