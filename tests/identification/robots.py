@@ -14,6 +14,7 @@ from hybridyn.identification.signals import fourier
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import joint_position
 from tests.mechanisms import KINDS, random_mechanism
+from tests.oracle import Base
 from tests.samples import CHOSEN, slow
 from tests.shipped import ROBOTS
 
@@ -44,9 +45,9 @@ def cases(without: Sequence[str] = (), quick: Sequence[tuple[str, int]] = QUICK)
     return [one if one in quick else slow(*one) for one in every]
 
 
-def described(kind: str, seed: int) -> Description:
+def described(kind: str, seed: int, base: Base = "fixed") -> Description:
     """Return a random mechanism; motors of several units share their load by limits of their efforts."""
-    found = random_mechanism(seed, kind=kind, base="fixed")
+    found = random_mechanism(seed, kind=kind, base=base)
     if kind != "gough_eight_motors":
         return found
     return replace(found, joints=tuple(replace(joint, effort=10.0) for joint in found.joints))

@@ -7,7 +7,8 @@ import hybridyn
 from hybridyn.identification.grouping import grouping
 from hybridyn.identification.parameters import standard_parameters, with_parameters
 from hybridyn.structure.building import build_robot
-from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.identification.robots import described
+from tests.mechanisms import KINDS, random_states
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 #: Base parameters at the states of the tests, relative to the largest effort.
@@ -53,14 +54,13 @@ def test_both_counts_agree_on_shipped_robots(name: str) -> None:
     [
         pytest.param(kind, seed, marks=[] if kind in QUICK else [pytest.mark.slow])
         for seed, kind in enumerate(KINDS)
-        if kind != "gough_eight_motors"
     ],
 )
 def test_the_rules_count_at_least_the_numerical_rank_and_the_loops_explain_the_rest(
     kind: str, seed: int
 ) -> None:
     base = ("fixed", "moving", "floating")[seed % 3]
-    description = random_mechanism(seed, kind=kind, base=base)
+    description = described(kind, seed, base)
     robot = build_robot(description, base=base)
     for effects in (None, EVERY):
         found = grouping(robot, effects=effects)

@@ -39,10 +39,12 @@ RUNS, FREE = 200, 200
 NOISY_RUNS = 40
 #: With equal legs: otherwise hundreds of parameters.
 LARGE = ("lx4", "snake")
-#: All joints have motors: `assemble` refuses positions that do not close the loop.
+#: All joints have motors: positions with noise do not close the loop.
 UNCLOSED = ("five_bar_four_motors",)
+#: One base parameter makes 1e-8 of the efforts: states far from singular ones do not tell it.
+WEAK = ("branched",)
 #: A motion about home within reach does not tell all base parameters.
-UNTOLD = ("branched", "on_leg")
+UNTOLD = (*WEAK, "on_leg")
 
 
 @pytest.mark.parametrize(("kind", "seed"), cases())
@@ -87,7 +89,7 @@ def test_errors_are_within_the_cramer_rao_bound(kind: str, seed: int) -> None:
     assert np.abs(found.deviation / bound - 1).max() <= off
 
 
-@pytest.mark.parametrize(("kind", "seed"), cases(without=(*FEW, *UNCLOSED), quick=SMALL))
+@pytest.mark.parametrize(("kind", "seed"), cases(without=(*FEW, *UNCLOSED, *WEAK), quick=SMALL))
 def test_instruments_are_unbiased_where_least_squares_is_not(kind: str, seed: int) -> None:
     """Encoders' noise as it is after differentiation within 15 Hz, the loops closed from it.
 

@@ -10,10 +10,11 @@ from hybridyn.errors import ModelError
 from hybridyn.streams.departures import departures
 from hybridyn.tables.opening import open_table
 from tests.command_line import call
-from tests.samples import slow
+from tests.samples import some
+from tests.shipped import ROBOTS
 
 
-@pytest.mark.parametrize("name", ["five_bar", slow("delta"), slow("gough_stewart"), slow("rps3")])
+@pytest.mark.parametrize("name", some(ROBOTS, ["five_bar"]))
 def test_a_motion_stays_within_the_limits_and_starts_at_rest(name: str) -> None:
     robot = hybridyn.load(name)
     found = hybridyn.excitation(robot, symmetric=True, period=4.0, evaluations=8)

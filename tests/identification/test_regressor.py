@@ -5,13 +5,12 @@ import pytest
 
 import hybridyn
 from hybridyn.structure.building import build_robot
-from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.identification.robots import described
+from tests.mechanisms import KINDS, random_states
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 #: Rounding of two orders of summation, relative to the largest effort.
 AGREE = 1e-12
-#: Random mechanisms, but those whose redundant motors of several units share the load by weights.
-RANDOM = [(kind, seed) for seed, kind in enumerate(KINDS) if kind not in ("gough_eight_motors",)]
 
 
 def agrees(robot, q, v, a, effects=None, symmetric=False) -> None:
@@ -30,9 +29,9 @@ def test_shipped_robots(name: str, symmetric: bool) -> None:
     agrees(robot, q, v, a, None, symmetric)
 
 
-@pytest.mark.parametrize(("kind", "seed"), RANDOM)
+@pytest.mark.parametrize(("seed", "kind"), list(enumerate(KINDS)))
 def test_random_mechanisms(kind: str, seed: int) -> None:
     base = ("fixed", "moving", "floating")[seed % 3] if kind != "sps_thin" else "fixed"
-    description = random_mechanism(seed, kind=kind, base=base)
+    description = described(kind, seed, base)
     q, v, a = random_states(description, base, seed, 3)
     agrees(build_robot(description, base=base), q, v, a)
