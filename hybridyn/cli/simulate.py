@@ -149,6 +149,7 @@ def _evaluations(ready: Stage) -> int:
 def _own_target(ready: Stage) -> str | None:
     """Return the result file that the scene names, or None."""
     from ..errors import TrajectoryError
+    from ..scenes.toml_source import naming
     from ..tables.results import check_target
 
     name = ready.source.scene.output.file
@@ -156,12 +157,10 @@ def _own_target(ready: Stage) -> str | None:
         return None
     target = ready.source.beside(name)
     folder = Path(os.path.realpath(ready.source.file)).parent
-    try:
+    with naming(ready.source, ("output", "file")):
         if not Path(os.path.realpath(target)).is_relative_to(folder):
             raise TrajectoryError(f"'{name}' lies outside the scene's folder; name it with -o instead")
         check_target(target)
-    except TrajectoryError as error:
-        raise ready.source.error(("output", "file"), str(error)) from None
     return target
 
 
@@ -227,15 +226,13 @@ def _check_earlier(ready: Stage, target: str | None, state: str | None) -> None:
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
-    from ..errors import TrajectoryError
+    from ..scenes.toml_source import naming
     from ..simulation.table import columns_of, picked, remarks, rows_of
     from ..tables.results import open_results
 
     columns = columns_of(ready.robot)
-    try:
+    with naming(ready.source, ("output", "columns")):
         chosen = picked(columns, ready.source.scene.output.columns)
-    except TrajectoryError as error:
-        raise ready.source.error(("output", "columns"), str(error)) from None
     head = [*remarks(ready.robot, result.method, ready.effects), str(engine)]
     rows = rows_of(ready.robot, result)
     with open_results(target, [columns[i] for i in chosen], head) as write:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..description.names import did_you_mean
 from ..effects import UNITS, BaseMotion, Payload, Wrench
 from ..effects.choice import listed_units
 from ..spatial import Array
@@ -51,25 +50,14 @@ def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[
     known = robot.bodies.place if points else robot.body_of_joint
     for key, numbers in values.items():
         for entry in numbers if isinstance(numbers, dict) else ():
-            if entry not in known:
-                what = "link" if points else "movable joint"
-                raise source.error(
-                    ("effects", name, key, entry), f"no such {what}{did_you_mean(entry, known)}"
-                )
-
-
-def _check_link(source: SceneFile, robot: HybridRobot, name: str, number: int, link: str) -> None:
-    if link not in robot.bodies.place:
-        raise source.error(
-            ("effects", name, number, "link"),
-            f"no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
-        )
+            what = "link" if points else "movable joint"
+            source.check(("effects", name, key, entry), what, entry, known)
 
 
 def _payloads(source: SceneFile, robot: HybridRobot) -> list[Any]:
     out = []
     for i, table in enumerate(source.scene.effects.payload):
-        _check_link(source, robot, "payload", i, table.link)
+        source.check(("effects", "payload", i, "link"), "link", table.link, robot.bodies.place)
         values = table.model_dump(exclude_none=True)
         out.append(_made(source, ("effects", "payload", i), Payload, values))
     return out
@@ -78,7 +66,7 @@ def _payloads(source: SceneFile, robot: HybridRobot) -> list[Any]:
 def _wrenches(source: SceneFile, robot: HybridRobot) -> list[Any]:
     out = []
     for i, table in enumerate(source.scene.effects.wrench):
-        _check_link(source, robot, "wrench", i, table.link)
+        source.check(("effects", "wrench", i, "link"), "link", table.link, robot.bodies.place)
         values: dict[str, Any] = {"link": table.link, "frame": table.frame, "wrench": table.wrench}
         if table.table is not None:
             rows = read_rows(source, ("effects", "wrench", i, "table"), table.table,

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..description.names import did_you_mean
 from ..dynamics.link_motion import link_motions
 from ..simulation.events import Event, near_singularity
 from ..spatial import Array
@@ -38,10 +37,7 @@ def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable
         at = _coordinate(source, robot, number, table.joint)
         return Event(table.title, lambda t, q, v: float(q[at]) - table.at, direction, table.stop)
     link, axis = str(table.link), AXES.index(table.axis)
-    if link not in robot.bodies.place:
-        raise source.error(
-            ("events", number, "link"), f"no such link '{link}'{did_you_mean(link, robot.bodies.place)}"
-        )
+    source.check(("events", number, "link"), "link", link, robot.bodies.place)
 
     def height(t: float, q: Array, v: Array) -> float:
         """Compute the coordinate of the link's origin, minus the threshold."""
@@ -54,10 +50,7 @@ def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable
 
 def _coordinate(source: SceneFile, robot: HybridRobot, number: int, joint: str) -> int:
     """Return the index of a joint's coordinate in q."""
-    if joint not in robot.joint_index:
-        raise source.error(
-            ("events", number, "joint"), f"no such joint '{joint}'{did_you_mean(joint, robot.joints)}"
-        )
+    source.check(("events", number, "joint"), "joint", joint, robot.joints)
     i = robot.joint_index[joint]
     if robot.kinds[i] not in ("revolute", "prismatic"):
         raise source.error(

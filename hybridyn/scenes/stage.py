@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..description.names import did_you_mean
 from ..description.side_cars.toml_file import Keys
 from ..effects import Effects, choose, with_effects
 from ..loading import load
@@ -197,11 +196,7 @@ def _reference(
     if table.points is not None:
         for i, point in enumerate(table.points):
             for name in point.joints:
-                if name not in robot.motors:
-                    raise source.error(
-                        (*keys, "points", i, "joints", name),
-                        f"'{name}' is not a motor{did_you_mean(name, robot.motors)}",
-                    )
+                source.check((*keys, "points", i, "joints", name), "motor", name, robot.motors)
         with naming(source, (*keys, "points")):
             points = [
                 Point(p.time, p.joints, {k: (pose,) for k, pose in p.platforms.items()}) for p in table.points

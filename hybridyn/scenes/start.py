@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..assembly.assemble import assemble
-from ..description.names import did_you_mean
 from ..linkage.joints import NV
 from ..spatial import Array
 from ..structure.robot import HybridRobot, joint_position
@@ -31,10 +30,7 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
     initial = source.scene.initial
     for keys, names in ((("joints",), initial.joints), (("rates", "joints"), initial.rates.joints)):
         for name in names:
-            if name not in robot.joints:
-                raise source.error(
-                    ("initial", *keys, name), f"no such joint{did_you_mean(name, robot.joints)}"
-                )
+            source.check(("initial", *keys, name), "joint", name, robot.joints)
     platforms = {key: (pose, initial.rates.platforms.get(key)) for key, pose in initial.platforms.items()}
     for key in initial.rates.platforms:
         if key not in platforms:

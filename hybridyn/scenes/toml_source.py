@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +36,15 @@ class TomlSource:
         """Build an error that names file, line and key."""
         key = ".".join(str(part) for part in keys if isinstance(part, str))
         return ModelError(f"'{key}': {message}", file=self.file, line=line_of(self.text, keys), element=key)
+
+    def check(self, keys: Keys, what: str, name: str, known: Collection[str]) -> None:
+        """Refuse a name that is not known; the error names file, line and key, and the nearest name.
+
+        Args:
+            what: What it should be the name of.
+        """
+        if name not in known:
+            raise self.error(keys, f"'{name}' is no {what}{did_you_mean(name, known)}")
 
 
 @contextmanager

@@ -95,7 +95,7 @@ def test_what_the_tables_refuse(tmp_path: Path, text: str, line: int | None, key
         ("[initial.rates.joints]\nm1_left_elbw = 5.0\n", 5, "did you mean 'm1_left_elbow'"),
         ('[controller]\nkind = "pd"\nkp = { m1_left_drive = 1 }\nkd = 1\n[[controller.reference.points]]\ntime = 0\n',
          4, "'m1_right_drive' has no number"),
-        (PD + "[[controller.reference.points]]\ntime = 0\njoints = { m1_left_elbow = 1 }\n", 10, "not a motor"),
+        (PD + "[[controller.reference.points]]\ntime = 0\njoints = { m1_left_elbow = 1 }\n", 10, "is no motor"),
     ],
 )  # fmt: skip
 def test_what_the_robot_refuses(tmp_path: Path, text: str, line: int, words: str) -> None:

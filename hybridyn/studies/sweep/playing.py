@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...description.names import did_you_mean
 from ...errors import ActuationError, AssemblyError, SingularityError
 from ...scenes.scene_file import read_scene
 from ...scenes.stage import play, stage
@@ -58,11 +57,8 @@ class Player:
         known = [event.title for event in scene.events]
         for word in self.wanted.values():
             kind, _, name = word.partition(" ")
-            if kind == EVENT and name not in known:
-                raise self.study.error(
-                    ("tasks", self.task, "measure"),
-                    f"the scene has no event '{name}'{did_you_mean(name, known)}",
-                )
+            if kind == EVENT:
+                self.study.check(("tasks", self.task, "measure"), "event of the scene", name, known)
         if scene.controller is not None and scene.controller.kind == "python" and not allow_python:
             raise self.study.error(
                 keys, "its controller is a Python program; allow it with allow_python=True"
