@@ -13,7 +13,7 @@ from ..errors import TrajectoryError
 from ..spatial import Array, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
-from ..tables.signals import JOINT_COMPONENTS, POSE, TWIST
+from ..tables.signals import POSE, RATES, TWIST, joint_columns
 from ..tables.trajectory import base_acceleration
 from .result import Result
 
@@ -29,11 +29,10 @@ def state_columns(robot: HybridRobot) -> list[str]:
     if robot.base != "fixed":
         root = robot.description.root
         out += [f"{root}/pose/{part}" for part in POSE]
-        out += [f"{root}/{rate}/{part}" for rate in ("velocity", "acceleration") for part in TWIST]
+        out += [f"{root}/{rate}/{part}" for rate in RATES for part in TWIST]
     for name, kind in _joints(robot):
-        position, rates = JOINT_COMPONENTS.get(kind, (("",), ("",)))
-        for quantity, parts in (("position", position), ("velocity", rates), ("acceleration", rates)):
-            out += [f"{name}/{quantity}/{part}".rstrip("/") for part in parts]
+        for quantity in ("position", *RATES):
+            out += joint_columns(name, kind, quantity)
     return out
 
 

@@ -42,12 +42,12 @@ from ..description.names import did_you_mean, listed
 from ..description.records import Description, Joint
 from ..errors import TrajectoryError
 from .signals import (
-    JOINT_COMPONENTS,
     POSE,
     RATES,
     TWIST,
     WRENCH,
     Signal,
+    joint_columns,
     joint_signal,
     pose_signal,
     wrench_columns,
@@ -182,8 +182,7 @@ def acceleration_columns(description: Description, joints: Iterable[str], base: 
     out = [f"{description.root}/acceleration/{name}" for name in TWIST] if base == "floating" else []
     for joint in joints:
         if joint in kinds:
-            parts = JOINT_COMPONENTS.get(kinds[joint], (("",), ("",)))[1]
-            out += [f"{joint}/acceleration/{name}".rstrip("/") for name in parts]
+            out += joint_columns(joint, kinds[joint], "acceleration")
     return out
 
 

@@ -19,10 +19,11 @@ import numpy as np
 from ..description.names import did_you_mean, listed
 from ..errors import TrajectoryError
 from ..spatial import Array
-from .signals import JOINT_COMPONENTS
+from .columns import ENERGIES, RESIDUAL
+from .signals import JOINT_COMPONENTS, joint_columns
 
 #: Columns of hybridyn's tables that belong to no joint.
-OTHERS = ("time", "residual", "energy/kinetic", "energy/potential", "energy/total")
+OTHERS = ("time", RESIDUAL, *ENERGIES)
 QUANTITIES = ("position", "velocity", "acceleration", "effort")
 
 
@@ -55,9 +56,7 @@ def of_joints(table: Any, quantity: str, joints: Sequence[str], kinds: Sequence[
     """
     names: list[str] = []
     for joint, kind in zip(joints, kinds, strict=True):
-        places, rates = JOINT_COMPONENTS.get(kind, (("",), ("",)))
-        parts = places if quantity == "position" else rates
-        names += [f"{joint}/{quantity}/{part}" if part else f"{joint}/{quantity}" for part in parts]
+        names += joint_columns(joint, kind, quantity)
     values = _chosen(table, names, quantity, joints)
     values = _with_cosines(kinds, values) if quantity == "position" else values
     return values[0] if is_row(table) else values

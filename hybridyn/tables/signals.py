@@ -28,6 +28,13 @@ JOINT_COMPONENTS = {
 }
 
 
+def joint_columns(joint: str, kind: str, quantity: str) -> list[str]:
+    """Return the columns of a joint's position, velocity or acceleration, by components if it has several."""
+    places, rates = JOINT_COMPONENTS.get(kind, (("",), ("",)))
+    parts = places if quantity == "position" else rates
+    return [f"{joint}/{quantity}/{part}".rstrip("/") for part in parts]
+
+
 def unit_of(kind: str, quantity: str = "position") -> str:
     """Return the unit of a quantity of a joint with one freedom, by its kind."""
     return UNITS[quantity][kind != "prismatic"]
