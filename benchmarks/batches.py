@@ -42,6 +42,7 @@ def main() -> int:
     device = ["cuda:0", *sys.argv[1:]][-1]
     if wp is None:
         sys.exit("not measured: Warp is not installed")
+    wp.config.log_level = wp.LOG_WARNING  # the rows alone are written
     measured = device == "cpu" or wp.is_cuda_available()
     on, rows = wp.get_device(device if measured else "cpu"), []
     sizes = (64,) if on.is_cpu else tuple(2**k for k in range(10, 21, 2))

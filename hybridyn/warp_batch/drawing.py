@@ -89,7 +89,7 @@ class Draw:
             if record is None or to.stop - to.start != 1:
                 continue
             fastest[to] = record.speed_limit
-            if kind != "continuous":
+            if kind != "continuous" and record.lower < record.upper:
                 low_q[at], high_q[at] = record.lower, record.upper
             if kind == "prismatic":
                 reach[to] = robot.modules[robot.body_owner[robot.body_of_joint[name]][0]].mechanism.length

@@ -1,5 +1,6 @@
 """Batches compute what compiled models compute, at the same guards; samples in doubt are NaN, and counted."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -208,6 +209,16 @@ def test_a_moving_base_has_an_acceleration() -> None:
         np.testing.assert_allclose(batch.ddm(q, v, tau, base_acceleration=given)[0], right, atol=1e-8)
     with pytest.raises(hybridyn.ModelError, match="no closed steps"):
         batch.step(q, v, 1e-3, tau=tau)
+
+
+def test_joints_whose_limits_enclose_nothing_are_drawn_as_those_without() -> None:
+    described = robot_of("five_bar").description
+    joints = tuple(replace(joint, lower=0.0, upper=0.0) for joint in described.joints)
+    drawn = hybridyn.warp(build_robot(replace(described, joints=joints)), device="cpu")._drawn
+    assert drawn is not None
+    home, low, high, _, low_q, high_q, _ = drawn._limits()
+    np.testing.assert_allclose([home - low, high - home], np.pi)
+    assert np.isinf([low_q, high_q]).all()
 
 
 def test_states_are_drawn_again_outside_limits_and_in_reach_of_any_accelerations() -> None:

@@ -30,7 +30,7 @@ def start(robot: hybridyn.HybridRobot) -> tuple[np.ndarray, np.ndarray, np.ndarr
     """Return closed states near home, and what the law reads."""
     rng = np.random.default_rng(0)
     position = np.tile(MotorAxes.of(robot).positions(robot.home), (SAMPLES, 1))
-    position += 0.02 * rng.normal(size=position.shape)
+    position += 0.02 * min(1.0, robot.modules[0].mechanism.length) * rng.normal(size=position.shape)
     q, v, _, guard = hybridyn.warp(robot, device="cpu").close(position, 0.1 * rng.normal(size=position.shape))
     assert (guard <= 1).all()
     return q, v, position
