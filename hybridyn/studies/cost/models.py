@@ -20,7 +20,7 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.engine import NotComparableError
 from ..compare.methods import Method, each, methods_of, swept, written
-from .points import ADVISED, Point, Progress, Step, Study, fill, timed
+from .points import ADVISED, ROUNDS, Point, Progress, Step, Study, fill, timed
 from .quantities import (
     EVERY,
     GENERAL,
@@ -230,7 +230,8 @@ class Measured:
         given = {"motors": part.joints, "platforms": part.platforms, "guess": self.trajectory.q[0]}
         call = partial(close, **given)
         state = call()
-        closing, own, whole = timed(call, lambda: solve(*state), lambda: solve(*call()))
+        rounds = max(ROUNDS, part.size // 8)  # calls in C are short
+        closing, own, whole = timed(call, lambda: solve(*state), lambda: solve(*call()), rounds=rounds)
         if abs(closing + own - whole) > ADDS_UP * whole:
             apart, together = (1e6 * x / part.size for x in (closing + own, whole))
             self.study.remarks.append(

@@ -115,14 +115,20 @@ def typical_step(steps: int, duration: float) -> float:
 def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], left: float) -> Iterator[Point]:
     """Measure settings from coarse to fine, until one takes too long or is as exact as the reference.
 
-    A run that is stopped is judged up to where it came to.
+    A run that is stopped is judged up to where it came to. One that fails is followed by a finer one.
 
     Args:
         tried: Receives the settings, by their lines to paste.
         left: Time of the family [s].
     """
     for setting in family:
-        run, seconds = runner.measured(setting, left)
+        try:
+            run, seconds = runner.measured(setting, left)
+        except HybridynError:  # a step that is too long for the motion
+            if setting is family[-1]:
+                raise
+            left /= 2.0
+            continue
         part = float(run.state.t) / runner.duration
         how = f"the first {100 * part:.2g} % of the scene, time extrapolated" if part < 1 - 1e-12 else ""
         what = f"take {setting.line}, {setting.words}"
