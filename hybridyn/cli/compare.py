@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from .common.files import complete_data, existing_file
-from .common.options import RobotChoice, RobotCommand
+from .common.options import RobotChoice, RobotCommand, known_names
 
 if TYPE_CHECKING:
     from ..studies.compare.compare import Comparison
@@ -19,17 +20,11 @@ if TYPE_CHECKING:
 FAILED = 1
 
 
-def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
-    """Split engines at commas, and check that they are known."""
-    from ..description.names import did_you_mean, listed
+def _engines() -> Iterable[str]:
+    """Return the names of the engines."""
     from ..studies.compare.compare import ENGINES
 
-    names = tuple(name.strip() for name in value.split(",") if name.strip())
-    for name in names:
-        if name not in ENGINES:
-            hint = f"{did_you_mean(name, ENGINES)}; known: {listed(ENGINES)}"
-            raise click.BadParameter(f"there is no engine '{name}'{hint}", ctx, param)
-    return names
+    return ENGINES
 
 
 @click.command(
@@ -42,7 +37,7 @@ def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[st
     metavar="ENGINE,...",
     default="pinocchio,mujoco,drake,newton",
     show_default=True,
-    callback=_engines,
+    callback=known_names("engine", _engines),
     help="Engines to compare; those that are not installed are listed and skipped.",
 )
 @click.option(

@@ -57,13 +57,15 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 
 def _weights(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float] | None:
     """Read weights from words MOTOR=NUMBER and from tables; None where none are given."""
-    from ..tables.opening import open_table
+    if not values:
+        return None
+    from ..tables.opening import open_table  # completion, which checks no values, must be quick
 
     weights = numbers_by_name(ctx, param, tuple(word for word in values if "=" in word))
     for file in (word for word in values if "=" not in word):
         with open_table(file) as table:
             weights |= dict(zip(table.columns, next(table.blocks).values[0].tolist(), strict=True))
-    return weights or None
+    return weights
 
 
 @click.command(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from .common.figures import drawing_file, save_structure
-from .common.options import RobotChoice, RobotCommand
+from .common.options import RobotChoice, RobotCommand, known_names
 from .common.text import counted, terminal_width, wrapped
 
 if TYPE_CHECKING:
@@ -26,16 +26,11 @@ COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
 PRINTED = 12
 
 
-def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> frozenset[str]:
-    """Split codes at commas, and check that they are known."""
-    from ..description.names import did_you_mean
-    from ..studies.check.check import CODES
+def _codes() -> Iterable[str]:
+    """Return the codes of findings."""
+    from ..studies.check.finding import CODES
 
-    names = [name.strip() for name in (value or "").split(",") if name.strip()]
-    for name in names:
-        if name not in CODES:
-            raise click.BadParameter(f"there is no finding '{name}'{did_you_mean(name, CODES)}", ctx, param)
-    return frozenset(names)
+    return CODES
 
 
 @click.command(
@@ -48,7 +43,12 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
     show_default=True,
     help="Exit with status 1 if there is a finding of this severity or above.",
 )
-@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Codes of findings to leave out.")
+@click.option(
+    "--ignore",
+    metavar="CODE,...",
+    callback=known_names("finding", _codes),
+    help="Codes of findings to leave out.",
+)
 @click.option("--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code.")
 @click.option("--no-meshes", is_flag=True, help="Do not search or load mesh files.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings alone, as JSON.")
@@ -61,7 +61,7 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
 def command(
     load: RobotChoice,
     fail_on: str,
-    ignore: frozenset[str],
+    ignore: tuple[str, ...],
     everything: bool,
     no_meshes: bool,
     as_json: bool,

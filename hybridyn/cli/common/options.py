@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -73,20 +73,35 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
     return {match[1]: match[2] for match in matches.values() if match}
 
 
-def _effect_names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
-    """Split the names of effects at commas, and check them before any work is done."""
-    if value is None or ctx.resilient_parsing:  # shell completion must be quick: nothing large is imported
-        return ()
-    from ...description.names import did_you_mean
+def known_names(what: str, known: Callable[[], Iterable[str]]) -> Callable[..., tuple[str, ...]]:
+    """Return a callback that splits names at commas, and checks them before any work is done.
+
+    Args:
+        what: What they are the names of.
+        known: Returns the names that there are.
+    """
+
+    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
+        """Split and check the names."""
+        if value is None or ctx.resilient_parsing:  # completion must be quick: nothing large is imported
+            return ()
+        from ...description.names import did_you_mean
+
+        names, every = tuple(split_names(ctx, param, value) or ()), tuple(known())
+        for name in names:
+            if name not in every:
+                hint = f"{did_you_mean(name, every)}; known: {', '.join(every)}"
+                raise click.BadParameter(f"there is no {what} '{name}'{hint}", ctx, param)
+        return names
+
+    return check
+
+
+def _effects() -> Iterable[str]:
+    """Return the names of effects and the words for several."""
     from ...effects.choice import UNITS, WORDS
 
-    names = tuple(split_names(ctx, param, value) or ())
-    for name in names:
-        if name not in (*UNITS, *WORDS):
-            hint = did_you_mean(name, (*WORDS, *UNITS))
-            known = ", ".join((*UNITS, *WORDS))
-            raise click.BadParameter(f"there is no effect '{name}'{hint}; known: {known}", ctx, param)
-    return names
+    return (*UNITS, *WORDS)
 
 
 def takes_effects(default: str | None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -99,7 +114,7 @@ def takes_effects(default: str | None) -> Callable[[Callable[..., Any]], Callabl
     return click.option(
         "--effects",
         metavar="A,B,...",
-        callback=_effect_names,
+        callback=known_names("effect", _effects),
         default=default,
         show_default=bool(default),
         help="Effects: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (all that the files "
