@@ -70,6 +70,7 @@ class CompiledRobot(ControlSteps):
         self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
         self._designs = DesignsInSlots(robot, self.parameters)
         self.handed_over: Counter[str] = Counter()
+        self._tables: set[str] = set()
         self._followings = {}
         self._begin_postures()
         self._moving = robot.base == "moving"
@@ -92,6 +93,18 @@ class CompiledRobot(ControlSteps):
         """Count samples that the general path computes."""
         if count:
             self.handed_over[f"{call} ({why})" if why else call] += count
+
+    def say_of_table(self, call: str, count: int, samples: int) -> None:
+        """Log how many samples the general path computes; warn where they are most of the first table."""
+        first = samples > 1 and call not in self._tables
+        if first:
+            self._tables.add(call)
+        if count:
+            log.log(
+                logging.WARNING if first and 2 * count > samples else logging.INFO,
+                "robot '%s', %s: %d of %d samples computed by the general path",
+                self.robot.name, call, count, samples,
+            )  # fmt: skip
 
     def _use(self, library: Library) -> None:
         """Take the programs of a library; another thread may do this between two calls."""
@@ -250,14 +263,11 @@ class CompiledRobot(ControlSteps):
             many = batches | {"tau": limits.clip(self.robot, batches["tau"])}
         (result, *_), guard = calls.batch(list(many.values()), self.threads)
         doubtful = np.flatnonzero(~(guard <= calls.trusted))
+        self.say_of_table(name, len(doubtful), len(result))
         if len(doubtful):
             check_batches(batches, sizes)
             for why, count in reasons(self.robot, many["q"][doubtful], guard[doubtful]).items():
                 self.hand_over(name, count, why)
-            log.info(
-                "%s: %d of %d samples computed by the general path (first: %d)",
-                name, len(doubtful), len(result), doubtful[0],
-            )  # fmt: skip
             numbers = many.pop("parameters", np.zeros((len(result), 0)))
             for robot, rows in self._designs.by_design(numbers, doubtful):
                 effects = self.effects if robot is self.robot else at_robot(self.effects, robot)

@@ -57,6 +57,22 @@ def test_a_model_shows_what_it_handed_over() -> None:
     assert repr(model).endswith(f"\nhanded to the general path: 1 of idm ({OPEN})")
 
 
+def test_a_first_table_that_is_mostly_handed_over_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    """Once for each call, and by the first table alone: later ones tell the log."""
+    robot = hybridyn.load("five_bar")
+    q, still = np.tile(robot.home, (3, 1)), np.zeros((3, robot.nv))
+    opened = q.copy()
+    opened[1:, 0] += 1e-7
+    model = hybridyn.compile(robot)
+    model.idm(opened[1], still[1], still[1])  # no table
+    for _ in range(2):
+        model.idm(opened, still, still)
+    model.ddm(q, still, still[:, :2])
+    model.ddm(opened, still, still[:, :2])
+    (said,) = caplog.messages
+    assert said == "robot 'five_bar', idm: 2 of 3 samples computed by the general path"
+
+
 @pytest.mark.slow
 def test_a_new_model_is_asked(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory

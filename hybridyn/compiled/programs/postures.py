@@ -35,6 +35,7 @@ class Postures:
     effects: Effects
     threads: int
     hand_over: Callable[..., None]
+    say_of_table: Callable[[str, int, int], None]
     _designs: DesignsInSlots
     _current: Current
 
@@ -222,6 +223,7 @@ class Postures:
         requests = requests._replace(strict=guess is not None)
         q, v, a = assembler.assemble(requests, first_guess(assembler.robot, guess))
         self.hand_over("assemble", assembler.recomputed - before)
+        self.say_of_table("assemble", assembler.recomputed - before, requests.samples)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
     from ...code.library_source import Source
 
-log = logging.getLogger("hybridyn.compiled")
 
 #: Rows that the general path computes where one is not certain; twice as many each time it follows at once.
 AT_ONCE = 8
@@ -198,10 +197,6 @@ class _Table:
         for whole, own in zip(self.out, rows, strict=True):
             whole[start:stop] = own[lead:]
         self.assembler.recomputed += stop - start
-        log.info(
-            "assemble: %d of %d samples computed by the general path (first: %d)",
-            stop - start, self.requests.samples, start,
-        )  # fmt: skip
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, overload
@@ -29,8 +28,6 @@ from ..postures import Postures
 from ..sources import kept
 from .engine import CompiledEngine
 from .following import Following, following, pushed_models
-
-log = logging.getLogger("hybridyn.compiled")
 
 #: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
 ROWS_AT_ONCE = 4096
@@ -224,7 +221,7 @@ class Quantities(Postures):
         out, doubtful = np.concatenate(parts), np.flatnonzero(~np.concatenate(good))
         if len(doubtful):
             self.hand_over(name, len(doubtful))
-            log.info("%s: %d of %d samples computed by the general path", name, len(doubtful), len(out))
+            self.say_of_table(name, len(doubtful), len(out))
             try:
                 out[doubtful] = general(**{key: x[doubtful] for key, x in arrays.items()})
             except HybridynError:
