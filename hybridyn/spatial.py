@@ -53,12 +53,14 @@ def select(x: Array, numbers: Index) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Compute a x b along the last axis, shapes (..., 3), without the overhead of np.cross."""
-    a0, a1, a2 = a[..., :1], a[..., 1:2], a[..., 2:]
-    b0, b1, b2 = b[..., :1], b[..., 1:2], b[..., 2:]
     out: Array = np.multiply(a, b)  # allocates the result's shape and memory order
-    np.subtract(a1 * b2, a2 * b1, out=out[..., :1])
-    np.subtract(a2 * b0, a0 * b2, out=out[..., 1:2])
-    np.subtract(a0 * b1, a1 * b0, out=out[..., 2:])
+    # Entries of one vector stay arrays, since `out` may hold objects; those of many take half the time.
+    first, second, third = (0, 1, 2) if out.ndim > 1 else (slice(0, 1), slice(1, 2), slice(2, 3))
+    a0, a1, a2 = a[..., first], a[..., second], a[..., third]
+    b0, b1, b2 = b[..., first], b[..., second], b[..., third]
+    np.subtract(a1 * b2, a2 * b1, out=out[..., first])
+    np.subtract(a2 * b0, a0 * b2, out=out[..., second])
+    np.subtract(a0 * b1, a1 * b0, out=out[..., third])
     return out
 
 
