@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hybridyn.tables.signals import WRENCH
+from tests import ROOT
 from tests.command_line import call, read_table, table_text
 from tests.comparing import SOLVED, close_to
 from tests.files import save
@@ -39,9 +40,11 @@ def test_over_a_grid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert said.err.startswith("ankle: pitch, roll of motor_left, motor_right; 6 postures, condition number")
 
 
-def test_motors_that_the_map_leaves_out_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_motors_that_the_map_leaves_out_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = (ROOT / "models/tanev/traj.csv").read_text().splitlines()
+    table = save(tmp_path, "\n".join([line for line in lines if line[0] != "#"][:9]), "traj.csv")
     slides = ",".join(f"m1_leg{i}_slide" for i in (1, 2, 3))
-    said = call(capsys, "idm", "tanev", "--map", slides, "--effects", "none")
+    said = call(capsys, "idm", "tanev", table, "--map", slides, "--effects", "none")
     others = "'m2_leg1_slide', 'm2_leg2_slide', 'm2_leg3_slide'"
     assert f"not in the map, other motors: {others}\n" in said.err
     assert "m2_leg1_slide" not in said.out
