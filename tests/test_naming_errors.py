@@ -173,7 +173,7 @@ def test_cost_takes_the_shipped_motion(
 ) -> None:
     asked: list[str] = []
 
-    def measured(study: object, load: object, trajectory: str, *_: object) -> None:
+    def measured(*_: object, trajectory: str, **__: object) -> None:
         asked.append(trajectory)
         raise ModelError("enough")
 
