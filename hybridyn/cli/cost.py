@@ -264,7 +264,8 @@ def _effects(study: Study) -> list[str]:
         matters = one.error > ADVISED
         word = ("" if one.computed else "add it") if matters else ("leave it out" if one.computed else "")
         share = "" if math.isnan(one.share) else f"{100 * one.share:.2g} %"
-        rows.append([one.effect.replace("_", " "), f"{one.error:.1e}", share, word])
+        change = f"{one.error:.1e}" if math.isfinite(one.error) else "not known"
+        rows.append([one.effect.replace("_", " "), change, share, word])
     return aligned_rows(rows, right=(1, 2))
 
 

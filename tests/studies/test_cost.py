@@ -6,6 +6,7 @@ import tomllib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -404,6 +405,20 @@ def test_effects_that_a_scene_needs() -> None:
     assert lines["effects"]["use"] == [name for name in needed if name != "payload"]
     # together they change more than the target: the payload stays in a table of its own
     assert needed_effects(study, ready, 1e-7) != []
+
+
+@pytest.mark.parametrize(("apart", "kept"), [(5e-4, 3), (2e-3, 4)])
+def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
+    monkeypatch: pytest.MonkeyPatch, apart: float, kept: int
+) -> None:
+    """Single effects may be known of the beginning alone: their set is run to the end."""
+    ready = stage(ROOT / "models/lx4/sag.toml")
+    every = ready.effects.only(["gravity", "inertia", "leg_inertia", "velocity"])
+    monkeypatch.setattr(runs, "errors", lambda *_: {"error": apart})
+    runner = SimpleNamespace(ready=ready, run=lambda *_, **__: (None, 0.0))
+    needed, said = runs._checked(runner, every, ["gravity", "inertia", "leg_inertia"], 1e-3, True, 1.0)
+    assert len(needed) == kept
+    assert ("fewer miss the target" in said[0]) == (kept == 4)
 
 
 @pytest.mark.slow
