@@ -88,11 +88,13 @@ def test_a_robot_without_freedoms_has_models_and_is_not_exported(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_motions_without_inertia_are_the_general_paths() -> None:
+def test_motions_without_inertia_do_not_enter_accelerations() -> None:
     """Rods between balls spin idly, without inertia: what a pivot of rounding gives is no acceleration."""
     robot = build_robot(replace(dietmaier.robot("S").description, home={}))
     q, v, tau = moving_states(robot, 2)
-    assert not (Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)[1] <= TRUSTED).any()
+    (result,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
+    assert (guard <= TRUSTED).all()
+    assert (difference(result, hybridyn.ddm(robot, q, v, tau)) <= MODEL_AGREES["float64"]).all()
 
 
 def test_a_singular_sample_chooses_no_pivots() -> None:
@@ -236,8 +238,7 @@ def test_an_open_coupling_is_no_state_of_the_models(kind: str, what: str) -> Non
     written_agrees(robot, 3)
     at_q, at_v = (slices[robot.joint_index["b"]] for slices in (robot.q_slices, robot.v_slices))
     if what == "positions":
-        turn = 1e-5 * np.array([[0.0, 1.0], [-1.0, 0.0]]) + np.eye(2)
-        q[:, at_q] = q[:, at_q] @ turn if kind == "continuous" else q[:, at_q] + 1e-5
+        q[:, at_q] += 1e-5
     else:
         (v if what == "rates" else a)[:, at_v] += 1e-5
     refused(

@@ -117,7 +117,6 @@ REGULAR: dict[str, Case] = {
     "five_bar floating": (partial(five_bar, base="floating"), lambda r: [ELBOWS], "model", "float64"),
     "gough_stewart single": (partial(shipped_one, "gough_stewart"), lambda r: [], "default", "float32"),
     "ankle": (ankle, lambda r: [JOINTS], "default", "float64"),
-    "leg": (leg, lambda r: [JOINTS], "default", "float64"),
     **{
         name: (partial(shipped_one, name), lambda r: [r.motors[:1]], "model", "float64")
         for name in ROBOTS[:-1]
@@ -173,6 +172,7 @@ REFUSING: dict[
         lambda r: [["left_elbow", "right_elbow"], ["left", "left_elbow"]],
         3,
     ),
+    "a toe without motor": (leg, lambda r: r.home, lambda r: [JOINTS], 8),
     "closures that lose rank": (parallelogram, lambda r: np.zeros(3), lambda r: [], 0),
 }
 

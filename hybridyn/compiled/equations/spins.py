@@ -133,20 +133,22 @@ def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int,
         for on_a in (True, False)
     ]
     for k, on_a, body, point in sides:
-        others = [p for other, _, b, p in sides if b == body and other != k]
-        found = _free_rod(links, body, point, others) or _rod(links, body, point)
+        ends = [p for _, _, b, p in sides if b == body]
+        more = sum(body in (c.body_a, c.body_b) for c in closures) + sum(x.parent == body for x in links) - 2
+        found = _free_rod(links, body, point, ends) if not more else None
+        found = found or _rod(links, body, point)
         if found and k not in out:
             out[k] = Rod(on_a, *found)
     return out
 
 
 def _free_rod(
-    links: Sequence[Link], body: int, point: Array, others: list[Array]
+    links: Sequence[Link], body: int, point: Array, ends: list[Array]
 ) -> tuple[Array, tuple[int, ...]] | None:
-    """Return `_rod` of a body on a floating joint, from one other ball of which it turns."""
-    if not body or links[body - 1].kind != "floating" or len(others) != 1:
+    """Return `_rod` of a body on a floating joint that turns about the line of its two balls, at `ends`."""
+    if not body or links[body - 1].kind != "floating" or len(ends) != 2:
         return None
-    line = point - others[0]
+    line = 2.0 * point - ends[0] - ends[1]
     length, first = float(np.linalg.norm(line)), sum(link.nv for link in links[: body - 1])
     if not length:
         return None

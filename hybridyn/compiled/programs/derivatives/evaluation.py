@@ -195,8 +195,8 @@ class Derivatives:
         driven = robot.motor_v if self._motors else np.arange(robot.nv)
         change = change[:, driven] if direct else change
         along = (v[:, driven], moved if direct else moved[:, driven])
-        blocks = (x.reshape(STATES, change.shape[1], -1) for x in (over_v, over_x))
-        follows = sum(np.einsum("tij,tj->ti", J, x) for J, x in zip(blocks, along, strict=True))
+        pairs = zip((over_v, over_x), along, strict=True)
+        follows = sum(np.einsum("tij,tj->ti", J.reshape(*change.shape, x.shape[1]), x) for J, x in pairs)
         for what, x, y in (("model", value, found[1]), ("derivatives", follows, change)):
             off = part_of_all(x[guard <= GUARD_LIMIT], y[guard <= GUARD_LIMIT], y)
             check_agreement(robot, f"'{self._name}' ({what})", off, DERIVATIVE_CHECKED)

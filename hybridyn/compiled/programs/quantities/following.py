@@ -135,6 +135,9 @@ def check_following(moves: Following) -> None:
     robot, name = moves.robot, moves.robot.description.name
     for seed in range(ROUNDS):
         q, v, _ = moving_states(robot, SAMPLES, seed)
+        for module, own in zip(robot.modules, moves.u.own, strict=True):
+            if not len(own):
+                v[:, module.v_index] = 0.0  # it stays
         (E, mapped), (a, trusted) = moves.map(q), moves.drift(q, v)
         good = mapped & trusted
         if good.any():
