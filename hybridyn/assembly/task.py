@@ -162,7 +162,7 @@ def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, want
     missed = np.abs(np.einsum("tij,tj->ti", K, x) - wanted).max(axis=1, initial=0.0)
     fast = np.abs(x).max(axis=1, initial=0.0) > BOUNDED * asked
     suspect = np.flatnonzero(fast | (BOUNDED * missed > asked))
-    if not len(suspect):
+    if not len(suspect) or not problem.free.any():
         return
     s = np.linalg.svd(K[suspect][:, :, problem.free], compute_uv=False)
     least = s[:, (problem.rank or s.shape[1]) - 1]

@@ -436,6 +436,19 @@ def test_a_whole_pose_beyond_tolerance_is_an_error_at_its_row(off: float, row: i
     assert error.residual > 1e-4
 
 
+def test_motors_on_every_joint_may_miss_the_loops_within_tolerance() -> None:
+    """Nothing is free then: positions and rates are corrected to the nearest that keep the loops closed."""
+    robot = build_robot(random_mechanism(0, kind="five_bar_four_motors"))
+    state = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors[:2], (0.1, 1.0, 0.0)))
+    q, v = [position(robot, name, state[0]) for name in robot.motors], state[1][robot.motor_v]
+    noise = 1e-6 * np.random.default_rng(0).normal(size=(2, 4))
+    given = {name: (q[i] + noise[0, i], v[i] + noise[1, i], 0.0) for i, name in enumerate(robot.motors)}
+    found = hybridyn.assemble(robot, motors=given, guess=state[0])
+    assert closure_residual(robot, found[0]) < 1e-12
+    close_to(found[0], state[0], 1e-5)
+    close_to(found[1], state[1], 1e-5)
+
+
 def test_motors_may_be_arrays_in_their_order() -> None:
     robot, x = build_robot(symmetric_five_bar()), np.array([[2.0, 1.1], [2.1, 1.2], [2.2, 1.3]])
     by_name = {name: (x[:, i], 2 * x[:, i]) for i, name in enumerate(robot.motors)}
