@@ -9,7 +9,7 @@ from ..errors import ModelError
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from .code.plain_c import REAL
+from .code.scalars import REAL
 from .equations.arguments.coefficients import check_coefficients, with_stated_springs
 
 

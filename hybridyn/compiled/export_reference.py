@@ -14,7 +14,8 @@ from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .code.kernels import literal
-from .code.plain_c import REAL, WRITTEN
+from .code.plain_c import WRITTEN
+from .code.scalars import REAL
 from .program import Program
 from .programs.closing.platform_program import platform_motions
 from .programs.general import body_rows

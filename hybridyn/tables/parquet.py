@@ -23,8 +23,11 @@ from .table import EMPTY_CELL, Block, Table, check_columns
 PART_ROWS = 50_000
 
 
-def load_polars(file: str) -> Any:
-    """Import polars; the error says how to install it.
+def load_polars(file: str, advice: str = f"Parquet needs polars: {install_advice('io')}, or use CSV") -> Any:
+    """Import polars.
+
+    Args:
+        advice: What the error says: who needs it, and how to install it.
 
     Raises:
         TrajectoryError: polars is not installed.
@@ -32,8 +35,7 @@ def load_polars(file: str) -> Any:
     try:
         import polars
     except ImportError as error:
-        message = f"Parquet needs polars: {install_advice('io')}, or use CSV"
-        raise TrajectoryError(message, file=file) from error
+        raise TrajectoryError(advice, file=file) from error
     return polars
 
 

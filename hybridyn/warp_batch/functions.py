@@ -19,9 +19,9 @@ from typing import Any
 from ..compiled.code.across_lanes import across_samples
 from ..compiled.code.drivers import Tables
 from ..compiled.code.kernels import kernel_graph, kernel_text
-from ..compiled.code.plain_c import FUNCTIONS, MOVES, REAL, SINES
+from ..compiled.code.plain_c import FUNCTIONS, MOVES, SINES
 from ..compiled.code.rules import check, trimmed
-from ..compiled.code.scalars import GUARD_LIMIT, text_of
+from ..compiled.code.scalars import GUARD_LIMIT, REAL, text_of
 from ..compiled.program import Program, stored
 from ..description.names import did_you_mean
 

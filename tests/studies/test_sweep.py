@@ -17,6 +17,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description.writing import locked
+from hybridyn.errors import install_advice
 from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
@@ -150,6 +151,16 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[[Pool], None]:
     monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 1)
     use(pool_here())
     return use
+
+
+def test_what_a_sweep_needs_is_said_before_it_begins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "polars", None)
+    refused(
+        lambda: hybridyn.sweep(written("method = 'grid'", GRID), "out", format="csv"),
+        hybridyn.HybridynError,
+        f"a sweep needs polars: {re.escape(install_advice('sweep'))}",
+    )
+    assert not (folder / "out" / "sweep.json").exists()
 
 
 def test_a_grid_has_the_numbers_of_the_pendulums_equation(

@@ -17,7 +17,7 @@ from .alone import CALLED_ALONE, VECTOR_STATEMENT
 from .drivers import Tables
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import moves_of_copies, own_sines, text_of
+from .scalars import REAL, moves_of_copies, own_sines, text_of
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -46,9 +46,6 @@ MOVES = {
     },
 }
 
-
-#: C types of numbers.
-REAL = {"float64": "double", "float32": "float"}
 
 #: Mark in every exported file; a file without it is never overwritten.
 WRITTEN = "Written by hybridyn"

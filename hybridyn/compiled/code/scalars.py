@@ -14,6 +14,9 @@ TYPES = {
     "float128": ("__float128", "", 16),
 }
 
+#: C types of a robot's models: those that a caller may ask for.
+REAL = {"float64": "double", "float32": "float"}
+
 #: Name of a C library function for each number type.
 IN_LIBRARY = {
     "float64": "name",

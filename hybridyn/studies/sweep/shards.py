@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ...description.writing import naming
-from ...errors import HybridynError
+from ...errors import HybridynError, install_advice
 from ...tables.parquet import load_polars
 from .evaluation import Row
 
@@ -104,7 +104,7 @@ class Shards:
                     "names has changed: choose another folder"
                 )
             return cls(folder, before)
-        load_polars(str(folder))
+        load_polars(str(folder), f"a sweep needs polars: {install_advice('sweep')}")
         _write(folder / ABOUT, (json.dumps(asdict(about), indent=1) + "\n").encode())
         return cls(folder, about)
 
