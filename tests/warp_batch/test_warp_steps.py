@@ -70,8 +70,13 @@ def test_steps_are_those_of_simulate(name: str, law: str, dtype: str) -> None:
         run = hybridyn.simulate(
             robot, q[t], v[t], (0.0, H * STEPS), effort=effort, method="rk4", step=H, compiled=compiled
         )
-        for one, other in zip(found, (run.q, run.v, run.a), strict=True):
-            assert np.abs(one[t] - other[-1]).max() <= within * max(np.abs(other[-1]).max(), 1.0)
+        end = run.q[-1], run.v[-1], run.a[-1]
+        rounding = 0.0
+        if dtype == "float32":  # each of the four stages of a step has that of one call
+            single = hybridyn.compile(robot, dtype=dtype).ddm(*end[:2], compiled.idm(*end))
+            rounding = 4 * np.abs(single - end[2]).max()
+        for one, other, more in zip(found, end, (0.0, 0.0, rounding), strict=True):
+            assert np.abs(one[t] - other).max() <= within * max(np.abs(other).max(), 1.0) + more
 
 
 @pytest.mark.parametrize("dtype", ["float64", slow("float32")])
