@@ -126,29 +126,31 @@ class Rod:
 def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
     """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
     out: dict[int, Rod] = {}
-    balls = [k for k, c in enumerate(closures) if c.translations == (0, 1, 2) and c.rotation == "free"]
-    sides = [
-        (k, on_a, *((c.body_a, c.p_a) if on_a else (c.body_b, c.p_b)))
-        for k, c in ((k, closures[k]) for k in balls)
-        for on_a in (True, False)
-    ]
-    for k, on_a, body, point in sides:
-        ends = [p for _, _, b, p in sides if b == body]
-        more = sum(body in (c.body_a, c.body_b) for c in closures) + sum(x.parent == body for x in links) - 2
-        found = _free_rod(links, body, point, ends) if not more else None
-        found = found or _rod(links, body, point)
-        if found and k not in out:
-            out[k] = Rod(on_a, *found)
+    for k, c in enumerate(closures):
+        if not _is_ball(c):
+            continue
+        for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b)):
+            found = _free_rod(links, closures, k, body, point) or _rod(links, body, point)
+            if found:
+                out[k] = Rod(on_a, *found)
+                break
     return out
 
 
+def _is_ball(closure: TreeClosure) -> bool:
+    return closure.translations == (0, 1, 2) and closure.rotation == "free"
+
+
 def _free_rod(
-    links: Sequence[Link], body: int, point: Array, ends: list[Array]
+    links: Sequence[Link], closures: Sequence[TreeClosure], number: int, body: int, point: Array
 ) -> tuple[Array, tuple[int, ...]] | None:
-    """Return `_rod` of a body on a floating joint that turns about the line of its two balls, at `ends`."""
-    if not body or links[body - 1].kind != "floating" or len(ends) != 2:
+    """Return `_rod` of a body on a floating joint that a ball and another one hold, and nothing else."""
+    if not body or links[body - 1].kind != "floating" or any(link.parent == body for link in links):
         return None
-    line = 2.0 * point - ends[0] - ends[1]
+    others = [c for k, c in enumerate(closures) if k != number and body in (c.body_a, c.body_b)]
+    if len(others) != 1 or not _is_ball(others[0]):
+        return None
+    line = point - (others[0].p_a if others[0].body_a == body else others[0].p_b)
     length, first = float(np.linalg.norm(line)), sum(link.nv for link in links[: body - 1])
     if not length:
         return None

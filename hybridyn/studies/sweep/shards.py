@@ -224,7 +224,7 @@ def _read(file: Path, content: bytes, wanted: Sequence[str], every: Sequence[str
     polars = load_polars(str(file))
     try:
         if file.suffix == ".parquet":
-            frame = polars.read_parquet(content)
+            frame = polars.read_parquet(content, columns=list(wanted))
         else:
             frame = polars.read_csv(content, schema=_schema(every))
         frame = frame.select(list(wanted)).fill_null(math.nan)

@@ -31,7 +31,9 @@ class JointLimits:
         ):
             joint = robot.records.get(name)
             if respected and joint is not None and joint.kind in ("revolute", "prismatic"):
-                rows += [(number, at.start, *ends) for ends in (position_limits(joint),) if ends]
+                limits = position_limits(joint)
+                if limits is not None:
+                    rows.append((number, at.start, *limits))
         joints, columns, self.lower, self.upper = np.array(rows).reshape(-1, 4).T
         self.joints, self.columns = joints.astype(int), columns.astype(int)
 

@@ -140,8 +140,8 @@ class Derivatives:
             find_compiler()
         except CompileError:
             return None
-        scalar = Scalar("float64", best_lanes())
-        self._key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {scalar!r}"
+        self._scalar = Scalar("float64", best_lanes())
+        self._key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {self._scalar!r}"
         artifact = self._artifact()
         if known(self._key) is not None or (seconds := _seconds_of(artifact.write())) <= self.patience:
             return loaded(artifact.built)
@@ -156,8 +156,7 @@ class Derivatives:
 
     def _artifact(self) -> Artifact:
         """Return the library, which may be in the cache."""
-        scalar = Scalar("float64", best_lanes())
-        write = cache(lambda: library_source([self.program], scalar))
+        write = cache(lambda: library_source([self.program], self._scalar))
         return Artifact(self.robot, self._key, write, self._check)
 
     def _use(self, library: Library) -> None:
