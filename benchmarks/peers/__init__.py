@@ -7,10 +7,10 @@ and the results say so.
 from __future__ import annotations
 
 from benchmarks.peers import ours
-from hybridyn.studies.compare.engines import mujoco_engine, pinocchio_methods
+from hybridyn.studies.compare.engines import mujoco_engine, pinocchio_engine
 from hybridyn.studies.compare.methods import Method, Model
 
-METHODS: tuple[Method, ...] = (*ours.METHODS, *pinocchio_methods.METHODS, *mujoco_engine.METHODS)
+METHODS: tuple[Method, ...] = (*ours.METHODS, *pinocchio_engine.METHODS, *mujoco_engine.METHODS)
 
 
 def methods_of(model: Model) -> list[Method]:

@@ -14,8 +14,7 @@ import pinocchio as pin
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 from hybridyn.studies.compare.engine import NotComparableError
-from hybridyn.studies.compare.engines.pinocchio_engine import PinocchioEngine
-from hybridyn.studies.compare.engines.pinocchio_methods import ACCURACY, closed, closure_rows, loop_solver
+from hybridyn.studies.compare.engines.pinocchio_engine import ACCURACY, PinocchioEngine, closed, loop_solver
 
 #: Of the largest rate that the step allows, critically damped.
 BAUMGARTE = 0.1
@@ -82,7 +81,7 @@ def advance(acceleration: Acceleration, q: Array, v: Array, h: float) -> tuple[A
 def projected(own: PinocchioEngine, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the closed state near one, by steps of least norm."""
     for _ in range(MOST_STEPS):
-        K = closure_rows(own, q)
+        K = own.rows(q)
         missing = np.concatenate([data.c1Mc2.translation for data in own.datas])
         if np.abs(missing).max() < CLOSED:
             break

@@ -22,7 +22,7 @@ FAILED = 1
 
 def _engines() -> Iterable[str]:
     """Return the names of the engines."""
-    from ..studies.compare.compare import ENGINES
+    from ..studies.compare.methods import ENGINES
 
     return ENGINES
 
@@ -35,7 +35,7 @@ def _engines() -> Iterable[str]:
     "--with",
     "engines",
     metavar="ENGINE,...",
-    default="pinocchio,mujoco,drake,newton",
+    default="pinocchio,mujoco",
     show_default=True,
     callback=known_names("engine", _engines),
     help="Engines to compare; those that are not installed are listed and skipped.",
@@ -51,8 +51,6 @@ def _engines() -> Iterable[str]:
     show_default=True,
     help="Largest relative difference of an engine that counts as equal.",
 )
-@click.option("--no-drift", is_flag=True, help="Do not simulate the fall, in which loops open.")
-@click.option("-o", "--output", metavar="PAGE", help="Write a page, .md or .html.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON on standard output.")
 @click.option(
     "--fail-on",
@@ -68,8 +66,6 @@ def command(
     samples: int,
     seed: int,
     tolerance: float,
-    no_drift: bool,
-    output: str | None,
     as_json: bool,
     fail_on: str,
 ) -> int:
@@ -77,17 +73,14 @@ def command(
 
     Each engine gets the robot twice: read by its own reader from the file, and built from hybridyn's model.
     The table shows the number of degrees of freedom; which closures the engine enforces, softens or ignores;
-    the differences of accelerations and efforts from hybridyn's; how far the loops open while the robot
-    falls for a second; and the time of one evaluation of the direct model. Only rigid bodies are compared:
-    friction, springs, rotors, limits and contacts are switched off.
+    the differences of accelerations and efforts from hybridyn's; and the time of one evaluation of the direct
+    model. Only rigid bodies are compared: friction, springs, rotors, limits and contacts are switched off.
 
     Exit status: 0 no engine fails --fail-on; 1 an engine does, or the data are wrong; 2 wrong usage.
     """
     from ..studies.compare.compare import compare
-    from ..studies.compare.report import as_text, check_page, write_page
+    from ..studies.compare.report import as_text
 
-    if output is not None:
-        check_page(output)
     robot = load()
     postures = None
     if trajectory is not None:
@@ -100,14 +93,11 @@ def command(
         samples=samples,
         seed=seed,
         tolerance=tolerance,
-        drift=not no_drift,
         postures=postures,
         xacro_args=load.xacro_args or None,
         package_dirs=load.package_dirs,
     )
     click.echo(json.dumps(_facts(found), indent=2) if as_json else as_text(found))
-    if output is not None:
-        write_page(found, output)
     failed = {"ignored": bool(found.ignored), "different": bool(found.ignored or found.different)}
     return FAILED if failed.get(fail_on) else 0
 

@@ -1,6 +1,6 @@
-"""What other engines make of a robot: freedoms, closures held, softened or ignored, errors, drift, time.
+"""What other engines make of a robot: freedoms, closures held, softened or ignored, errors, time.
 
-Reading order: `engine` (what an engine must do here), `engines/` (Pinocchio, MuJoCo, Drake, Newton),
-`states` (closed states to compare at), `judging` (what becomes of each closure), `compare` (the whole), and
-`report` (the table and the pages).
+Reading order: `engine` (what an engine must do here), `engines/` (Pinocchio, MuJoCo), `states` (closed states
+to compare at), `judging` (what becomes of each closure), `compare` (the whole), and `report` (the table).
+`methods` is what `hybridyn cost` and the benchmarks sweep.
 """

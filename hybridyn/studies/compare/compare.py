@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from importlib.util import find_spec
+from multiprocessing import get_context
 from os import PathLike
+from typing import Any
 
-import numpy as np
-
-from ...description.names import did_you_mean, listed
 from ...dynamics.direct import ddm
-from ...errors import HybridynError, ModelError, install_advice
-from ...simulation.simulate import simulate
-from ...simulation.solver import Solver
+from ...errors import install_advice
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
-from .judge_engine import judge_engine
-from .judging import SECONDS, ClosureFate, Verdict, call_time
-from .own_file import own_file
-from .states import State, closure_names, draw_states, open_by, start_posture
+from .engine import own_file
+from .judging import ClosureFate, Verdict, call_time, judge_way
+from .methods import ENGINES, engine_file
+from .states import State, closure_names, draw_states
 
-#: Engines by name: package to import, package to ask for the version, extra.
-ENGINES = {
-    "pinocchio": ("pinocchio", "pin", ""),
-    "mujoco": ("mujoco", "mujoco", "mjcf"),
-    "drake": ("pydrake", "drake", "drake"),
-    "newton": ("newton", "newton", "newton"),
-}
+#: The engine and way that may end its process.
+CRASHES = ("pinocchio", "its MJCF reader")
 #: Largest relative difference that counts as the same robot.
 TOLERANCE = 1e-6
-#: Tolerance of a step of hybridyn's own simulation, which is run for its closures alone.
-OWN_ERROR = 1e-5
 #: Number of closed states.
 SAMPLES = 5
 
@@ -76,6 +68,16 @@ class Comparison:
         ]
 
 
+def judged_apart(way: str, *task: Any) -> Verdict:
+    """Judge as `judge_way` does, in another process: its crash is a refusal."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as process:
+        try:
+            return process.submit(judge_way, way, *task).result()
+        except BrokenProcessPool:
+            engine, number = task[3]
+            return Verdict(engine, number, way, "its process ended without a result")
+
+
 @one_thread()
 def compare(
     robot: HybridRobot,
@@ -84,7 +86,6 @@ def compare(
     samples: int = SAMPLES,
     seed: int = 0,
     tolerance: float = TOLERANCE,
-    drift: bool = True,
     postures: Array | None = None,
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | PathLike[str]] = (),
@@ -96,7 +97,6 @@ def compare(
         samples: Number of closed states.
         seed: Seed of the states.
         tolerance: Largest relative difference that counts as the same robot.
-        drift: Whether each engine simulates a second.
         postures: Closed postures to take the states from, shape (T, nq); None draws them near home.
         xacro_args: Arguments of the robot's xacro file, for engines that read the file themselves.
         package_dirs: Folders that hold packages.
@@ -104,63 +104,28 @@ def compare(
     Raises:
         ModelError: An engine is unknown, or the robot has no closed states to compare at.
     """
-    for name in engines:
-        if name not in ENGINES:
-            known = listed(ENGINES)
-            raise ModelError(f"there is no engine '{name}'{did_you_mean(name, ENGINES)}; known: {known}")
+    files = {name: engine_file(name) for name in engines}
     states = draw_states(robot, samples, seed, postures)
     own = own_file(robot, xacro_args, package_dirs)
-    start = start_posture(robot) if drift else None
-    verdicts, skipped = [_ourselves(robot, states, start)], []
-    for name in dict.fromkeys(engines):
-        reason = _absent(name)
-        if reason:
-            skipped.append((name, reason))
+    verdicts, skipped = [_ourselves(robot, states[0])], []
+    for name, file in files.items():
+        package, extra = ENGINES[name]
+        if find_spec(name) is None:
+            skipped.append((name, f"is not installed: {install_advice(extra)}"))
             continue
-        names = (name, _version(name))
-        verdicts += judge_engine(robot, own, states, names, tolerance, start)
+        for way, build in file.ways(robot, own):
+            task = (way, build, robot, states, (name, version(package)), tolerance)
+            verdicts.append(judged_apart(*task) if (name, way) == CRASHES else judge_way(*task))
     return Comparison(
         robot.name, robot.mobility, tuple(name for name, _ in closure_names(robot)), samples, tolerance,
         tuple(verdicts), tuple(skipped),
     )  # fmt: skip
 
 
-def _ourselves(robot: HybridRobot, states: list[State], start: Array | None) -> Verdict:
+def _ourselves(robot: HybridRobot, first: State) -> Verdict:
     """Return hybridyn's own row."""
-    first, opened = states[0], [0.0] * len(closure_names(robot))
-    notes: tuple[str, ...] = ()
-    if start is not None:
-        efforts = np.zeros(len(robot.motors))
-        times = np.linspace(0.0, SECONDS, 11)
-        try:
-            rates, solver = np.zeros(robot.nv), Solver(rtol=OWN_ERROR, atol=OWN_ERROR)
-            postures = simulate(robot, start, rates, times, effort=lambda *_: efforts, solver=solver).q
-        except HybridynError as error:  # a singular posture
-            postures, notes = np.zeros((0, robot.nq)), (f"the simulation ended early: {error}",)
-        for q in postures:
-            opened = [max(a, b) for a, b in zip(opened, open_by(robot, q), strict=True)]
-    fates = tuple(
-        ClosureFate(name, 0.0, "held", opened[i] if start is not None else None)
-        for i, (name, _) in enumerate(closure_names(robot))
-    )
-    own = version("hybridyn")
+    fates = tuple(ClosureFate(name, 0.0, "held") for name, _ in closure_names(robot))
     return Verdict(
-        "hybridyn", own, "ddm", freedoms=robot.mobility, closures=fates, acceleration=0.0, effort=0.0,
-        drift=max(opened, default=0.0) if start is not None else None,
-        seconds=call_time(lambda: ddm(robot, first.q, first.v, first.tau)), notes=notes,
+        "hybridyn", version("hybridyn"), "ddm", freedoms=robot.mobility, closures=fates, acceleration=0.0,
+        effort=0.0, seconds=call_time(lambda: ddm(robot, first.q, first.v, first.tau)),
     )  # fmt: skip
-
-
-def _absent(name: str) -> str:
-    """Return why an engine cannot be compared here, or ""."""
-    package, _, extra = ENGINES[name]
-    if find_spec(package) is None:
-        return f"is not installed: {install_advice(extra)}"
-    return ""
-
-
-def _version(name: str) -> str:
-    try:
-        return version(ENGINES[name][1])
-    except PackageNotFoundError:
-        return ""

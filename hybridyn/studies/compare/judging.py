@@ -8,17 +8,17 @@ closure opens, as a part of that of the tree without closures.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
-from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from .engine import Engine
-from .states import State, apart, closure_names, open_by
+from .engine import Engine, NotComparableError
+from .states import DEPENDENT, State, apart, closure_names
 
 Fate = Literal["held", "softened", "ignored"]
 
@@ -29,8 +29,6 @@ IGNORED = 0.5
 SHOWS = 1e-6
 #: Calls whose median is the time of a call, and the seconds that they may take.
 CALLS, CALL_SECONDS = 50, 0.3
-#: Length of the simulation [s].
-SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -40,13 +38,11 @@ class ClosureFate:
     Attributes:
         left: Opening acceleration in the engine over that of the tree without closures; 0 is rigid.
         fate: "held", "softened" or "ignored".
-        drift: Largest residual in the simulation, over the module's length, or None.
     """
 
     name: str
     left: float
     fate: Fate
-    drift: float | None = None
 
 
 @dataclass(frozen=True)
@@ -56,11 +52,10 @@ class Verdict:
     Attributes:
         way: How the robot came into it.
         refusal: Why it cannot be compared, or "".
-        freedoms: Freedoms that it leaves, or None if it does not say.
+        freedoms: Freedoms that it leaves, or None.
         closures: What becomes of every closure and coupling.
         acceleration: Largest relative difference of accelerations, or None.
         effort: Largest relative difference of inverse dynamics on the closed robot's freedoms, or None.
-        drift: Largest closure residual in a simulation, over the module's length; infinite if it failed.
         seconds: Time of one direct dynamics [s], or None.
         notes: Remarks.
     """
@@ -73,7 +68,6 @@ class Verdict:
     closures: tuple[ClosureFate, ...] = ()
     acceleration: float | None = None
     effort: float | None = None
-    drift: float | None = None
     seconds: float | None = None
     notes: tuple[str, ...] = field(default=())
 
@@ -93,13 +87,31 @@ class Verdict:
         )
 
 
+def judge_way(
+    way: str,
+    build: Callable[[], Engine],
+    robot: HybridRobot,
+    states: list[State],
+    names: tuple[str, str],
+    tolerance: float,
+) -> Verdict:
+    """Build an engine and judge it as `judge` does; a refusal becomes part of the verdict."""
+    notes: tuple[str, ...] = ()
+    try:
+        engine = build()
+        notes = engine.notes
+        return judge(robot, engine, states, names, tolerance)
+    except (NotComparableError, RuntimeError, ValueError, ArithmeticError) as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        return Verdict(*names, way, refusal=reason, notes=notes)
+
+
 def judge(
     robot: HybridRobot,
     engine: Engine,
     states: list[State],
     names: tuple[str, str],
     tolerance: float,
-    start: Array | None,
 ) -> Verdict:
     """Judge an engine at closed states.
 
@@ -107,19 +119,17 @@ def judge(
         engine: The robot inside the engine.
         names: Name and version of the engine.
         tolerance: Part of the free opening up to which a closure counts as held.
-        start: Posture from which the engine simulates; None leaves it out.
     """
     left, acceleration = np.zeros(len(closure_names(robot))), 0.0
-    efforts: list[float | None] = []
+    effort = 0.0
     for state in states:
         theirs = engine.forward(state.q, state.v, state.force)
         left = np.maximum(left, _left(robot, state, theirs))
         acceleration = max(acceleration, _difference(theirs, state.a))
-        efforts.append(_effort_error(robot, engine, state))
-    opened = None if start is None else _simulated(robot, engine, start)
+        effort = max(effort, _effort_error(robot, engine, state))
     fates = tuple(
-        ClosureFate(name, float(part), _fate(float(part), tolerance), None if opened is None else opened[i])
-        for i, ((name, _), part) in enumerate(zip(closure_names(robot), left, strict=True))
+        ClosureFate(name, float(part), _fate(float(part), tolerance))
+        for (name, _), part in zip(closure_names(robot), left, strict=True)
     )
     first = states[0]
     return Verdict(
@@ -128,8 +138,7 @@ def judge(
         freedoms=engine.freedoms(first.q),
         closures=fates,
         acceleration=acceleration,
-        effort=None if None in efforts else max(error for error in efforts if error is not None),
-        drift=None if opened is None else max(opened, default=0.0),
+        effort=effort,
         seconds=call_time(engine.call(first.q, first.v, first.force)),
         notes=engine.notes,
     )
@@ -156,33 +165,18 @@ def _difference(theirs: Array, ours: Array) -> float:
     return miss / size if size else miss
 
 
-def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float | None:
-    """Compare inverse dynamics on the freedoms that the closures leave; None if there is none."""
+def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float:
+    """Compare inverse dynamics on the freedoms that the closures leave."""
     forces = engine.inverse(state.q, state.v, state.a)
-    if forces is None:
-        return None
-    _, s, vt = np.linalg.svd(state.K) if len(state.K) else (None, np.zeros(0), np.eye(robot.nv))
-    rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if len(s) else 0
-    basis = vt[rank:] * robot.unit
+    _, s, vt = np.linalg.svd(state.K)
+    basis = vt[(s > DEPENDENT * s.max(initial=0.0)).sum() :] * robot.unit
     ours = np.zeros(robot.nv)
     ours[robot.motor_v] = state.tau
     return _difference(basis @ forces, basis @ ours) if len(basis) else 0.0
 
 
-def _simulated(robot: HybridRobot, engine: Engine, start: Array) -> list[float]:
-    """Return the largest residual of each closure over a simulation; infinite where it broke down."""
-    worst = np.zeros(len(closure_names(robot)))
-    try:
-        for q in engine.run(start, SECONDS):
-            worst = np.maximum(worst, np.nan_to_num(open_by(robot, q), nan=np.inf))
-    except (HybridynError, ArithmeticError, RuntimeError, ValueError):
-        worst[:] = np.inf
-    return [float(x) for x in worst]
-
-
-def call_time(call: object) -> float:
+def call_time(call: Callable[[], object]) -> float:
     """Return the median time of a call [s]."""
-    assert callable(call)
     times: list[float] = []
     end = time.perf_counter() + CALL_SECONDS
     for _ in range(CALLS):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -23,8 +23,8 @@ from .engine import NotComparableError
 #: Models that the benchmarks compare.
 Model = Literal["ddm", "idm"]
 MODELS: tuple[Model, ...] = get_args(Model)
-#: Engines, and where what they compute at settings is listed.
-ENGINES = {"pinocchio": "pinocchio_methods", "mujoco": "mujoco_engine"}
+#: Engines: package to ask for the version, and extra.
+ENGINES = {"pinocchio": ("pin", ""), "mujoco": ("mujoco", "mjcf")}
 Setting = Mapping[str, float]
 
 #: Positions, rates, and accelerations or efforts of some samples.
@@ -142,15 +142,23 @@ def each(solve: Solver, samples: Sequence[State]) -> list[Array]:
     return [solve(*sample) for sample in samples]
 
 
-def methods_of(engine: str, model: str) -> list[Method]:
-    """Return what an engine has for a model.
+def engine_file(engine: str) -> Any:
+    """Return the module of an engine: its `ways` for a robot, and its `METHODS`.
 
     Raises:
         ModelError: The engine is unknown.
     """
     if engine not in ENGINES:
         raise ModelError(
-            f"engine '{engine}' is not swept{did_you_mean(engine, ENGINES)}; known: {listed(ENGINES)}"
+            f"there is no engine '{engine}'{did_you_mean(engine, ENGINES)}; known: {listed(ENGINES)}"
         )
-    place = import_module(f"{__package__}.engines.{ENGINES[engine]}")
-    return [method for method in place.METHODS if method.model == model]
+    return import_module(f"{__package__}.engines.{engine}_engine")
+
+
+def methods_of(engine: str, model: str) -> list[Method]:
+    """Return what an engine has for a model.
+
+    Raises:
+        ModelError: The engine is unknown.
+    """
+    return [method for method in engine_file(engine).METHODS if method.model == model]

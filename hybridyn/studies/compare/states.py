@@ -171,15 +171,3 @@ def apart(robot: HybridRobot, q: Array, v: Array, a: Array) -> list[float]:
         second = closures.rates(m.spanning.sweep(qk, vk, ak), vk, ak)[1][0] * m.spanning_row_scale
         out += [float(np.abs(second[at]).max()) for at in closures.row_slices]
     return out
-
-
-def open_by(robot: HybridRobot, q: Array) -> list[float]:
-    """Compute the residual of each closure and coupling, over its module's length, as in `apart`."""
-    out: list[float] = []
-    for module in robot.modules:
-        m = module.mechanism
-        if m.spanning_closures.rows:
-            qk = q[None, module.q_index]
-            residual = m.residual(qk, m.spanning.sweep(qk))[0]
-            out += [float(np.abs(residual[at]).max()) for at in m.spanning_closures.row_slices]
-    return out

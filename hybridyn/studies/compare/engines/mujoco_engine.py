@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,9 @@ import numpy as np
 from ....errors import ModelError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ..engine import Engine, NotComparableError, Way, refuse_other_joints
+from ..engine import Engine, NotComparableError, OwnFile, refuse_other_joints
 from ..methods import Method, Setting, Solver, grid
-from ..own_file import OwnFile
+from ..states import DEPENDENT
 from .joinings import at_points
 
 #: Widths of MuJoCo's positions and velocities by its number for the kind of joint: free, ball, slide, hinge.
@@ -52,7 +53,6 @@ class MujocoEngine:
             model.opt.disableflags |= sum(int(bit) for bit in flags)
             model.opt.gravity[:] = robot.gravity
         self.data = mujoco.MjData(model)
-        self.step = float(model.opt.timestep)
         joints = [model.joint(i).name for i in range(model.njnt)]
         base = [name for i, name in enumerate(joints) if model.jnt_type[i] == 0]
         named = {robot.joints[0] if robot.base != "fixed" and name in base[:1] else name: i
@@ -154,53 +154,41 @@ class MujocoEngine:
 
     def freedoms(self, q: Array) -> int:
         """Count freedoms by the rank of the equalities' Jacobian."""
+        d = self.data
         self._set(q, np.zeros(self.robot.nv))
-        self.mujoco.mj_forward(self.model, self.data)
-        rows = np.zeros((self.data.nefc, self.model.nv))
-        if self.data.nefc:
-            if self.mujoco.mj_isSparse(self.model):
-                d = self.data
-                self.mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
-            else:
-                rows[:] = self.data.efc_J.reshape(rows.shape)
-        s = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(0)
-        return int(self.model.nv) - int((s > 1e-9 * max(s[0], 1e-300)).sum() if len(s) else 0)
-
-    def run(self, q: Array, seconds: float) -> list[Array]:
-        """Simulate with the file's integrator and time step."""
-        self._set(q, np.zeros(self.robot.nv))
-        out = []
-        steps = max(1, round(seconds / self.step))
-        for step in range(steps):
-            self.mujoco.mj_step(self.model, self.data)
-            if step % max(1, steps // 100) == 0 or step == steps - 1:
-                out.append(self.state()[0])
-        return out
+        self.mujoco.mj_forward(self.model, d)
+        if not d.nefc:
+            return int(self.model.nv)
+        rows = np.zeros((d.nefc, self.model.nv))
+        if self.mujoco.mj_isSparse(self.model):
+            self.mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
+        else:
+            rows[:] = d.efc_J.reshape(rows.shape)
+        return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=DEPENDENT))
 
 
-def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
+def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], Engine]]]:
     """Yield the ways into MuJoCo: by its reader, and by hybridyn's MJCF."""
     if own.format in ("URDF", "MJCF"):
-        yield f"its {own.format} reader", lambda: _read(robot, own)
+        yield f"its {own.format} reader", partial(_read, robot, own)
     if own.format != "MJCF":
-        yield "hybridyn convert to MJCF", lambda: _converted(robot)
+        yield "hybridyn convert to MJCF", partial(_converted, robot)
 
 
-def _compiled(text: str, folder: str | None = None) -> Any:
-    import mujoco
-
+def _compiled(load: Callable[[str], Any], given: str) -> Any:
     try:
-        if folder:
-            return mujoco.MjModel.from_xml_path(folder)
-        return mujoco.MjModel.from_xml_string(text)
+        return load(given)
     except ValueError as error:
         raise NotComparableError(f"MuJoCo refuses it: {' '.join(str(error).split())[:200]}") from None
 
 
 def _read(robot: HybridRobot, own: OwnFile) -> Engine:
     """Read the robot's own file with MuJoCo's reader."""
-    model = _compiled("", own.path) if own.format == "MJCF" else _compiled(own.text)
-    return MujocoEngine(robot, model, f"its {own.format} reader")
+    from mujoco import MjModel
+
+    own_path = own.format == "MJCF"
+    load, given = (MjModel.from_xml_path, own.path) if own_path else (MjModel.from_xml_string, own.text)
+    return MujocoEngine(robot, _compiled(load, given), f"its {own.format} reader")
 
 
 def _converted(robot: HybridRobot) -> Engine:
@@ -218,6 +206,8 @@ def converted(robot: HybridRobot) -> tuple[Any, tuple[str, ...]]:
     Raises:
         NotComparableError: It cannot be written, or MuJoCo refuses it.
     """
+    from mujoco import MjModel
+
     from ....conversion.convert import convert
 
     with tempfile.TemporaryDirectory() as folder:
@@ -226,7 +216,7 @@ def converted(robot: HybridRobot) -> tuple[Any, tuple[str, ...]]:
             done = convert(robot, file)
         except ModelError as error:
             raise NotComparableError(f"cannot be written as MJCF: {error}") from None
-        return _compiled("", str(file)), tuple(done.losses)
+        return _compiled(MjModel.from_xml_path, str(file)), tuple(done.losses)
 
 
 def closed(robot: HybridRobot, rigid: bool = True) -> MujocoEngine:

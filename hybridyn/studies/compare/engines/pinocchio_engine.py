@@ -1,9 +1,23 @@
-"""Pinocchio: the robot as its own readers see it, and with constraint models for its closures."""
+"""Pinocchio: the robot as its own readers see it, and with constraint models for its closures.
+
+Its algorithms are two solvers for closed loops, `aba` and `rnea` of trees, and `rnea` projected.
+
+The projection is the honest baseline of inverse dynamics. With K the closure rows, split into motors m and
+passive joints p, K v = 0 and Q the tree's efforts,
+
+    tau = Q_m - K_m^T K_p^-T Q_p,
+
+one solve of K_p: of all the robot at once (dense), or module after module, since a module's rows touch its
+own joints only. Where K_p is not square, the minimum-norm solution of the same rows. A cheaper baseline of
+equal accuracy is not known to us. `pin.rnea` of a robot with loops, which does not close them, is listed too:
+its time is a floor for whoever starts there, its efforts are another robot's.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +26,25 @@ import pinocchio as pin
 from ....description.records import Closure
 from ....spatial import Array, Index
 from ....structure.robot import HybridRobot
-from ..engine import Engine, NotComparableError, Way, refuse_other_joints
-from ..own_file import OwnFile
-from .joinings import joinings
+from ..engine import Engine, NotComparableError, OwnFile, refuse_other_joints
+from ..methods import Method, Model, Setting, Solver, grid
+from ..states import DEPENDENT
+from .joinings import at_points, joinings
 
 #: Proximal settings: accuracy, mu and iterations. Rows may be redundant, so mu is not zero.
 SETTINGS = (1e-14, 1e-10, 100)
+#: Of the proximal iterations: they end at their count, or when nothing changes any more.
+ACCURACY = 1e-15
+#: What is swept of the two solvers for closed loops, both proximal: the sparse Cholesky factors of the KKT
+#: matrix, and the loop-constrained articulated body algorithm, of linear cost.
+SWEPT = {
+    "constraintDynamics": grid(mu=(1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2), iterations=(1, 2, 3, 5, 10)),
+    "lcaba": grid(mu=(1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), iterations=(1, 2, 3, 4, 5, 6, 8, 10, 15)),
+}
+#: Most velocities: Pinocchio's Data holds several nv^3 tensors, 3 GB there.
+MOST = 400
+
+Parts = list[tuple[Index, Index, Index]]  # rows, motors and passive freedoms of each module
 
 
 class PinocchioEngine:
@@ -28,8 +55,6 @@ class PinocchioEngine:
         contacts, datas: The constraints.
         owners: Names of the closures that they state, where it is known.
     """
-
-    step = 1e-3
 
     def __init__(
         self, robot: HybridRobot, model: pin.Model, contacts: pin.StdVec_RigidConstraintModel, way: str,
@@ -84,55 +109,35 @@ class PinocchioEngine:
 
     def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
         """Return `constraintDynamics` at a state (`aba` where there is no constraint)."""
-        state = self._theirs(q, v, force)
+        state = (self.model, self.data, *self._theirs(q, v, force))
         if not len(self.contacts):
-            return lambda: pin.aba(self.model, self.data, *state)
-        return lambda: pin.constraintDynamics(
-            self.model, self.data, *state, self.contacts, self.datas, self.settings
-        )
+            return partial(pin.aba, *state)
+        return partial(pin.constraintDynamics, *state, self.contacts, self.datas, self.settings)
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:
         """Compute forces by `rnea`."""
         out: Array = np.array(pin.rnea(self.model, self.data, *self._theirs(q, v, a)))[self.v_at]
         return out
 
-    def freedoms(self, q: Array) -> int:
-        """Count freedoms by the rank of the constraints' Jacobian."""
-        if not len(self.contacts):
-            return int(self.model.nv)
-        (x,) = self._theirs(q)
-        pin.computeJointJacobians(self.model, self.data, x)
+    def rows(self, q: Array) -> Array:
+        """Return the constraints' Jacobian, shape (rows, nv), at Pinocchio's own positions."""
+        pin.computeJointJacobians(self.model, self.data, q)
         for contact, data in zip(self.contacts, self.datas, strict=True):
             contact.calc(self.model, self.data, data)
-        rows = np.asarray(pin.getConstraintsJacobian(self.model, self.data, self.contacts, self.datas))
-        s = np.linalg.svd(rows, compute_uv=False)
-        return int(self.model.nv) - int((s > 1e-9 * max(s[0], 1e-300)).sum())
+        K: Array = pin.getConstraintsJacobian(self.model, self.data, self.contacts, self.datas)
+        return K
 
-    def run(self, q: Array, seconds: float) -> list[Array]:
-        """Simulate by semi-implicit Euler steps; Pinocchio has no simulator of its own."""
-        (x,), v, out = self._theirs(q), np.zeros(self.model.nv), []
-        zero = np.zeros(self.model.nv)
-        for step in range(round(seconds / self.step)):
-            if len(self.contacts):
-                a = pin.constraintDynamics(
-                    self.model, self.data, x, v, zero, self.contacts, self.datas, self.settings
-                )
-            else:
-                a = pin.aba(self.model, self.data, x, v, zero)
-            v = v + self.step * np.asarray(a)
-            x = pin.integrate(self.model, x, self.step * v)
-            if step % 10 == 9:
-                posture, cosines = np.array(x)[self.q_at], self.q_at[self.turned]
-                posture[self.turned] = np.arctan2(x[cosines + 1], x[cosines])
-                out.append(posture)
-        return out
+    def freedoms(self, q: Array) -> int:
+        """Count freedoms by the rank of the constraints' Jacobian."""
+        rank = np.linalg.matrix_rank(self.rows(*self._theirs(q)), rtol=DEPENDENT) if len(self.contacts) else 0
+        return int(self.model.nv - rank)
 
 
-def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
+def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], Engine]]]:
     """Yield the ways into Pinocchio: by its reader, and by constraint models."""
     if own.format in ("URDF", "MJCF"):
-        yield f"its {own.format} reader", lambda: _read(robot, own)
-    yield "rigid constraints", lambda: with_constraints(robot)
+        yield f"its {own.format} reader", partial(_read, robot, own)
+    yield "rigid constraints", partial(with_constraints, robot)
 
 
 def _read(robot: HybridRobot, own: OwnFile) -> Engine:
@@ -188,3 +193,153 @@ def _contacts(robot: HybridRobot, model: pin.Model, closure: Closure) -> Iterato
         yield pin.RigidConstraintModel(
             contact, model, joint_a, at_a * pin.SE3(frame_a), joint_b, at_b * pin.SE3(frame_b)
         )
+
+
+def closed(robot: HybridRobot) -> PinocchioEngine:
+    """Return a robot with all its closures. Make one for each algorithm: they keep state in it.
+
+    Raises:
+        NotComparableError: It has closures or couplings that Pinocchio cannot state.
+    """
+    own = with_constraints(at_points(robot))
+    if own.notes:
+        raise NotComparableError(own.notes[0])
+    return own
+
+
+def loop_solver(own: PinocchioEngine, name: str) -> Callable[..., Array]:
+    """Prepare one of the solvers for loops; `lcaba` without the minimal ordering would end the process."""
+    if name == "lcaba":
+        pin.computeJointMinimalOrdering(own.model, own.data, own.contacts)
+    solve: Callable[..., Array] = getattr(pin, name)
+    return solve
+
+
+def direct(name: str, robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare a robot for one of them."""
+    own = closed(robot)
+    call, closures = loop_solver(own, name), (own.contacts, own.datas)
+
+    def at(setting: Setting) -> Solver:
+        settings = pin.ProximalSettings(ACCURACY, setting["mu"], int(setting["iterations"]))
+
+        def solve(q: Array, v: Array, tau: Array) -> Array:
+            return call(own.model, own.data, q, v, own.efforts(tau), *closures, settings)
+
+        return solve
+
+    return at
+
+
+def project(K: Array, Q: Array, motors: Index, passive: Index) -> Array:
+    """Return the motors' efforts (..., motors) that do the work of Q (..., nv)."""
+    K_p = np.swapaxes(K[..., passive], -1, -2)
+    if K_p.shape[-1] == K_p.shape[-2]:
+        forces = np.linalg.solve(K_p, Q[..., passive, None])
+    else:
+        forces = np.linalg.pinv(K_p, rcond=1e-10) @ Q[..., passive, None]
+    out: Array = Q[..., motors] - (np.swapaxes(K[..., motors], -1, -2) @ forces)[..., 0]
+    return out
+
+
+def projected(robot: HybridRobot) -> PinocchioEngine:
+    """Return a robot whose motors determine every motion, for the projection.
+
+    Raises:
+        NotComparableError: It has no closures, or passive motions that the motors do not determine.
+    """
+    if not robot.description.closures:
+        raise NotComparableError("no loops: pin.rnea alone does it")
+    if robot.mobility != len(robot.motors):
+        raise NotComparableError(
+            f"{robot.mobility} freedoms, {len(robot.motors)} motors: no projection onto them"
+        )
+    return closed(robot)
+
+
+def dense(robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Project with one solve for the whole robot."""
+    own, motors = projected(robot), robot.motor_v
+    passive = np.setdiff1d(np.arange(robot.nv), motors)
+
+    def solve(q: Array, v: Array, a: Array) -> Array:
+        K = own.rows(q)
+        return project(K, pin.rnea(own.model, own.data, q, v, a), motors, passive)
+
+    return lambda setting: solve
+
+
+def per_module(robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Project module after module; equal modules in one stacked solve."""
+    own = projected(robot)
+    alike: dict[tuple[int, int, int], Parts] = {}
+    for rows, motors, passive in _parts(robot, own):
+        alike.setdefault((len(rows), len(motors), len(passive)), []).append((rows, motors, passive))
+    groups = [tuple(np.array(x) for x in zip(*same, strict=True)) for same in alike.values()]
+
+    def solve(q: Array, v: Array, a: Array) -> Array:
+        K = own.rows(q)
+        Q = pin.rnea(own.model, own.data, q, v, a)
+        whole = Q.copy()
+        for rows, motors, passive in groups:
+            freedoms = np.concatenate([motors, passive], axis=1)
+            own_K = K[rows[:, :, None], freedoms[:, None, :]]
+            m = motors.shape[1]
+            split = np.arange(freedoms.shape[1])
+            whole[motors] = project(own_K, Q[freedoms], split[:m], split[m:])
+        out: Array = whole[robot.motor_v]
+        return out
+
+    return lambda setting: solve
+
+
+def _parts(robot: HybridRobot, own: PinocchioEngine) -> Parts:
+    """Return each module's rows of K, motors and passive freedoms; one without loops has no rows."""
+    rows: dict[str, list[int]] = {}
+    at = 0
+    for name, contact in zip(own.owners, own.contacts, strict=True):
+        size = 3 if contact.type == pin.ContactType.CONTACT_3D else 6
+        rows.setdefault(name, []).extend(range(at, at + size))
+        at += size
+    out = []
+    for module in robot.modules:
+        mine = [row for name in module.closures for row in rows[name]]
+        motors = np.array([i for i in robot.motor_v if i in module.v_index], dtype=int)
+        if mine:
+            out.append((np.array(mine, dtype=int), motors, np.setdiff1d(module.v_index, motors)))
+    return out
+
+
+def tree_alone(model: Model, closed: bool, robot: HybridRobot) -> Callable[[Setting], Solver]:
+    """Prepare `pin.aba` or `pin.rnea`; of a robot with loops, the tree cut open.
+
+    Raises:
+        NotComparableError: It has no loops where some are wanted, or the other way round; or couplings.
+    """
+    if robot.description.couplings:
+        raise NotComparableError("couplings of joints are no closures for Pinocchio")
+    if bool(robot.description.closures) != closed:
+        raise NotComparableError("no loops: listed as pin.rnea" if closed else "it has loops")
+    own, motors = robot.unchanged_model.copy(), robot.motor_v
+    data, efforts = own.createData(), np.zeros(robot.nv)
+
+    def direct(q: Array, v: Array, tau: Array) -> Array:
+        efforts[motors] = tau
+        a: Array = pin.aba(own, data, q, v, efforts)
+        return a.copy()
+
+    def inverse(q: Array, v: Array, a: Array) -> Array:
+        out: Array = pin.rnea(own, data, q, v, a)[motors]
+        return out
+
+    return lambda setting: direct if model == "ddm" else inverse
+
+
+METHODS = (
+    *(Method(f"pin.{name}", "ddm", partial(direct, name), swept, most=MOST) for name, swept in SWEPT.items()),
+    Method("pin.rnea + projection, dense", "idm", dense, most=MOST),
+    Method("pin.rnea + projection, per module", "idm", per_module, most=MOST),
+    Method("pin.rnea, loops open", "idm", partial(tree_alone, "idm", True), most=MOST),
+    Method("pin.aba", "ddm", partial(tree_alone, "ddm", False), most=MOST),
+    Method("pin.rnea", "idm", partial(tree_alone, "idm", False), most=MOST),
+)
