@@ -16,8 +16,7 @@ from .common.tables import Plan, TableCommand, Tables, run
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
     from ..effects import Effects
-    from ..streams.blocks import Rows
-    from ..streams.one_pass import Pass
+    from ..streams.one_pass import Pass, Rows
     from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
 
@@ -88,7 +87,7 @@ def accelerations(
     import numpy as np
 
     from ..dynamics.direct import direct_model
-    from ..streams.blocks import Rows
+    from ..streams.one_pass import Rows
     from ..tables.trajectory import base_acceleration
 
     given = block.motion.efforts

@@ -17,8 +17,7 @@ from .common.tables import Observer, Plan, TableCommand, Tables, run
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
     from ..effects import Effects
-    from ..streams.blocks import Rows
-    from ..streams.one_pass import Pass
+    from ..streams.one_pass import Pass, Rows
     from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
@@ -239,8 +238,8 @@ def efforts(
         compiled: The robot's compiled models, or None for the general path.
     """
     from ..dynamics.inverse import inverse_model
-    from ..streams.blocks import Rows
     from ..streams.departures import departures
+    from ..streams.one_pass import Rows
 
     if compiled is not None:
         before = compiled.recomputed

@@ -113,14 +113,13 @@ def command(
             raise click.UsageError("with --map, only --grid and -o apply")
         tell_map(load(), outputs, grid, output)
         return
-    from ..studies.workspace.flood import in_this_process
     from ..studies.workspace.workspace import workspace
 
     keep_freed_memory()
     started = time.perf_counter()
     robot = load()
     with contextlib.ExitStack() as opened, Progress("poses") as bar:
-        spread = opened.enter_context(Workers(jobs)).over if jobs and jobs > 1 else in_this_process
+        workers = opened.enter_context(Workers(0 if jobs in (None, 1) else jobs))
         found = workspace(
             robot,
             module,
@@ -129,7 +128,7 @@ def command(
             at=at,
             steps=steps,
             limits=not no_limits,
-            spread=spread,
+            spread=workers.over,
             progress=lambda poses: bar.show(poses, None),
         )
     _write(found, load, output)

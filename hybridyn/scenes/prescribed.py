@@ -15,8 +15,8 @@ from ..effects import Effects
 from ..simulation.result import Counters, Origin, Result
 from ..simulation.system import State
 from ..spatial import Array
-from ..streams.blocks import rows_at_once
 from ..streams.efforts import samples_counted_from
+from ..streams.one_pass import rows_at_once
 from ..structure.robot import HybridRobot
 from .references import Reference
 

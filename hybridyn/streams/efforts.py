@@ -12,7 +12,7 @@ from ..effects.choice import Effects
 from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .blocks import rows_at_once
+from .one_pass import rows_at_once
 
 
 def efforts_in_blocks(

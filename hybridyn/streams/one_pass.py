@@ -1,18 +1,106 @@
-"""One pass over a table: its rows become postures, and these go through a model, in the order of the rows."""
+"""One pass over a table: its rows become postures, and these go through a model, block by block, in order.
+
+This process reads the table and follows the postures, each from the one before, so that a trajectory stays on
+its assembly branch. The model may compute blocks in several processes at once. Blocks do not depend on the
+number of processes, so the results are the same bits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
-from .blocks import Done, Model, Work, blocks, in_order, rows_at_once
-from .postures import Assemble, Postures, postures
+from ..errors import TrajectoryError
+from .postures import Assemble, Postures, postures, rows_named
 
 if TYPE_CHECKING:
+    from ..description.records import Array
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
     from ..tables.table import Table
+    from .departures import Departure
     from .workers import Workers
+
+#: Positions in a block, so that its arrays stay near the cache, which processes share.
+NUMBERS_AT_ONCE = 84_000
+#: Maximum number of rows in a block: enough for a batch, few enough to share a short table among processes.
+MOST_ROWS = 1_000
+
+
+class Rows(NamedTuple):
+    """Results of a model at some postures.
+
+    Attributes:
+        result: Rows of the result, shape (T, columns).
+        reactions: Rows of the reactions, shape (T, columns), or None.
+        handed_over: Samples that compiled models handed to the general path.
+        left: Joint limits that are exceeded.
+        residual: Closure residuals of the postures, shape (T,), where the model computed them, or None.
+    """
+
+    result: Array
+    reactions: Array | None = None
+    handed_over: int = 0
+    left: tuple[Departure, ...] = ()
+    residual: Array | None = None
+
+
+Model = Callable[["HybridRobot", Postures], Rows]
+
+
+class Done(NamedTuple):
+    """Results of a block.
+
+    Attributes:
+        first_row: Number of its first row in the table.
+        time: Times of its rows, shape (T,), [s], or None.
+        rows: Rows of the result, shape (T, columns).
+        reactions: Rows of the reactions, shape (T, columns), or None.
+        residual: Relative closure residuals, shape (T,).
+        handed_over: Samples that compiled models handed to the general path.
+        left: Joint limits that are exceeded.
+    """
+
+    first_row: int
+    time: Array | None
+    rows: Array
+    reactions: Array | None
+    residual: Array
+    handed_over: int = 0
+    left: tuple[Departure, ...] = ()
+
+
+def compute(robot: HybridRobot, layout: Layout, model: Model, block: Postures) -> Done:
+    """Compute a block.
+
+    Args:
+        layout: The meaning of the table's columns.
+        model: The model to evaluate.
+        block: The postures.
+
+    Raises:
+        HybridynError: A row is wrong; the message names file and row.
+    """
+    import numpy as np
+
+    from ..assembly.task import closure_residual
+
+    with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
+        with rows_named(layout, block.motion):
+            made = model(robot, block)
+        residual = closure_residual(robot, block.q) if made.residual is None else made.residual
+    wrong = np.flatnonzero(~np.isfinite(made.result).all(axis=1))
+    row, time = block.motion.first_row, block.motion.time
+    if len(wrong):
+        message = "the results are not finite: the numbers of this row are too large"
+        raise TrajectoryError(message, file=layout.file, row=row + int(wrong[0]))
+    return Done(row, time, made.result, made.reactions, residual, made.handed_over, made.left)
+
+
+def rows_at_once(robot: HybridRobot) -> int:
+    """Return the number of rows in a block: fewer for large robots, whatever the number of processes."""
+    return max(1, min(MOST_ROWS, NUMBERS_AT_ONCE // max(robot.nq, 1)))
 
 
 class Pass:
@@ -53,43 +141,36 @@ class Pass:
             efforts=efforts, passive=robot.mobility - 6 * (robot.base == "floating") - len(robot.motors),
         )  # fmt: skip
 
-    @property
-    def connected(self) -> bool:
-        """Whether each posture follows the one before: the table has times, and is assembled."""
-        return self.layout.time is not None and not self.layout.full_state
-
     def blocks(self, model: Model, assemble: Assemble | None, workers: Workers) -> Iterator[Done]:
-        """Yield the results of a model, block by block.
+        """Return the results of a model, block by block.
 
         Args:
-            assemble: Assembles the rows; None for the general path.
-            workers: The processes; if there are none, this process computes.
+            assemble: Assembles the rows; None for the general path, in C where the rows are many.
+            workers: The processes.
 
         Raises:
             HybridynError: A row is wrong, the first one of all; the message names file and row.
         """
-        from ..tables.trajectory import read_motions
+        work = partial(compute, self.robot, self.layout, model)
+        return workers.over(work, ((block,) for block in self.postures(assemble)))
 
-        work = Work(self.robot, self.layout, model, assemble)
-        workers.prepare(work)
-        given = blocks(read_motions(self.table, self.layout), rows_at_once(self.robot), self.connected)
-        return in_order(work, given, workers)
+    def postures(self, assemble: Assemble | None = None) -> Iterator[Postures]:
+        """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
+        import numpy as np
 
-    def postures(self) -> Postures:
-        """Return the postures of all rows, computed in C where they are many.
-
-        Raises:
-            HybridynError: A row is wrong, or cannot be assembled.
-        """
         from ..compiled.programs.closing.assembling import TableAssembler
         from ..tables.trajectory import read_motions
 
-        found: list[Postures] = []
-        assemble = TableAssembler(self.robot)
+        assemble, rows = assemble or TableAssembler(self.robot), rows_at_once(self.robot)
+        connected = self.layout.time is not None and not self.layout.full_state
+        guess = None
         for motion in read_motions(self.table, self.layout):
-            guess = found[-1].q[-1] if found and self.connected else None
-            found.append(postures(self.robot, motion, self.layout, guess, assemble))
-        return Postures.joined(found)
+            for start in range(0, motion.size, rows):
+                with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
+                    part = motion.part(start, start + rows)
+                    block = postures(self.robot, part, self.layout, guess, assemble)
+                yield block
+                guess = block.q[-1] if connected else None
 
 
 def read_postures(robot: HybridRobot, file: str) -> tuple[Layout, Postures]:
@@ -98,4 +179,4 @@ def read_postures(robot: HybridRobot, file: str) -> tuple[Layout, Postures]:
 
     with open_table(file) as table:
         whole = Pass(robot, table)
-        return whole.layout, whole.postures()
+        return whole.layout, Postures.joined([*whole.postures()])

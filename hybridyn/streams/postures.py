@@ -40,11 +40,6 @@ class Postures(NamedTuple):
     v: Array
     a: Array
 
-    def after(self, lead: int) -> Postures:
-        """Return the samples without the first `lead` ones."""
-        rest = self.motion.part(lead, self.motion.size)
-        return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
-
     @staticmethod
     def joined(parts: Sequence[Postures]) -> Postures:
         """Return the samples of consecutive parts of a table."""

@@ -1,4 +1,4 @@
-"""Worker processes for the blocks of a table, newly started: `concurrent.futures` with results in order.
+"""Worker processes, newly started: `concurrent.futures` with results in the order of the tasks.
 
 No process with threads or with Pinocchio's memory is forked. Ctrl-C reaches only this process, which ends the
 workers; if it dies for any reason, the workers end.
@@ -6,15 +6,14 @@ workers; if it dies for any reason, the workers end.
 
 from __future__ import annotations
 
+import functools
 import os
 import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import HybridynError
 from .memory import keep_freed_memory
@@ -22,11 +21,8 @@ from .memory import keep_freed_memory
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-
-class Failure(NamedTuple):
-    """The result of a task that raised an error."""
-
-    error: Exception
+#: Tasks that are given to each process at once.
+TASKS_EACH = 2
 
 
 class Workers:
@@ -36,10 +32,9 @@ class Workers:
         """Start the processes; they import modules while the caller continues.
 
         Args:
-            count: Number of processes, 0 for none.
+            count: Number of processes; with 0, this process works.
         """
-        self._count, self._text = count, b""
-        self._waiting: deque[Future[Any]] = deque()
+        self.count = count
         if not count:
             return
         from concurrent.futures import ProcessPoolExecutor  # most tables need one process only
@@ -53,71 +48,61 @@ class Workers:
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
-    def __len__(self) -> int:
-        return self._count
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if self:
+        if self.count:
             self._executor.shutdown(cancel_futures=True)
-        self._count = 0
-
-    def prepare(self, work: object) -> None:
-        """Set the function for the tasks, which every process unpacks once."""
-        self._text = pickle.dumps(work, protocol=pickle.HIGHEST_PROTOCOL) if self else b""
-
-    def give(self, arguments: tuple[Any, ...]) -> None:
-        """Give a task; there are at most as many tasks as processes."""
-        assert len(self._waiting) < len(self)
-        with _alive():
-            self._waiting.append(self._executor.submit(_called, self._text, arguments))
-
-    def take(self) -> Any:
-        """Wait for the result of the oldest task, or its `Failure`.
-
-        Raises:
-            HybridynError: A process has ended.
-        """
-        with _alive():
-            return self._waiting.popleft().result()
 
     def over(self, work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-        """Apply a function to tuples of arguments in all processes, and yield the results in order.
+        """Apply a function to tuples of arguments, and yield the results in order.
 
         Args:
-            work: The function, the same one at every call.
+            work: The function; a process unpacks it once, as long as it is the same.
+            tasks: The arguments; only some are held at once.
 
         Raises:
-            Exception: The first one that the function raises.
+            HybridynError: The first error of the function or of `tasks` in the order of the tasks, or a
+                process has ended.
         """
-        if not self._text:
-            self.prepare(work)
-        with _alive():
-            for result in self._executor.map(partial(_called, self._text), tasks):
-                if isinstance(result, Failure):
-                    raise result.error
-                yield result
+        if not self.count:
+            for task in tasks:
+                yield work(*task)
+            return
+        text = pickle.dumps(work, protocol=pickle.HIGHEST_PROTOCOL)
+        waiting: deque[Future[Any]] = deque()
+        for future in self._given(text, tasks):
+            waiting.append(future)
+            if len(waiting) > TASKS_EACH * self.count:
+                yield _result(waiting.popleft())
+        yield from map(_result, waiting)
+
+    def _given(self, text: bytes, tasks: Iterable[tuple[Any, ...]]) -> Iterator[Future[Any]]:
+        """Give tasks to the processes; an error of a task is the last result, after those before it."""
+        from concurrent.futures import BrokenExecutor, Future
+
+        try:
+            for task in tasks:
+                yield self._executor.submit(_called, text, task)
+        except (HybridynError, BrokenExecutor) as error:
+            wrong: Future[Any] = Future()
+            wrong.set_exception(error)
+            yield wrong
 
 
-@contextmanager
-def _alive() -> Iterator[None]:
-    """Say in one line that a process has ended."""
-    from concurrent.futures.process import BrokenProcessPool
+def _result(future: Future[Any]) -> Any:
+    """Return a result; say in one line that a process has ended."""
+    from concurrent.futures import BrokenExecutor
 
     try:
-        yield
-    except BrokenProcessPool:
+        return future.result()
+    except BrokenExecutor:
         raise HybridynError(
             "a worker process ended without a result; if memory ran out, use fewer --jobs"
         ) from None
-
-
-#: The function of this process's tasks, by its text.
-_kept: dict[bytes, Any] = {}
 
 
 def _begin() -> None:
@@ -139,12 +124,12 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
+@functools.lru_cache(1)
+def _unpacked(text: bytes) -> Any:
+    """Return the function of a text."""
+    return pickle.loads(text)
+
+
 def _called(text: bytes, arguments: tuple[Any, ...]) -> Any:
-    """Call the function of a text; an error is its `Failure`."""
-    if text not in _kept:
-        _kept.clear()
-        _kept[text] = pickle.loads(text)
-    try:
-        return _kept[text](*arguments)
-    except Exception as error:
-        return Failure(error)
+    """Call the function of a text."""
+    return _unpacked(text)(*arguments)

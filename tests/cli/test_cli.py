@@ -5,6 +5,7 @@ import math
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,11 +14,12 @@ import numpy as np
 import pytest
 
 import hybridyn
+import hybridyn.compiled.programs.closing.assembling as assembling
 from hybridyn.cli import COMMANDS, commands, main
 from hybridyn.cli.common.progress import Progress
 from hybridyn.cli.common.text import aligned_rows
 from hybridyn.errors import AT_SAMPLE, AssemblyError
-from hybridyn.streams.blocks import MOST_ROWS
+from hybridyn.streams.one_pass import MOST_ROWS
 from hybridyn.tables.opening import open_table
 from tests import ROOT
 from tests.clocks import Clock
@@ -240,7 +242,7 @@ def test_a_five_bar_from_its_motors_or_its_full_state(run, tmp_path: Path) -> No
 
 
 class Assembled:
-    """Stands for `hybridyn.assemble`: remembers what it was asked, fails on demand."""
+    """Stands for `TableAssembler`: remembers what it was asked, fails on demand."""
 
     def __init__(self, fail_at: float = np.inf) -> None:
         self.calls: list[dict[str, object]] = []
@@ -261,15 +263,16 @@ class Assembled:
 
 def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, monkeypatch) -> None:
     assembled = Assembled()
-    monkeypatch.setattr(hybridyn, "assemble", assembled)
+    monkeypatch.setattr(assembling, "TableAssembler", lambda robot: partial(assembled, robot))
     time_ = 0.001 * np.arange(4_500)
     path = save(tmp_path, table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])), "traj.csv")
     out = run("idm", arm, path, "--engine", "general").out
     assert len(out.splitlines()) == 4_501
     assert len(assembled.calls) == math.ceil(4_500 / MOST_ROWS)
-    assert [call["guess"] for call in assembled.calls] == [None] * len(assembled.calls)
-    second = assembled.calls[1]["platforms"]["tool"][0]["z"]
-    assert second[0] == pytest.approx(time_[MOST_ROWS - 1])  # it begins with the last row of the first
+    first, *guesses = [call["guess"] for call in assembled.calls]
+    assert first is None
+    ends = [call["platforms"]["tool"][0]["z"][-1] for call in assembled.calls]
+    assert [guess[0] for guess in guesses] == ends[:-1]  # each begins where the one before ends
     assembled.fail_at = 2.5
     message = "module 'arm': no way from the one before, pass --passive solved"
     err = run("idm", arm, path, "--engine", "general", status=1).err
@@ -278,7 +281,7 @@ def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, mon
 
 def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, monkeypatch) -> None:
     assembled = Assembled(fail_at=3.0)
-    monkeypatch.setattr(hybridyn, "assemble", assembled)
+    monkeypatch.setattr(assembling, "TableAssembler", lambda robot: partial(assembled, robot))
     header = ["tool/pose/z", "tool/velocity/z", "tool/acceleration/z"]
     path = save(tmp_path, table_text(header, np.zeros((4, 3))), "traj.csv")
     run("idm", arm, path, "--engine", "general")

@@ -11,7 +11,7 @@ import pytest
 import hybridyn
 import hybridyn.cli.common.engine as engine
 import hybridyn.compiled.programs.closing.assembling as assembling
-import hybridyn.streams.blocks as blocks
+import hybridyn.streams.one_pass as blocks
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.tables.columns import Layout
 from tests import ROOT

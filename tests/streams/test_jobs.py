@@ -9,19 +9,18 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.cli.common.tables import _processes
-from hybridyn.errors import AssemblyError, HybridynError, TrajectoryError
-from hybridyn.streams import blocks as blocks_file
-from hybridyn.streams.blocks import LONG_FOR_COMPILED, Block, Done, blocks, in_order, rows_at_once
-from hybridyn.streams.workers import Failure, Workers
+from hybridyn.cli.common.tables import LONG_FOR_COMPILED, _processes
+from hybridyn.errors import AssemblyError, TrajectoryError
+from hybridyn.streams import one_pass
+from hybridyn.streams.one_pass import rows_at_once
+from hybridyn.streams.workers import Workers
 from hybridyn.tables.opening import open_table
-from hybridyn.tables.trajectory import Motion
 from tests import ROOT
 from tests.command_line import program, table_text
 from tests.comparing import refused
@@ -34,7 +33,7 @@ FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
 
 @pytest.fixture
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks_file, "MOST_ROWS", 130)
+    monkeypatch.setattr(one_pass, "MOST_ROWS", 130)
 
 
 def periodic_table() -> tuple[list[str], np.ndarray]:
@@ -70,7 +69,7 @@ def test_the_same_numbers_as_one_process(run, tmp_path: Path, small_blocks) -> N
 @pytest.mark.slow
 def test_the_same_bits_for_a_robot_of_many_modules(run, tmp_path: Path, monkeypatch) -> None:
     """Its first block begins at home in both, but travels to another process packed."""
-    monkeypatch.setattr(blocks_file, "MOST_ROWS", 10)
+    monkeypatch.setattr(one_pass, "MOST_ROWS", 10)
     lines = (ROOT / "models/lx4/traj.csv").read_text().splitlines()
     path = save(tmp_path, "\n".join(lines[:27]), "traj.csv")
     one, two = (run("idm", "lx4", path, "-j", jobs, "--engine", "general").out for jobs in (1, 2))
@@ -194,125 +193,6 @@ def test_a_process_that_dies_is_an_error(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-# -------------------------------------------------------------------- blocks
-
-
-def motion(first_row: int, size: int, *, timed: bool = True) -> Motion:
-    x = np.arange(first_row, first_row + size, dtype=float)
-    return Motion(
-        first_row,
-        size,
-        x if timed else None,
-        joints={"j": (x, x, x)},
-        wrenches={"l": np.outer(x, np.ones(6))},
-    )
-
-
-@pytest.mark.parametrize("connected", [True, False])
-def test_blocks_have_the_row_before_them_in_front(connected: bool) -> None:
-    made = list(blocks([motion(1, 5), motion(6, 4)], 2, connected))
-    own = [block.motion.time[block.lead :].tolist() for block in made]
-    assert own == [[1, 2], [3, 4], [5], [6, 7], [8, 9]]
-    assert [block.lead for block in made] == [0, *[int(connected)] * 4]
-    for block in made:
-        rows = np.arange(block.motion.first_row, block.motion.first_row + block.motion.size)
-        assert block.motion.size == len(rows)
-        assert np.array_equal(block.motion.time, rows)
-        assert np.array_equal(block.motion.joints["j"][2], rows)
-        assert np.array_equal(block.motion.wrenches["l"][:, 5], rows)
-
-
-class Walk:
-    """Stands for a robot whose posture is the row's number plus what it started from, 0 or 100."""
-
-    def __init__(self, start: float = 0.0, fail_at: int | None = None) -> None:
-        self.start, self.fail_at = start, fail_at
-
-    def __call__(self, block: Block, guess: Any) -> Done:
-        """Walk along the rows."""
-        x = block.motion.time
-        branch = self.start if guess is None else guess[0] - x[0] if block.lead else 0.0
-        if self.fail_at is not None and (x == self.fail_at).any():
-            raise TrajectoryError("no", row=self.fail_at)
-        q = (x + branch)[:, None]
-        own = len(x) - block.lead
-        return Done(int(x[block.lead]), x[block.lead :], q[block.lead :], None, 0 * x, q[0], q[-1], own)
-
-
-class SameProcess:
-    """Stands for `Workers`, with another function for those that start from a guess."""
-
-    def __init__(self, work: Any, count: int) -> None:
-        self.work, self.count = work, count
-        self.results: list[Any] = []
-        self.most = 0
-
-    def __len__(self) -> int:
-        return self.count
-
-    def give(self, arguments: Any) -> None:
-        """Do it at once."""
-        try:
-            self.results.append(self.work(*arguments))
-        except HybridynError as error:
-            self.results.append(Failure(error))
-        self.most = max(self.most, len(self.results))
-
-    def take(self) -> Any:
-        """Return the oldest result."""
-        return self.results.pop(0)
-
-
-@pytest.mark.parametrize("elsewhere", [0.0, 100.0])
-def test_a_block_on_another_branch_is_done_again(elsewhere: float) -> None:
-    workers = SameProcess(lambda block, guess: Walk(elsewhere if block.lead else 0.0)(block, guess), 3)
-    given = blocks([motion(1, 50)], 4, True)
-    found = list(in_order(Walk(), given, workers))
-    rows = np.vstack([done.rows for done in found])
-    assert rows[:, 0].tolist() == list(range(1, 51))
-    assert sum(done.handed_over for done in found) == 50
-    assert workers.most == 3
-    assert not workers.results
-
-
-@pytest.mark.parametrize("elsewhere", [(), (7,), (7, 8), (5, 7, 8, 12)])
-def test_one_process_takes_what_several_take(elsewhere: tuple[int, ...]) -> None:
-    """Blocks that a guess leads astray are done again; after two in a row guesses are left; by all alike."""
-
-    class Rounded(Walk):
-        """A walk whose last digits tell whether it began at home."""
-
-        def __call__(self, block: Block, guess: Any) -> Done:
-            number = int(block.motion.time[block.lead]) // 4
-            self.start = 100.0 if guess is None and number in elsewhere else 0.0
-            done = super().__call__(block, guess)
-            return done._replace(rows=done.rows + 1e-13 * (guess is None))
-
-    found = []
-    for count in (0, 1, 2, 5):
-        workers = SameProcess(Rounded(), count)
-        given = blocks([motion(1, 60)], 4, True)
-        found.append(np.vstack([done.rows for done in in_order(Rounded(), given, workers)]).tobytes())
-    assert found == found[:1] * 4
-
-
-def test_a_failure_of_a_guess_is_no_failure() -> None:
-    workers = SameProcess(lambda block, guess: Walk(0.0, 9 if block.lead else None)(block, guess), 2)
-    given = blocks([motion(1, 20)], 4, True)
-    rows = np.vstack([done.rows for done in in_order(Walk(), given, workers)])
-    assert rows[:, 0].tolist() == list(range(1, 21))
-
-
-def test_the_first_error_in_order_of_rows_is_raised() -> None:
-    def rows() -> Any:
-        yield from blocks([motion(1, 12)], 4, True)
-        raise TrajectoryError("the table", row=13)
-
-    for fail_at, wanted in ((6, 6), (None, 13)):
-        done = in_order(Walk(0.0, fail_at), rows(), SameProcess(Walk(0.0, fail_at), 4))
-        refused(partial(list, done), TrajectoryError, "", row=wanted)
-
-
 # -------------------------------------------------------------------- processes
 
 
@@ -329,18 +209,37 @@ def test_robots_and_errors_travel() -> None:
     assert (str(named), named.row) == ("t.csv, row 7: wrong", 7)
 
 
-def test_workers_answer_in_turn_and_give_their_errors() -> None:
+def rows(last: int) -> Iterator[tuple[int, int]]:
+    """Yield tasks, then the error of a table."""
+    for row in range(last):
+        yield 60, row
+    raise TrajectoryError("the table", row=last)
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_results_come_in_order_and_so_do_errors(count: int) -> None:
+    with Workers(count) as workers:
+        assert list(workers.over(divmod, ((60, row) for row in range(1, 30)))) == [
+            divmod(60, row) for row in range(1, 30)
+        ]
+        found = workers.over(pow, rows(9))
+        assert [next(found) for _ in range(9)] == [60**row for row in range(9)]
+        refused(partial(next, found), TrajectoryError, "the table", row=9)
+        with pytest.raises(ZeroDivisionError):  # of the first task, whatever comes later
+            list(workers.over(divmod, rows(9)))
+
+
+def test_only_some_tasks_are_held_at_once() -> None:
+    taken: list[int] = []
+
+    def tasks() -> Iterator[tuple[int, int]]:
+        for row in range(1, 1000):
+            taken.append(row)
+            yield 60, row
+
     with Workers(2) as workers:
-        workers.prepare(divmod)
-        workers.give((7, 2))
-        workers.give((7, 0))
-        assert workers.take() == (3, 1)
-        workers.give((9, 2))
-        failure = workers.take()
-        assert isinstance(failure, Failure)
-        assert isinstance(failure.error, ZeroDivisionError)
-        assert workers.take() == (4, 1)
-    assert len(workers) == 0
+        next(workers.over(divmod, tasks()))
+    assert len(taken) < 10
 
 
 def test_how_many_processes_and_rows(tmp_path: Path) -> None:

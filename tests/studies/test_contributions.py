@@ -131,7 +131,7 @@ def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -
     robot, q, v, a = near_home()
     weight = np.abs(hybridyn.idm(robot, q, 0 * v, 0 * a, effects=["gravity", "leg_inertia"])).max()
     whole = Worth(robot, q, v, a, choose(robot, None))
-    monkeypatch.setattr("hybridyn.streams.blocks.NUMBERS_AT_ONCE", 2 * robot.nq)
+    monkeypatch.setattr("hybridyn.streams.one_pass.NUMBERS_AT_ONCE", 2 * robot.nq)
     parts = Worth(robot, q, v, a, choose(robot, None))
     assert np.abs(parts.full - whole.full).max() < LINEAR * weight
     q[3, 1] += 0.5

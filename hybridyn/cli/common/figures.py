@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...figures.panels import Chart
-    from ...streams.blocks import Done
+    from ...streams.one_pass import Done
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
 

@@ -17,7 +17,7 @@ from .text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ...effects import Effects
-    from ...streams.blocks import Done, Rows
+    from ...streams.one_pass import Done, Rows
     from ...streams.postures import Postures
     from ...structure.robot import HybridRobot
     from ...studies.sizing import MotorLoad

@@ -12,7 +12,7 @@ from .text import counted
 
 if TYPE_CHECKING:
     from ...description.records import Array
-    from ...streams.blocks import Done, Rows
+    from ...streams.one_pass import Done, Rows
     from ...streams.postures import Postures
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
@@ -59,7 +59,7 @@ def map_rows(
         efforts: Computes the efforts of a block, or None where they are not wanted.
     """
     from ...dynamics.quantities.joint_map import joint_map
-    from ...streams.blocks import Rows
+    from ...streams.one_pass import Rows
     from ...studies import map_table
 
     found = joint_map(robot, block.q, joints)

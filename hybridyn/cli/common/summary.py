@@ -11,7 +11,7 @@ from .text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ...effects import Effects
-    from ...streams.blocks import Done
+    from ...streams.one_pass import Done
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
     from .engine import Engine

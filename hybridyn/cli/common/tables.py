@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import click
 
-from ...streams.blocks import LONG_FOR_COMPILED, LONG_TABLE, Model
 from ...streams.memory import keep_freed_memory
 from ...streams.postures import Assemble
 from ...streams.workers import Workers
@@ -23,11 +22,16 @@ from .report import report_file
 from .text import counted
 
 if TYPE_CHECKING:
-    from ...streams.blocks import Done
-    from ...streams.one_pass import Pass
+    from ...streams.one_pass import Done, Model, Pass
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
     from ...tables.table import Table
+
+
+#: Numbers in a table above which several processes pay: about three seconds of work for one.
+LONG_TABLE = 300_000
+#: The same with compiled models: about two seconds, of which another process takes half a second to start.
+LONG_FOR_COMPILED = 3_000_000
 
 
 class Observer(Protocol):
@@ -258,7 +262,7 @@ def run(
                 write(done)
                 samples += len(done.rows)
                 progress.show(samples, table.fraction())
-        jobs = max(len(workers), 1)
+        jobs = max(workers.count, 1)
     finished = time.perf_counter()
     for observer in observers:
         observer.show(layout, tables.quiet)
