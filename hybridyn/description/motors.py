@@ -42,7 +42,6 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     statement = _drop_absent_joints(robot, stated[0])
     if statement.refusal:
         raise ModelError(statement.refusal, file=statement.file, line=statement.line)
-    _note_passive(robot, statement)
     return _checked(robot, statement), statement.where
 
 
@@ -57,22 +56,6 @@ def _drop_absent_joints(robot: RobotFile, statement: MotorStatement) -> MotorSta
         return statement
     robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
     return statement._replace(names=tuple(name for name in statement.names if name not in lost))
-
-
-def _note_passive(robot: RobotFile, chosen: MotorStatement) -> None:
-    """Note joints that are stated as independent but have no transmission, in a robot with closures.
-
-    In a tree, `lost_loops` reports every joint without a transmission as a sign of lost loops.
-    """
-    if chosen.source != "transmission" or not robot.closures:
-        return
-    stated = [name for other in robot.motors if other.source == "independent" for name in other.names]
-    missing = [name for name in stated if name not in chosen.names]
-    if missing:
-        robot.notes.append(
-            f"<transmission> drives {len(chosen.names)} joints and leaves these passive: {listed(missing)}; "
-            "if they are driven too, write motors = [..] in model.toml or pass motors=[..]"
-        )
 
 
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:

@@ -1,7 +1,6 @@
 """Build the closures that the names of frames state, where the file itself states none.
 
-In Gepetto's models without a side-car, frames whose names contain `closedloop<N>`, two for every N, are
-welded. A mate of onshape-to-robot that closes a loop becomes two frames, `closing_<x>_1` and `closing_<x>_2`.
+A mate of onshape-to-robot that closes a loop becomes two frames, `closing_<x>_1` and `closing_<x>_2`.
 A revolute mate has two more, `closing_<x>_1_z` and `closing_<x>_2_z`, on its axis: two pairs of points that
 coincide are a hinge. URDF does not say whether a mate without them is a ball or fastened; it is read as a
 ball, unless `[closures]` of model.toml says "fixed".
@@ -10,7 +9,6 @@ ball, unless `[closures]` of model.toml says "fixed".
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,12 +18,10 @@ from .groups import Groups
 from .names import listed
 from .placement import poses_at_zero, relative, rotation_to_axis
 from .records import Array, Closure
-from .robot_file import MotorStatement, RobotFile
+from .robot_file import RobotFile
 
 CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
-WELDED = re.compile(r"closedloop(\d+)")
 CLOSING = re.compile(r"closing_(.+)_([12](?:_z)?)")
-HINGES = ("revolute", "continuous")
 
 #: Largest relative difference of the distances to the two points on an axis: files print them with 6 digits.
 SAME_DISTANCE = 1e-5
@@ -35,40 +31,6 @@ def weld_or_point(name: str, kind: str, link_a: str, link_b: str, line: int | No
     """Return the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
     sides = (link_a, np.eye(4)), (link_b, np.eye(4))
     return closure_of(name, kind, sides, form=CLOSURE_TYPES[kind], line=line)
-
-
-def apply_welded_frames(robot: RobotFile) -> None:
-    """Add the closures and motors of Gepetto's names: `closedloop<N>`, `spherical` for balls, `motor`.
-
-    Raises:
-        ModelError: The number of frames for an N is not two.
-    """
-    frames = {link.name: link.name for link in robot.links}
-    frames |= {joint.name: joint.child for joint in robot.joints}
-    pairs: dict[str, dict[str, None]] = {}
-    for name, link in frames.items():
-        if (match := WELDED.search(name)) and "frame" not in name:
-            pairs.setdefault(match[1], {})[link] = None
-    if not pairs or robot.closures:
-        return
-    for number, links in pairs.items():
-        if len(links) != 2:
-            raise ModelError(
-                f"{len(links)} frames are named closedloop{number} instead of two: {listed(links)}; "
-                "list the pairs in a side-car robot.yaml (closed_loop)",
-                file=robot.file,
-            )
-        link_a, link_b = links
-        robot.closures.append(weld_or_point("-".join(links), "6d", link_a, link_b, None))
-    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind in HINGES}
-    robot.joints = [replace(j, kind="spherical") if j.name in balls else j for j in robot.joints]
-    motors = tuple(j.name for j in robot.joints if "motor" in j.name and j.kind in (*HINGES, "prismatic"))
-    if motors:
-        robot.motors.append(MotorStatement("names", "joints that are named 'motor'", motors, robot.file))
-    robot.notes.append(
-        "no side-car: frames named closedloop are welded pairwise, "
-        f"{len(balls)} joints named spherical are balls"
-    )
 
 
 def apply_closing_frames(robot: RobotFile) -> None:

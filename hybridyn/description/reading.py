@@ -14,12 +14,12 @@ from pathlib import Path
 from ..errors import ModelError
 from .files_read import record
 from .motors import choose_motors
-from .named_frames import apply_closing_frames, apply_welded_frames
+from .named_frames import apply_closing_frames
 from .names import counted, listed
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
-from .urdf.foreign import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars, unread_form
+from .urdf.foreign import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
 from .validate import validate
@@ -146,7 +146,7 @@ def complete(
 
 
 def _read_side_cars(robot: RobotFile, file: str) -> None:
-    """Add the closures and motors of a side-car; if there is none, add those that frame names state."""
+    """Add the closures and motors of a side-car, and those that frame names state."""
     folder = Path(file).parent
     side_car, mechanisms = find_side_car(file), find_submechanisms(file)
     if side_car is not None:
@@ -158,8 +158,6 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
         from .side_cars.yaml_file import read_yaml
 
         apply_submechanisms(robot, read_yaml(read_bytes(str(mechanisms)), str(mechanisms)))
-    else:
-        apply_welded_frames(robot)
     apply_closing_frames(robot)
     refuse_unread_side_cars(robot, folder)
 
@@ -206,7 +204,7 @@ def open_file(
     """Return the root element of a file, of one model if the path names it, and notes of XML and xacro."""
     file, model = split_model(path)
     text = read_bytes(file)
-    root = None if file.endswith(".xacro") else _parsed(text, file)
+    root = None if file.endswith(".xacro") else parse(USD if text.startswith(USD_STARTS) else text, file)
     if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):
         expanded, notes = expand(file, xacro_args, package_dirs)
         root = parse(expanded, file, placed=True)
@@ -219,20 +217,6 @@ def open_file(
 
         keep_model(root, model)
     return root, notes
-
-
-def _parsed(text: bytes, file: str) -> Node:
-    """Parse a robot file; if it is not XML, add its recognised format to the error.
-
-    Raises:
-        ModelError: The text is not well-formed XML.
-    """
-    try:
-        return parse(USD if text.startswith(USD_STARTS) else text, file)
-    except ModelError as error:
-        if message := unread_form(text):
-            error.args = (f"{error}; {message}",)
-        raise
 
 
 def read_bytes(file: str) -> bytes:

@@ -19,8 +19,6 @@ URDF = robot(
     '<successor link="end_b"/><axis xyz="1 0 0"/><axis2 xyz="0 1 0"/></loop>',
     '<loop name="r" type="rows" rows="tx ty rx ry">'
     '<predecessor link="crank"/><successor link="end_b"/></loop>',
-    '<constraint name="c" type="revolute"><parent link="end_a"/><parent_axis xyz="0 0 1"/>'
-    '<child link="end_b"/><child_axis xyz="0 0 1"/></constraint>',
     '<loop_joint name="lj" type="spherical"><link1 link="crank" xyz="0 0 0" rpy="0 0 0"/>'
     '<link2 link="rocker" xyz="0 0 0" rpy="0 0 0"/></loop_joint>',
     '<coupling name="gear"><predecessor link="coupler"/><successor link="rocker"/>'
@@ -43,9 +41,6 @@ MATES = "".join(
 )
 DIALECTS = robot(
     MATES,
-    '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>'
-    '<drake:ball_constraint_body_B name="rocker"/><drake:ball_constraint_p_AP value="1.5 0 0"/>'
-    '<drake:ball_constraint_p_BQ value="1 0 0"/></drake:ball_constraint>',
     '<gazebo><joint name="E" type="universal"><parent>coupler</parent><child>rocker</child>'
     '<pose relative_to="crank">1 0 0 0 0.1 0</pose><axis><xyz expressed_in="__model__">0 0 1</xyz></axis>'
     "<axis2><xyz>0 1 0</xyz></axis2></joint></gazebo>",

@@ -45,7 +45,6 @@ def of_type(stated: str) -> str:
     return SIDE_CAR.replace("['6d']", stated)
 
 
-NAMED = OPEN.replace('"drive"', '"motor_drive"').replace('"swing"', '"spherical_swing"')
 #: Two revolute joints for a universal one, which stand in the place of "swing".
 UNIVERSAL = {
     f"a universal joint {first}{second} becomes two revolutes": (
@@ -109,11 +108,6 @@ READ: dict[str, tuple[dict[str, str], dict[str, object]]] = {
         beside("controller:\n  gains: !include x.yaml\n", robot()),
         {"closures": (), "notes": {"is not a side-car"}},
     ),
-    "names close loops where no side-car is": ({"four_bar.urdf": NAMED}, {
-        "closures": [{"link_a": "closedloop1_A", "link_b": "closedloop1_B", "rotation": "fixed"}],
-        "motors": ("motor_drive",), "joints": {"spherical_swing": {"kind": "spherical"}},
-        "notes": {"welded pairwise"},
-    }),
 }  # fmt: skip
 
 
@@ -156,8 +150,11 @@ def test_mistakes_name_file_and_line(tmp_path: Path, old: str, new: str, line: i
     [
         (beside("closed_lop: [[a, b]]\n", robot()), ["did you mean 'closed_loop'"]),
         (
-            {"four_bar.urdf": robot(FRAMES.replace("closedloop1_B", "closedloop2_B"))},
-            ["1 frames are named closedloop1 instead of two", "robot.yaml"],
+            {"four_bar.urdf": OPEN},
+            [
+                "'closedloop1_B_frame' looks like the end of a closed loop",
+                "side-car robot.yaml",
+            ],
         ),
     ],
 )

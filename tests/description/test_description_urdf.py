@@ -283,10 +283,6 @@ MOTORS_READ: list[tuple[Texts, list[str] | None, dict[str, object]]] = [
         robot(transmission("drive", "elbow", "swing", "gripper_left")), None,
         {"motors": ("drive", "elbow", "swing"), "notes": {"'gripper_left'"}},
     ),
-    (
-        dependent(robot(transmission("drive"), LOOP), "swing"), None,
-        {"motors": ("drive",), "notes": {"leaves these passive: 'elbow'"}},
-    ),
     (robot(transmission("drive"), LOOP), None, {"notes": ()}),
     (robot(WRIST), None, {"motors": ("drive", "elbow")}),
 ]  # fmt: skip

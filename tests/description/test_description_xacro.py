@@ -59,10 +59,6 @@ READ: dict[str, tuple[Texts, dict[str, str], list[str], dict[str, object]]] = {
     "notes name the file of a macro": (
         FAR, {}, [], {"notes": {f"link 'near' (line 2) {POINT}", f"/parts.xacro:3) {POINT}", "link 'far' ("}},
     ),
-    "an optional glob that matches nothing": (
-        {"r.xacro": xacro('<link name="a"/><xacro:include filename="none_*.xacro"/>')}, {}, [],
-        {"notes": {"matched no files"}},
-    ),
 }  # fmt: skip
 
 

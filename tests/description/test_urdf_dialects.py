@@ -61,10 +61,6 @@ def compare(theirs: Path, ours: Path) -> None:
     assert min(hybridyn.closure_residual(a, off), hybridyn.closure_residual(b, off)) > 0.01
 
 
-BALL = """<drake:ball_constraint>
-  <drake:ball_constraint_body_A name="coupler"/><drake:ball_constraint_body_B name="rocker"/>
-  <drake:ball_constraint_p_AP value="1.5 0 0"/><drake:ball_constraint_p_BQ value="1 0 0"/>
-</drake:ball_constraint>"""
 GAZEBO = """<gazebo><joint name="pin" type="{0}"><parent>coupler</parent><child>rocker</child>
   <pose>1 0 0 {1}</pose>{2}</joint></gazebo>"""
 AXIS = "<axis><xyz>0 0 1</xyz></axis>"
@@ -144,7 +140,6 @@ SAME: dict[str, tuple[Texts, str]] = {
         robot(MOTOR, mates("1", "2")),
         robot(MOTOR, frame("x1", "coupler", "1 0 0"), frame("x2", "rocker", "1 0 0"), loop("spherical", "")),
     ),
-    "a ball constraint of Drake": (robot(MOTOR, BALL), robot(MOTOR, loop("spherical", ""))),
     # SDF closes its loop where all joints are at zero, so the four-bar is bent to be closed there.
     **{
         f"a {kind} of Gazebo{turn}": (
@@ -319,10 +314,6 @@ def test_wrong_words_about_closing_frames(tmp_path: Path, said: str, message: st
         (
             mates("1", "2", "2_z@0.1") + frame("closing_tip_1_z", "rocker", "1 0 0.1"),
             "stand on two bodies",
-        ),
-        (
-            '<drake:ball_constraint><drake:ball_constraint_body_A name="a"/></drake:ball_constraint>',
-            "<drake:ball_constraint_p_AP> is missing",
         ),
         ('<link name="x"><drake:ball_constraint/></link>', "is not read inside <link>"),
         (GAZEBO.format("screw", "0 0 0", AXIS), "type 'screw' closes no loop"),

@@ -210,7 +210,6 @@ def test_the_robots_own_folders_are_read(robot: Path) -> None:
     own = folders(robot)
     assert own.read(str(robot)) == b"<robot/>"
     assert own.read(str(robot.parent / ".." / "config" / "arm.yaml")) == b"a: 1\n"
-    assert own.glob(str(robot.parent / ".." / "c*" / "*.yaml")) == [str(robot.parents[1] / "config/arm.yaml")]
     hand = robot.parents[2] / "hand"
     refused(lambda: own.read(str(hand / "urdf" / "hand.xacro")), ModelError, "outside the robot's folders")
     assert own.find("hand") == str(hand)
@@ -233,11 +232,6 @@ WALLS = [
             "device.yaml", "large.yaml", "..",
         )
     ),
-    *(
-        ("glob", pattern, OUTSIDE)
-        for pattern in ("/etc/*", "/*/passwd", "../../../*.yaml", "far/*", "../../*/*.yaml")
-    ),
-    ("glob", "/".join(["*"] * 40), "looks at more than"),  # it does not run round in links
     *(("find", package, "") for package in ("..", ".ssh", "/etc", "a/b", "", "etc", "tmp")),
 ]  # fmt: skip
 
@@ -289,8 +283,9 @@ ATTACKS = [
     ),
     *(
         (INCLUDE.format(path), rf"{OUTSIDE}; name .* with package_dirs")
-        for path in ("/etc/passwd", "../secret.xacro", "link.xacro", "/etc/*")
+        for path in ("/etc/passwd", "../secret.xacro", "link.xacro")
     ),
+    (INCLUDE.format("*.xacro"), "the pattern '.*/\\*.xacro' names no file; include each file by its name"),
     *(
         (
             f'{DOUBLING}<xacro:macro name="m60">{last}</xacro:macro><xacro:m0/>',

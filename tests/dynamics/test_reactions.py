@@ -253,11 +253,6 @@ FORMS = {
     "hinge the other way": LOOP.format('type="revolute"', '<axis xyz="0 -1 0"/>', rpy="0 0 0"),
     "frame whose x points up": LOOP.format('type="revolute"', '<axis xyz="0 1 0"/>', rpy=f"0 {-np.pi / 2} 0"),
     "two hinges": LOOP.format('type="universal"', '<axis xyz="0 1 0"/><axis2 xyz="1 0 0"/>', rpy="0 0 0"),
-    "constraint": (
-        '<constraint name="pin" type="revolute"><parent link="beam"/><parent_origin xyz="1 0 0"/>'
-        '<parent_axis xyz="0 1 0"/><child link="rocker"/><child_origin xyz="0 0 1"/>'
-        '<child_axis xyz="0 1 0"/></constraint>'
-    ),
     "loop joint": (
         '<loop_joint name="pin" type="revolute"><link1 link="beam" xyz="1 0 0"/>'
         '<link2 link="rocker" xyz="0 0 1"/><axis xyz="0 1 0"/></loop_joint>'

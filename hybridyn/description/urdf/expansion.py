@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NoReturn
 from xml.dom.expatbuilder import ExpatBuilderNS
 
 from ...errors import ModelError, install_advice
@@ -75,7 +75,7 @@ class Expansion:
         )
         xacro.parse, xacro.abs_filename_spec, xacro.replace_node = self._parsed, self._located, self._insert
         xacro.open = lambda path: io.TextIOWrapper(io.BytesIO(folders.ask("read", path)), encoding="utf-8")
-        xacro.glob, xacro.root_dir = SimpleNamespace(glob=partial(folders.ask, "glob")), os.getcwd()
+        xacro.glob, xacro.root_dir = SimpleNamespace(glob=_refuse_pattern), os.getcwd()
         xacro.warning, xacro.print_location = self._note, lambda: None
         dollar._eval, dollar._eval_find = self._of_dollar, find
 
@@ -256,6 +256,11 @@ def _lexed(text: str) -> list[tuple[int, str]]:
     while lexer.peek():
         found.append(lexer.next())
     return found
+
+
+def _refuse_pattern(pattern: str) -> NoReturn:
+    """Refuse a pattern of names in `<xacro:include>`, which no robot file uses."""
+    raise ModelError(f"the pattern '{pattern}' names no file; include each file by its name")
 
 
 def functions(names: Mapping[str, Any]) -> dict[str, Callable[..., Any]]:

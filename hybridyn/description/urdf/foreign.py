@@ -16,15 +16,12 @@ from ..robot_file import RobotFile
 from .xml_node import Node
 
 ACCEPTED_FORMS = (
-    "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, <constraint> (urdfdom proposal), "
-    "<drake:ball_constraint>, an SDF joint directly in <gazebo>, frames closing_x_1 and closing_x_2, or a "
-    "side-car robot.yaml (closed_loop: pairs of frames)"
+    "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, an SDF joint directly in <gazebo>, "
+    "frames closing_x_1 and closing_x_2, or a side-car robot.yaml (closed_loop: pairs of frames)"
 )
 
 #: Elements that are read below `<robot>`.
-READ_TAGS = (
-    "link", "joint", "transmission", "loop", "constraint", "loop_joint", "coupling", "drake:ball_constraint",
-)  # fmt: skip
+READ_TAGS = ("link", "joint", "transmission", "loop", "loop_joint", "coupling")
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
 HARMLESS_TAGS = (
@@ -37,7 +34,9 @@ HARMLESS_TAGS = (
 LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
+    "constraint": 'a proposal of urdfdom that no robot file uses; write it as <loop type="...">',
     "loopconstraint": "a form of biorbd; write it as <loop>",
+    "drake:ball_constraint": 'a Drake ball constraint; write it as <loop type="spherical">',
     "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
     "drake:weld_constraint": 'a Drake weld; write it as <loop type="fixed">',
     "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",
@@ -65,18 +64,6 @@ _END_WORDS = {
     "predecessor", "successor", "link1", "link2", "link_a", "link_b", "body1", "body2", "joint1", "joint2",
 }  # fmt: skip
 _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
-
-
-def unread_form(text: bytes) -> str:
-    """Return the message for a text that is not well-formed XML, or "" if it is not recognised."""
-    text = re.sub(rb"(?s)<!--.*?(?:-->|\Z)", b"", text)
-    found = re.findall(rb"<([A-Za-z_][\w:.-]*)", text)
-    tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in found)
-    root = next(iter(tags), "")
-    if root in OTHER_FORMATS:
-        return OTHER_FORMATS[root]
-    legacy = next((tag for tag in tags if tag in LEGACY_FORMS), "")
-    return legacy and f"and it holds <{legacy}>, {LEGACY_FORMS[legacy]}"
 
 
 def refuse_unread_loops(root: Node, notes: list[str]) -> None:

@@ -1,9 +1,8 @@
 """Read closures and couplings of a URDF.
 
 `<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the additional types cylindrical,
-universal, spherical, point and rows. `<constraint>` is the proposal of urdfdom. `<loop_joint>` is the form of
-Isaac Sim, Dojo and old Drake. `<drake:ball_constraint>` is Drake's, and has no name: the closures are called
-`ball_constraint1`, ... An unknown attribute or child of these elements is an error.
+universal, spherical, point and rows. `<loop_joint>` is the form of Isaac Sim, Dojo and old Drake. An unknown
+attribute or child of these elements is an error.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 
 from ..closure_forms import FORMS, Form, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import placement_from, rotation_to_axis
+from ..placement import rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint
 from ..robot_file import FREEDOMS
 from .placement import axis_of, origin_of
@@ -23,7 +22,6 @@ from .xml_node import Node
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
-BALL = "drake:ball_constraint"
 
 
 def read_loop(node: Node) -> Closure:
@@ -42,24 +40,6 @@ def read_loop(node: Node) -> Closure:
     turn = _turn(node.child("axis"), kind)
     other = _turn(node.required_child("axis2"), kind) if kind == "universal" else turn
     return closure(node, kind, sides, (turn, other))
-
-
-def read_constraint(node: Node) -> Closure:
-    """Read `<constraint>`; each side states an axis, and the axes coincide (universal: are perpendicular)."""
-    node.only(
-        ["name", "type"], [side + part for side in ("parent", "child") for part in ("", "_origin", "_axis")]
-    )
-    kind = kind_of(
-        node, [name for name in FORMS if name != "prismatic"], "type '{}' is not read in <constraint>",
-        " (write other closures as <loop>)",
-    )  # fmt: skip
-    sides, turns = list[Side](), list[Array]()
-    for side in ("parent", "child"):
-        link = node.required_child(side)
-        link.only(["link"], [])
-        sides.append((link.text("link"), pose_of(node.child(f"{side}_origin"))))
-        turns.append(_turn(node.child(f"{side}_axis"), kind))
-    return closure(node, kind, sides, turns)
 
 
 def read_loop_joint(node: Node) -> Closure:
@@ -84,26 +64,8 @@ def read_loop_joint(node: Node) -> Closure:
     return closure(node, kind, sides, (turn, turn))
 
 
-def read_ball_constraint(node: Node) -> Closure:
-    """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide."""
-    ends = (("body_A", "p_AP"), ("body_B", "p_BQ"))
-    node.only(["name"], [f"{BALL}_{word}" for end in ends for word in end])
-    sides = list[Side]()
-    for body, point in ends:
-        link, place = node.required_child(f"{BALL}_{body}"), node.required_child(f"{BALL}_{point}")
-        link.only(["name"], [])
-        place.only(["value"], [])
-        sides.append((link.text("name"), placement_from(np.eye(3), place.numbers("value", 3))))
-    number = 1 + sum(1 for _ in node.xml.itersiblings(node.xml.tag, preceding=True))
-    name = node.xml.get("name", "").strip() or f"ball_constraint{number}"
-    return closure(node, "spherical", sides, (np.eye(3), np.eye(3)), name=name)
-
-
 #: Readers of closures by the name of their element.
-CLOSURE_READERS = {
-    "loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint,
-    BALL: read_ball_constraint,
-}  # fmt: skip
+CLOSURE_READERS = {"loop": read_loop, "loop_joint": read_loop_joint}
 
 
 def closure(
@@ -112,7 +74,6 @@ def closure(
     sides: Sequence[Side],
     turns: Sequence[Array],
     form: Form | None = None,
-    name: str = "",
 ) -> Closure:
     """Return the closure that an element states.
 
@@ -120,9 +81,8 @@ def closure(
         sides: Both sides.
         turns: Rotations of both frames about their own axes, which map z to the closure's axis.
         form: Its form, where that is not the one of its kind.
-        name: Its name, if it is not the attribute.
     """
-    return closure_of(name or node.text("name"), kind, sides, turns, form, node.line)
+    return closure_of(node.text("name"), kind, sides, turns, form, node.line)
 
 
 def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:
@@ -194,16 +154,13 @@ def kind_of(
     node: Node,
     known: Collection[str],
     wrong: str = "unknown type '{}'",
-    advice: str = "",
     names: Mapping[str, str] | None = None,
 ) -> str:
     """Return the type of a closure. `names`: types by their alternative names in lower case."""
     stated = node.text("type")
     kind = (names or {}).get(stated.lower(), stated)
     if kind not in known:
-        raise node.error(
-            f"{wrong.format(stated)}{did_you_mean(stated, known)}; known: {listed(known)}{advice}"
-        )
+        raise node.error(f"{wrong.format(stated)}{did_you_mean(stated, known)}; known: {listed(known)}")
     return kind
 
 

@@ -8,12 +8,11 @@ points. Hidden files, and anything but regular files, are never read.
 from __future__ import annotations
 
 import contextlib
-import fnmatch
 import hashlib
 import os
 import re
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +22,10 @@ from ..files_read import record
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
 MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")
 
-#: Most folders and files that a glob pattern may examine.
-MOST_LOOKED_AT = 10_000
-#: Most files, packages and patterns that one expansion may ask for; robots include a few dozen files.
+#: Most files and packages that one expansion may ask for; robots include a few dozen files.
 MOST_ASKED = 10_000
 
 _PACKAGE = re.compile(r"[A-Za-z][\w.-]*")
-_WILD = re.compile(r"[*?\[]")
 
 
 class RobotFolders:
@@ -63,7 +59,7 @@ class RobotFolders:
         self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs, *granted)]
 
     def ask(self, what: str, of: str) -> Any:
-        """Read a file, find a package or search a pattern ("read", "find", "glob").
+        """Read a file or find a package ("read", "find").
 
         Raises:
             OSError: The system cannot open or read the file.
@@ -115,24 +111,6 @@ class RobotFolders:
             content = file.read(self.largest)
         record(path, content)
         return content
-
-    def glob(self, pattern: str) -> list[str]:
-        """Return the files that match a glob pattern, sorted.
-
-        Raises:
-            ModelError: The pattern leads outside the robot's folders, or examines too many files.
-        """
-        parts = Path(os.path.normpath(pattern)).parts
-        first_wild = next((i for i, part in enumerate(parts) if _WILD.search(part)), len(parts))
-        start = os.path.join(*parts[:first_wild])
-        self._within(start)
-        found = []
-        for count, (path, fits) in enumerate(_matches(start, parts[first_wild:])):
-            if count > MOST_LOOKED_AT:
-                raise ModelError(f"'{pattern}' looks at more than {MOST_LOOKED_AT:,} files")
-            if fits:
-                found.append(path)
-        return sorted(found)
 
     def find(self, package: str) -> str:
         """Return the folder of a package.
@@ -191,22 +169,3 @@ def _own_folder(file: str) -> str:
         if (folder / MARKS[0]).is_file() or (below and below[0] in MARKS):
             return str(folder)
     return str(place)
-
-
-def _matches(folder: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
-    """Yield each path that is examined for a pattern, and whether it matches the pattern."""
-    if not parts:
-        yield folder, os.path.lexists(folder)
-        return
-    first, *rest = parts
-    if _WILD.search(first):
-        names = list[str]()
-        with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
-            names = sorted(os.listdir(folder))
-    else:
-        names = [first]
-    for name in names:
-        path = os.path.join(folder, name)
-        yield path, False
-        if name == first or (fnmatch.fnmatchcase(name, first) and not name.startswith(".")):
-            yield from _matches(path, tuple(rest))

@@ -15,7 +15,7 @@ from ..names import did_you_mean, listed
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import FREEDOMS, MotorStatement, RobotFile
 from .foreign import note_mimic_plugins, refuse_unread_loops
-from .loops import BALL, CLOSURE_READERS, pose_of, read_coupling, read_mimic
+from .loops import CLOSURE_READERS, pose_of, read_coupling, read_mimic
 from .placement import axis_of
 from .xml_node import Node
 
@@ -60,7 +60,7 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
             independent.add(robot.joints[-1].name)
     if any(joint.parent == "world" for joint in robot.joints):
         _add_world(robot)
-    for node in sorted(root.children(*CLOSURE_READERS), key=lambda node: node.tag == BALL):
+    for node in root.children(*CLOSURE_READERS):
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
             robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
