@@ -39,6 +39,13 @@ def install_advice(extra: str) -> str:
     return f"install it with `pip install -e '.[{extra}]'` in a clone, or `pip install 'hybridyn[{extra}]'`"
 
 
+def warn(text: str, *words: object, log: str = "hybridyn") -> None:
+    """Write a warning to a log, whose module is imported then: most calls warn of nothing."""
+    import logging
+
+    logging.getLogger(log).warning(text, *words)
+
+
 class PerformanceWarning(UserWarning):
     """The program calls hybridyn in a way that is much slower than another one."""
 

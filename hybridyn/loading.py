@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from .errors import warn
 from .spatial import Array
 from .structure.building import build_robot
 from .structure.robot import Base, HybridRobot
@@ -16,9 +17,8 @@ if TYPE_CHECKING:
 
     from .description.records import Description
 
-_log = logging.getLogger("hybridyn")
-#: For what was decided about ranks, which commands but `info` do not repeat.
-_rank_log = logging.getLogger("hybridyn.rank")
+#: Whether it is logged what was decided about ranks; commands but `info` do not repeat it.
+ranks_are_said = ContextVar("ranks_are_said", default=True)
 
 
 def load(
@@ -152,13 +152,13 @@ def _warn(robot: HybridRobot) -> None:
     from .assembly.motor_share import architecturally_singular
 
     for lost in of_files(robot.description):
-        _log.warning("robot '%s': %s", robot.name, lost)
+        warn("robot '%s': %s", robot.name, lost)
 
     for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():
-        if decided := module.mechanism.rank_decision:
-            _rank_log.warning("module '%s': %s", module.name, decided)
+        if (decided := module.mechanism.rank_decision) and ranks_are_said.get():
+            warn("module '%s': %s", module.name, decided, log="hybridyn.rank")
         if singular := architecturally_singular(module):
-            _log.warning("module '%s' is %s", module.name, singular)
+            warn("module '%s' is %s", module.name, singular)
 
 
 def of_files(description: Description) -> list[str]:

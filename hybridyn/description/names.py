@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 
 #: How many names an error message lists before it writes "and n more".
 LISTED_NAMES = 8
+#: Least similarity of a name to the one that it probably means, as difflib measures it.
+SIMILAR = 0.72
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
@@ -22,10 +24,19 @@ def _closest(name: str, known: tuple[str, ...]) -> str | None:
     same_letters = [word for word in by_lower if sorted(word) == sorted(name.lower())]
     if same_letters:
         return by_lower[same_letters[0]]
+    near = [word for word in by_lower if _shared(name.lower(), word) >= SIMILAR]
+    if not near:
+        return None
     import difflib  # only misspelt names need it
 
-    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.72)
+    found = difflib.get_close_matches(name.lower(), near, n=1, cutoff=SIMILAR)
     return by_lower[found[0]] if found else None
+
+
+def _shared(one: str, other: str) -> float:
+    """Return the part of the letters of two words that they share, a bound on difflib's ratio."""
+    shared = sum(min(one.count(letter), other.count(letter)) for letter in {*one})
+    return 2 * shared / (len(one) + len(other))
 
 
 _remembered = functools.lru_cache(maxsize=1024)(_closest)  # a file repeats its unknown tags

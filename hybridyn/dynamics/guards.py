@@ -4,13 +4,12 @@ A guard accepts a sample if value <= limit * scale. An error names the first sam
 the worst one. `check` finds the sample and composes the words.
 """
 
-import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import AT_SAMPLE, ActuationError, AssemblyError, HybridynError, SingularityError
+from ..errors import AT_SAMPLE, ActuationError, AssemblyError, HybridynError, SingularityError, warn
 from ..linkage.reduction import Basis
 from ..spatial import Array, Index
 from ..structure.module import Module
@@ -35,8 +34,6 @@ FORCED = 1e-9
 HARMLESS = 1e-6
 #: Links whose Delassus matrix has a smaller reciprocal condition cannot be moved in some direction.
 IMMOVABLE = 1e-10
-
-_log = logging.getLogger("hybridyn")
 
 
 class Guard(NamedTuple):
@@ -167,7 +164,7 @@ def check(
     } | words(t)  # fmt: skip
     message = (f"module '{module.name}': " if module else "") + guard.says.format(**known)
     if guard.raises is None:
-        _log.warning(message)
+        warn(message)
         return
     error: Callable[..., HybridynError] = guard.raises
     raise error(message, module=module and module.name, **{name: known[name] for name in guard.data})

@@ -1,18 +1,16 @@
 """The two trees of a module, the maps between them, and the motion of the wrists that were cut."""
 
-import logging
 from dataclasses import replace
 
 import numpy as np
 
+from ..errors import warn
 from ..linkage.elimination import least_squares
 from ..linkage.joints import TreeJoint
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array, Index, Mask, cross, indices, quaternion_from_rotation, select, to_body_axes
 from .module_spec import ModuleSpec
 from .wrists import Wrist
-
-_log = logging.getLogger("hybridyn")
 
 
 class Cut:
@@ -276,7 +274,7 @@ def warn_of_gimbal_lock(S: Array) -> None:
     """Log a warning if a wrist is in gimbal lock at some sample; its rates there are least-norm."""
     locked = np.flatnonzero(is_locked(S))
     if len(locked):
-        _log.warning(
+        warn(
             "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm "
             "ones, nothing else is affected",
             len(locked),

@@ -195,19 +195,15 @@ class RobotChoice:
 
     def __call__(self) -> HybridRobot:
         """Load the robot; what was decided about the ranks of its closures is the business of `info`."""
-        import logging
-
-        import hybridyn
+        from ...loading import load, ranks_are_said
 
         context = click.get_current_context(silent=True)
-        log, before = logging.getLogger("hybridyn.rank"), logging.getLogger("hybridyn.rank").level
-        if context is not None and context.info_name != "info":
-            log.setLevel(logging.ERROR)
+        before = ranks_are_said.set(context is None or context.info_name == "info")
         words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
         try:
-            return hybridyn.load(words.pop("robot"), **words)
+            return load(words.pop("robot"), **words)
         finally:
-            log.setLevel(before)
+            ranks_are_said.reset(before)
 
 
 #: The options with which commands load a robot: the fields of `RobotChoice`.

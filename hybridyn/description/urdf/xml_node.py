@@ -148,9 +148,10 @@ def refuse_dangerous(text: bytes, file: str) -> None:
             )
 
 
-def _written(xml: etree._Element, tag: str) -> str:
-    """Return the name of an element with its prefix, from its tag, which has the namespace instead."""
-    if not tag.startswith("{"):
+def _written(xml: etree._Element) -> str:
+    """Return the name of an element with its prefix; its tag has the namespace instead."""
+    tag = str(xml.tag)
+    if tag[0] != "{":
         return tag
     name = tag.rpartition("}")[2]
     return f"{xml.prefix}:{name}" if xml.prefix else name
@@ -178,7 +179,7 @@ class Node(NamedTuple):
     @property
     def tag(self) -> str:
         """Name of the element as the author wrote it, prefix included."""
-        return _written(self.xml, str(self.xml.tag))
+        return _written(self.xml)
 
     @property
     def place(self) -> tuple[str, int | None]:
@@ -218,15 +219,14 @@ class Node(NamedTuple):
 
     def children(self, *tags: str) -> list[Node]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        found = self.xml.iterchildren(*_patterns(tags)) if len(self.xml) else ()
-        return [*self._chosen(found, tags)]
+        return [*self._chosen(self.xml.iterchildren(*_patterns(tags)), tags)] if len(self.xml) else []
 
     def descendants(self, *tags: str) -> Iterator[Node]:
         """Return the elements below this one in file order: all of them, or those with one of the tags."""
         return self._chosen(self.xml.iterdescendants(*_patterns(tags)), tags)
 
     def _chosen(self, found: Iterable[etree._Element], tags: tuple[str, ...]) -> Iterator[Node]:
-        return (Node(xml, self.file) for xml in found if not tags or _written(xml, xml.tag) in tags)
+        return (Node(xml, self.file) for xml in found if not tags or xml.tag in tags or _written(xml) in tags)
 
     def child(self, tag: str) -> Node | None:
         """Return the only child with this tag, or None; raise ModelError if there are two."""
@@ -310,17 +310,15 @@ class Node(NamedTuple):
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
         """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
-        written, nodes = self.attributes(), self.children()
+        written, nodes = self.attributes(), {node.tag: node for node in self.children()}
         for name in written:
             if name not in attributes and (
                 best := closest(name, [x for x in attributes if x not in written])
             ):
                 raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
-        for node in nodes:
-            if node.tag not in children:
-                tags = {other.tag for other in nodes}
-                if best := closest(node.tag, [tag for tag in children if tag not in tags]):
-                    raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
+        for tag, node in nodes.items():
+            if tag not in children and (best := closest(tag, [x for x in children if x not in nodes])):
+                raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
         if infinite and _INFINITE.fullmatch(word):
