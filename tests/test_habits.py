@@ -100,8 +100,8 @@ def test_a_start_imports_what_it_needs() -> None:
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
 #: What only extras install.
 OF_EXTRAS = (
-    "polars", "yourdfpy", "trimesh", "viser", "PIL", "imageio_ffmpeg", "matplotlib", "plotly", "casadi",
-    "mujoco", "mpmath", "sphinx",
+    "polars", "yourdfpy", "trimesh", "viser", "PIL", "embreex", "imageio_ffmpeg", "matplotlib", "plotly",
+    "casadi", "mujoco", "mpmath", "sphinx",
 )  # fmt: skip
 
 

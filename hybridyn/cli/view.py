@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from ..view.run import Run
 
 SHAPES = ("yourdfpy", "trimesh")
-NEEDS = {"page": ("viser", *SHAPES), ".png": ("PIL", *SHAPES), ".mp4": ("PIL", "imageio_ffmpeg", *SHAPES)}
+PICTURES = ("PIL", "embreex", *SHAPES)
+NEEDS = {"page": ("viser", *SHAPES), ".png": PICTURES, ".mp4": ("imageio_ffmpeg", *PICTURES)}
 SMALLEST, LARGEST = 64, 4096  # pixels
 
 

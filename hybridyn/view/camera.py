@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..spatial import Array
 
@@ -39,21 +40,21 @@ class Camera:
         right = right / np.linalg.norm(right)
         return np.column_stack([right, np.cross(back, right), back])
 
-    def project(self, points: Array) -> tuple[Array, Array]:
-        """Project points to pixels and depths.
+    def rays(self, x: Array, y: Array) -> NDArray[np.float32]:
+        """Compute the directions in the world from the eye through places of the image.
 
         Args:
-            points: Points in the world, shape (..., 3), [m].
+            x: Places from the left side [pixels].
+            y: Places from the upper side [pixels], of a shape that fits x.
 
         Returns:
-            Pixels from the upper left corner, shape (..., 2), and distances along the view, shape (...), [m]
-            (not positive behind the camera, where pixels are undefined).
+            Directions, shape (..., 3).
         """
-        local = (points - self.eye) @ self.axes
-        depth = -local[..., 2]
-        scale = 0.5 * min(self.width, self.height) / np.tan(self.angle)
-        flat = scale * local[..., :2] / np.where(depth > 0, depth, 1.0)[..., None]
-        return np.array([self.width / 2, self.height / 2]) + flat * [1.0, -1.0], depth
+        scale = np.tan(self.angle) / (0.5 * min(self.width, self.height))
+        right, up, back = self.axes.astype(np.float32).T
+        from_centre = scale * (x - self.width / 2), scale * (self.height / 2 - y)
+        u, v = (at.astype(np.float32)[..., None] for at in from_centre)
+        return np.asarray(u * right + v * up - back)
 
 
 def camera_around(

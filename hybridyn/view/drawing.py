@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +17,8 @@ from ..colours import CLOSURE, GROUND, JOINT, MOTOR, lighter, module_colour
 from ..description.records import Closure
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
-from .picture import Ball, Picture, Point, Rod, Role, Solid
-from .placing import Placement, extent, place_bodies
+from .picture import Picture, Point, Role, Shape
+from .placing import Placement, extent, place_bodies, stretched
 from .visuals import Visual
 
 #: Radius of a rod relative to its module's length.
@@ -32,6 +34,8 @@ SAME_PLACE = 1e-6
 BARREL = 0.55
 #: Half of a drum's length relative to its radius.
 LENGTH = 1.6
+#: Sides of a rod, and subdivisions of a ball's twenty triangles.
+SIDES, FINE = 24, 2
 LEG, SLIDE = 0.18, 0.5  # how much paler than its module's platform a leg is, and the sliding part of it
 
 
@@ -49,8 +53,7 @@ def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str
     pen.add_joints()
     for closure in robot.description.closures:
         pen.add_closure(closure)
-    shapes = tuple(pen.rods), tuple(pen.balls), tuple(pen.solids)
-    picture = Picture(*shapes, np.zeros((2, 3)), tuple(notes))
+    picture = Picture(tuple(pen.shapes), np.zeros((2, 3)), tuple(notes))
     return replace(picture, corners=extent(picture, pen.home))
 
 
@@ -59,9 +62,7 @@ class _Pen:
 
     def __init__(self, robot: HybridRobot, shaped: set[int]) -> None:
         self.robot, self.shaped = robot, shaped
-        self.rods: list[Rod] = []
-        self.balls: list[Ball] = []
-        self.solids: list[Solid] = []
+        self.shapes: list[Shape] = []
         self.home: Placement = place_bodies(robot, robot.home)
         lengths = [m.mechanism.length for m in robot.modules if m.closures]
         self.length = float(np.median(lengths)) if lengths else robot.bodies.reach
@@ -82,10 +83,8 @@ class _Pen:
     def add_visual(self, visual: Visual) -> None:
         """Add a shape from the robot's files."""
         body, R, p = self.robot.bodies.place[visual.link]
-        module = self.module_of(body)
-        vertices = visual.vertices @ R.T + p
-        colour = self.colour(body)
-        self.solids.append(Solid(visual.link, module, body, vertices, visual.faces, colour, visual.colour))
+        mesh = visual.vertices @ R.T + p, visual.faces
+        self._add(visual.link, "link", self.module_of(body), body, mesh, self.colour(body), visual.colour)
 
     def colour(self, body: int) -> str:
         """Return the colour of a body: that of its module, paler for legs."""
@@ -135,8 +134,7 @@ class _Pen:
         found = hull(points, PLATE * self.radius(module))
         if found is None:
             return False
-        colour = self.colour(body)
-        self.solids.append(Solid(name, module, body, *found, colour, colour))
+        self._add(name, "link", module, body, found, self.colour(body))
         return True
 
     def add_joints(self) -> None:
@@ -181,17 +179,12 @@ class _Pen:
         self._rod(name, "link", module, start, end, self.colour(end.body), scale=0.75)
         if not driven:
             return
-        at = self.home.of([start, end])
-        along = at[1] - at[0]
-        if np.linalg.norm(along) > SAME_PLACE * self.length:
-            ends = at[0], at[0] + BARREL * along
-        else:  # the slide is at zero
-            joint = self.robot.bodies.joints[end.body - 1].joint
-            axis = self.home.R[end.body] @ joint.axis * self.radius(module)
-            ends = at[0] - 6 * axis, at[0] + 2 * axis
-        R, p = self.home.R[start.body], self.home.p[start.body]
-        first, last = (Point(start.body, R.T @ (point - p)) for point in ends)
-        self._rod(name, "motor", module, first, last, MOTOR, scale=1.5)
+        home = self.home.seen_from(start.body)
+        low, high = start.at, start.at + BARREL * (home.at(end) - start.at)
+        if np.linalg.norm(high - low) <= SAME_PLACE * self.length:  # the slide is at zero
+            axis = home.R[end.body] @ self.robot.bodies.joints[end.body - 1].joint.axis * self.radius(module)
+            low, high = start.at - 6 * axis, start.at + 2 * axis
+        self._rod(name, "motor", module, Point(start.body, low), Point(start.body, high), MOTOR, scale=1.5)
 
     def _drum(self, name: str, module: int, at: Point, axis: Array, driven: bool) -> None:
         scale = DRUM if driven else HUB
@@ -219,10 +212,38 @@ class _Pen:
     def _rod(
         self, name: str, role: Role, module: int, start: Point, end: Point, colour: str, scale: float = 1.0
     ) -> None:
-        self.rods.append(Rod(name, role, module, start, end, scale * self.radius(module), colour))
+        rod, radius = _unit_rod(), scale * self.radius(module)
+        corners = rod.vertices * [radius, radius, 1.0]
+        grows = start.body != end.body
+        if not grows:
+            corners = stretched(corners, start.at, end.at)
+        ends = (start, end) if grows else None
+        self._add(name, role, module, start.body, (corners, rod.faces), colour, ends=ends)
 
     def _ball(self, name: str, role: Role, module: int, at: Point, scale: float, colour: str) -> None:
-        self.balls.append(Ball(name, role, module, at, scale * self.radius(module), colour))
+        ball = _unit_ball()
+        corners = scale * self.radius(module) * ball.vertices + at.at
+        self._add(name, role, module, at.body, (corners, ball.faces), colour)
+
+    def _add(
+        self, name: str, role: Role, module: int, body: int, mesh: tuple[Array, Index], colour: str,
+        own_colour: str | None = None, ends: tuple[Point, Point] | None = None,
+    ) -> None:  # fmt: skip
+        self.shapes.append(Shape(name, role, module, body, *mesh, colour, own_colour, ends))
+
+
+@cache
+def _unit_rod() -> Any:
+    import trimesh
+
+    return trimesh.creation.cylinder(1.0, sections=SIDES, segment=[[0, 0, 0], [0, 0, 1]])
+
+
+@cache
+def _unit_ball() -> Any:
+    import trimesh
+
+    return trimesh.creation.icosphere(FINE)
 
 
 def _ends(robot: HybridRobot, closure: Closure) -> tuple[Point, Point]:
@@ -253,7 +274,7 @@ def hull(points: Array, half: float) -> tuple[Array, Index] | None:
     Returns:
         Corners and triangles, counter-clockwise from outside; None where all points lie near one line.
     """
-    from scipy.spatial import ConvexHull
+    import trimesh
 
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre)
@@ -261,10 +282,5 @@ def hull(points: Array, half: float) -> tuple[Array, Index] | None:
         return None
     if len(points) == 3 or spread[2] < half:
         points = np.concatenate([points - half * axes[2], points + half * axes[2]])
-    found = ConvexHull(points)
-    faces = found.simplices.copy()
-    corners = points[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inwards = np.einsum("ij,ij->i", normals, found.equations[:, :3]) < 0
-    faces[inwards] = faces[inwards][:, ::-1]
-    return points, faces.astype(np.int64)
+    found = trimesh.convex.convex_hull(points)
+    return found.vertices, found.faces

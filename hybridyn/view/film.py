@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import TrajectoryError, install_advice
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .camera import FRONT, camera_around
@@ -126,14 +125,10 @@ def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
         The number of images.
 
     Raises:
-        TrajectoryError: imageio-ffmpeg is not installed.
         OSError: ffmpeg ended before the film was complete, as on a full disk.
     """
-    try:
-        import imageio_ffmpeg
-    except ImportError as error:
-        message = f"films need imageio-ffmpeg: {install_advice('view')}"
-        raise TrajectoryError(message) from error
+    import imageio_ffmpeg
+
     writer = imageio_ffmpeg.write_frames(
         file, size, fps=RATE, quality=QUALITY, macro_block_size=2, ffmpeg_log_level="error"
     )

@@ -13,7 +13,7 @@ import io
 import ipaddress
 import socket
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -34,19 +34,6 @@ def start_server(host: str, port: int, label: str) -> Any:
         HybridynError: This version of viser starts its server in a way that cannot be checked.
     """
     import viser
-
-    banner = contextlib.redirect_stdout(io.StringIO())  # standard output is the caller's
-    with banner, _guarding(host) as guards:
-        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
-        if not guards:
-            server.stop()
-            raise HybridynError("this version of viser starts its server in a way that hybridyn cannot guard")
-    return server
-
-
-@contextlib.contextmanager
-def _guarding(listening: str) -> Iterator[list[Callable[..., Any]]]:
-    """Add the check to each server started inside this context; yield the checks."""
     from websockets.asyncio import server
 
     plain: Callable[..., Any] = server.serve
@@ -59,7 +46,7 @@ def _guarding(listening: str) -> Iterator[list[Callable[..., Any]]]:
             """Refuse a request of another page, else answer as before."""
             headers = request.headers
             upgrade = bool(headers.get_all("Upgrade"))
-            reason = refusal(headers.get_all("Host"), headers.get_all("Origin"), upgrade, listening)
+            reason = refusal(headers.get_all("Host"), headers.get_all("Origin"), upgrade, host)
             if reason is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, f"{reason}\n")
             return None if process_request is None else process_request(connection, request)
@@ -67,12 +54,16 @@ def _guarding(listening: str) -> Iterator[list[Callable[..., Any]]]:
         guards.append(answer)
         return plain(*arguments, process_request=answer, **options)
 
-    with _starting:
+    with _starting, contextlib.redirect_stdout(io.StringIO()):  # standard output is the caller's
         vars(server)["serve"] = serve
         try:
-            yield guards
+            started = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         finally:
             vars(server)["serve"] = plain
+        if not guards:
+            started.stop()
+            raise HybridynError("this version of viser starts its server in a way that hybridyn cannot guard")
+    return started
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str], upgrade: bool, listening: str) -> str | None:
@@ -94,24 +85,12 @@ def refusal(hosts: Sequence[str], origins: Sequence[str], upgrade: bool, listeni
 
 
 def _is_own(host: str, listening: str) -> bool:
-    """Check whether a host name, with or without a port, belongs to this server."""
+    """Check whether a host name, with or without a port, is one of this server, or an address."""
+    own = socket.gethostname().lower()
     try:
         name = urlsplit(f"//{host}").hostname or ""
+        if name in ("localhost", listening, own, f"{own}.local", socket.getfqdn().lower()):
+            return True
+        return bool(ipaddress.ip_address(name))  # no other page can have an address for its name
     except ValueError:
         return False
-    if name in (listening, "localhost"):
-        return True
-    here = _address(listening)
-    wide = here is None or not here.is_loopback
-    address = _address(name)
-    if address is not None:  # no other page can have an address for its name
-        return wide or address.is_loopback
-    own = socket.gethostname().lower()
-    return wide and name in (own, f"{own}.local", socket.getfqdn().lower())
-
-
-def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    try:
-        return ipaddress.ip_address(name)
-    except ValueError:
-        return None

@@ -12,6 +12,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,9 @@ from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .camera import camera_around
-from .measures import Measures
 from .own_origin import start_server
-from .panel import closeness_html, efforts_html, legend_html, status_html
-from .picture import Picture
+from .panel import closeness, closeness_html, efforts_html, holding, legend_html, status_html
+from .picture import Picture, Role
 from .placing import place_bodies
 from .posing import Poser
 from .run import Run
@@ -40,6 +40,8 @@ SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
 LIGHT = 0.25
 #: Margin of the initial view around the robot, as a factor of its size.
 ROOM = 1.25
+#: What can be hidden.
+SHOWN: tuple[Role, ...] = ("closure", "joint", "motor")
 BRAND = (59, 125, 216)
 
 
@@ -74,7 +76,7 @@ class Page:
         self.robot, self.run = robot, run
         self.q: Array = robot.home if run is None else run.q[0]
         self.playing = False
-        self.poser, self.measures = Poser(robot), Measures(robot)
+        self.poser = Poser(robot)
         self.server = start_server(host, port, f"hybridyn: {robot.name}")
         self.url = f"http://{host}:{self.server.get_port()}"
         self._requests: dict[str, Any] = {}
@@ -130,12 +132,10 @@ class Page:
         with gui.add_folder("Efforts"):
             self._efforts = gui.add_html("")
         with gui.add_folder("Show", expand_by_default=False):
-            self._add_checkbox("closures", True, lambda on: self.stage.show("closure", on))
-            self._add_checkbox("joints", True, lambda on: self.stage.show("joint", on))
-            self._add_checkbox("motors", True, lambda on: self.stage.show("motor", on))
-            self._add_checkbox("names", False, self.stage.show_names)
+            for role in SHOWN:
+                self._add_checkbox(f"{role}s", True, partial(self.stage.show, role))
             self._add_checkbox("colours of the files", False, self.stage.paint)
-            gui.add_html(legend_html(self.robot, picture.modules))
+            gui.add_html(legend_html(self.robot))
             for note in picture.notes:
                 gui.add_markdown(note)
 
@@ -251,13 +251,13 @@ class Page:
     def _bars(self, q: Array, sample: int | None) -> None:
         self._sliders.show(q)
         try:
-            self._closeness.content = closeness_html(self.measures.closeness(q))
+            self._closeness.content = closeness_html(closeness(self.robot, q))
         except HybridynError:  # the posture has no measures
             self._closeness.content = ""
         if sample is not None and self.run is not None:
             tau, origin = None if self.run.tau is None else self.run.tau[sample], self.run.origin
         else:
-            tau, origin = self.measures.holding(q)
+            tau, origin = holding(self.robot, q)
             origin = origin or "that hold it at rest"
         self._efforts.content = efforts_html(
             self.robot, tau, self._span if sample is not None else tau, origin

@@ -1,21 +1,54 @@
-"""Build the HTML of the page's panel: status, distances from singularities, effort bars and legend."""
+"""What the page's panel says, as HTML: status, distances from singularities, efforts and legend."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
 
 from ..colours import ALARM, CLOSURE, GOOD, JOINT, MOTOR, WARNING, module_colour
+from ..dynamics.inverse import idm
+from ..errors import HybridynError
+from ..simulation.events import near_singularity
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .measures import AT_SINGULAR, NEAR_SINGULAR, Closeness
 
 SMALL = "font-size:0.8em;line-height:1.35;padding:0 0.9em"
+#: Closeness below which a posture is reported as near a singularity, and as singular.
+NEAR_SINGULAR, AT_SINGULAR = 1e-2, 1e-3
 #: Number of decades that the bar of a distance spans.
 DECADES = 4
 TRACK = "#e9ecef"
+
+
+def closeness(robot: HybridRobot, q: Array) -> dict[str, float]:
+    """Compute the distances of a posture, shape (nq,), from singularities of "closures" and "motors".
+
+    They are the smallest over the largest singular value, 0 where rank is lost, and 1 if there are none.
+    """
+    still = np.zeros(robot.nv)
+    events = {what: near_singularity(robot, 0.0, what=what) for what in ("closures", "motors")}
+    return {what: max(float(event.function(0.0, q, still)), 0.0) for what, event in events.items()}
+
+
+def holding(robot: HybridRobot, q: Array) -> tuple[Array | None, str]:
+    """Compute the efforts that hold a posture at rest.
+
+    Args:
+        robot: The robot.
+        q: The posture, shape (nq,).
+
+    Returns:
+        Efforts, shape (motors,), [N or N m], or None, and the reason if None.
+    """
+    if not robot.motors:
+        return None, "there are no motors"
+    still = np.zeros(robot.nv)
+    try:
+        return idm(robot, q, still, still), ""
+    except HybridynError as error:
+        return None, str(error).partition(". ")[0]
 
 
 def status_html(message: str, residual: float | None) -> str:
@@ -33,15 +66,15 @@ def status_html(message: str, residual: float | None) -> str:
     )
 
 
-def closeness_html(closeness: Closeness) -> str:
+def closeness_html(closeness: Mapping[str, float]) -> str:
     """Build the bars of the distances from singularities, on a logarithmic scale."""
     rows = []
-    for label, value in (("closures", closeness.closures), ("motors", closeness.motors)):
+    for label, value in closeness.items():
         colour = ALARM if value < AT_SINGULAR else WARNING if value < NEAR_SINGULAR else GOOD
         part = 1 + np.log10(max(value, 10.0**-DECADES)) / DECADES
         rows.append(_bar_row(label, f"{value:.2g}", 0.0, max(part, 0.02), colour))
     return (
-        f'<div id="hybridyn-singularity" data-least="{closeness.least:.6g}" style="{SMALL}" '
+        f'<div id="hybridyn-singularity" data-least="{min(closeness.values()):.6g}" style="{SMALL}" '
         'title="least singular value over the largest: 0 at a singularity, 1 at best">'
         f"<b>Distance from singularities</b>{''.join(rows)}</div>"
     )
@@ -71,9 +104,9 @@ def efforts_html(robot: HybridRobot, tau: Array | None, span: Array | None, orig
     return f'<div id="hybridyn-efforts" style="{SMALL}">{"".join(parts)}</div>'
 
 
-def legend_html(robot: HybridRobot, numbers: Sequence[int]) -> str:
+def legend_html(robot: HybridRobot) -> str:
     """Build the legend of colours."""
-    shown = [k for k in numbers if k >= 0 and (robot.modules[k].closures or robot.modules[k].motors)]
+    shown = [k for k, module in enumerate(robot.modules) if module.closures or module.motors]
     entries = [(module_colour(k), robot.modules[k].name) for k in shown[:12]]
     if len(shown) > 12:
         entries.append(("transparent", f"and {len(shown) - 12} more"))

@@ -1,4 +1,4 @@
-"""Shapes of a robot as plain data: rods, balls and solids, each fixed to bodies.
+"""Shapes of a robot as plain data: triangle meshes, each fixed to a body.
 
 Body 0 is the root body. The child of URDF joint i is body i + 1, as in `HybridRobot.bodies`.
 """
@@ -6,7 +6,7 @@ Body 0 is the root body. The child of URDF joint i is body i + 1, as in `HybridR
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from ..spatial import Array, Index
 Role = Literal["link", "motor", "joint", "closure"]
 
 
-@dataclass(frozen=True, eq=False)
-class Point:
+class Point(NamedTuple):
     """A point of a body.
 
     Attributes:
@@ -29,61 +28,31 @@ class Point:
     at: Array
 
 
-@dataclass(frozen=True)
-class Rod:
-    """A cylinder between two points. Its length varies if they belong to different bodies.
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A triangle mesh fixed to a body, or a rod that grows from a body to another.
 
     Attributes:
         name: Name of the link, joint or closure that it represents.
         role: Part of the robot that it represents.
         module: Number of its module, -1 for the ground.
-        start: One end.
-        end: The other end.
-        radius: Its radius [m].
-        colour: Its colour, "#rrggbb".
-    """
-
-    name: str
-    role: Role
-    module: int
-    start: Point
-    end: Point
-    radius: float
-    colour: str
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A sphere at a point; attributes as those of `Rod`."""
-
-    name: str
-    role: Role
-    module: int
-    at: Point
-    radius: float
-    colour: str
-
-
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """A triangle mesh fixed to a body.
-
-    Attributes:
-        module: Number of its module, -1 for the ground.
         body: Number of its body.
-        vertices: Corners in the body's frame, shape (V, 3), [m].
+        vertices: Corners, shape (V, 3), [m], in the body's frame; of a rod that grows as from z = 0 to 1.
         faces: Corners of each triangle, counter-clockwise from outside, shape (F, 3).
-        colour: Its module's colour, "#rrggbb".
-        own_colour: The colour that its file states.
+        colour: Its colour, "#rrggbb"; of links that of their module.
+        own_colour: The colour that its file states; None for a shape of no file.
+        ends: Ends of a rod that grows, the first of its own body; None for other shapes.
     """
 
     name: str
+    role: Role
     module: int
     body: int
     vertices: Array
     faces: Index
     colour: str
-    own_colour: str
+    own_colour: str | None = None
+    ends: tuple[Point, Point] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +60,12 @@ class Picture:
     """All shapes of a robot.
 
     Attributes:
-        rods: Cylinders.
-        balls: Spheres.
-        solids: Triangle meshes.
+        shapes: The shapes.
         corners: Lower and upper corner of the robot's bounding box at home, shape (2, 3), [m].
         notes: Shapes of the files that could not be drawn, one line each.
     """
 
-    rods: tuple[Rod, ...]
-    balls: tuple[Ball, ...]
-    solids: tuple[Solid, ...]
+    shapes: tuple[Shape, ...]
     corners: Array
     notes: tuple[str, ...] = ()
 
@@ -119,9 +84,3 @@ class Picture:
     def floor(self) -> float:
         """Height of the ground under the robot [m]."""
         return float(self.corners[0, 2])
-
-    @property
-    def modules(self) -> list[int]:
-        """Numbers of the modules that have shapes, the ground (-1) first if it has any."""
-        shapes: tuple[Rod | Ball | Solid, ...] = (*self.rods, *self.balls, *self.solids)
-        return sorted({shape.module for shape in shapes})

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..spatial import Array, compose, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from .picture import Picture, Point
+from .picture import Picture, Point, Shape
 
 
 class Placement(NamedTuple):
@@ -23,13 +22,37 @@ class Placement(NamedTuple):
     R: Array
     p: Array
 
-    def of(self, points: Sequence[Point]) -> Array:
-        """Compute the positions of points in the world, shape (len(points), 3), [m]."""
-        if not points:
-            return np.zeros((0, 3))
-        at = np.array([point.body for point in points])
-        placed: Array = self.p[at] + rotate(self.R[at], np.array([point.at for point in points]))
-        return placed
+    def at(self, point: Point) -> Array:
+        """Compute the position of a point in the world, shape (3,), [m]."""
+        return np.asarray(self.p[point.body] + self.R[point.body] @ point.at)
+
+    def seen_from(self, body: int) -> Placement:
+        """Compute the poses of all bodies in the frame of one of them."""
+        R = self.R[body]
+        return Placement(R.T @ self.R, (self.p - self.p[body]) @ R)
+
+    def of(self, shape: Shape) -> Array:
+        """Compute the corners of a shape in the world, shape (V, 3), [m]."""
+        corners = shape.vertices
+        if shape.ends is not None:
+            start, end = shape.ends
+            corners = stretched(corners, start.at, self.seen_from(start.body).at(end))
+        return np.asarray(self.p[shape.body] + corners @ self.R[shape.body].T)
+
+
+def along(foot: Array, tip: Array) -> tuple[Array, float]:
+    """Compute axes with z from a point towards another, shape (3, 3), and how far that is [m]."""
+    length = float(np.linalg.norm(tip - foot))
+    z = (tip - foot) / length if length else np.array([0.0, 0.0, 1.0])
+    x = np.cross([0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z]), length
+
+
+def stretched(vertices: Array, foot: Array, tip: Array) -> Array:
+    """Compute the corners of a rod between two points, shape (V, 3), from those of one from z = 0 to 1."""
+    axes, length = along(foot, tip)
+    return np.asarray(foot + vertices * [1.0, 1.0, length] @ axes.T)
 
 
 def place_bodies(robot: HybridRobot, q: Array) -> Placement:
@@ -52,9 +75,5 @@ def place_bodies(robot: HybridRobot, q: Array) -> Placement:
 
 def extent(picture: Picture, placement: Placement) -> Array:
     """Compute the lower and upper corner of a picture's bounding box in the world, shape (2, 3), [m]."""
-    points = [end for rod in picture.rods for end in (rod.start, rod.end)]
-    points += [ball.at for ball in picture.balls]
-    corners = [placement.of(points)]
-    corners += [s.vertices @ placement.R[s.body].T + placement.p[s.body] for s in picture.solids]
-    every = np.concatenate([corner for corner in corners if len(corner)] or [np.zeros((1, 3))])
+    every = np.concatenate([placement.of(shape) for shape in picture.shapes] or [np.zeros((1, 3))])
     return np.stack([every.min(axis=0), every.max(axis=0)])

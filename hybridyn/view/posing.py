@@ -38,7 +38,6 @@ class Lever:
         low: Lowest position [m or rad].
         high: Highest position [m or rad].
         unit: "m" or "rad".
-        is_motor: Whether it is a motor. Other joints are moved only if the robot has no motors.
     """
 
     joint: str
@@ -46,7 +45,6 @@ class Lever:
     low: float
     high: float
     unit: str
-    is_motor: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +164,13 @@ class Poser:
         slides = record.kind == "prismatic"
         span = STROKE * float(self.robot.modules[number].mechanism.length) if slides else TURN
         if record.kind == "continuous":
-            return Lever(joint, number, -TURN, TURN, "rad", joint in self.robot.motors)
+            return Lever(joint, number, -TURN, TURN, "rad")
         low = record.lower if np.isfinite(record.lower) else home - span
         high = record.upper if np.isfinite(record.upper) else home + span
         if not low < high:  # exporters write limits of 0 and 0 for none
             low, high = home - span, home + span
         unit = "m" if slides else "rad"
-        return Lever(joint, number, min(low, home), max(high, home), unit, joint in self.robot.motors)
+        return Lever(joint, number, min(low, home), max(high, home), unit)
 
 
 def independent(module: Module, joints: Sequence[str]) -> list[str]:

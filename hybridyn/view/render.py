@@ -1,4 +1,4 @@
-"""Render a robot without a screen: its shaded triangles as an array of pixels or a PNG file."""
+"""Render a robot without a screen: rays to its shaded triangles, an array of pixels or a PNG file."""
 
 from __future__ import annotations
 
@@ -8,18 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..colours import rgb
-from ..spatial import Array, Mask, rotate
+from ..spatial import Array
 from .camera import Camera
 from .picture import Picture
 from .placing import Placement
-from .raster import Raster
-from .triangles import ball_transforms, rod_transforms, unit_ball, unit_cylinder
 
 Image = NDArray[np.uint8]
 
-#: Sides of a rod, and rings of latitude of a ball.
-SIDES, RINGS = 20, 10
-#: Samples per pixel along each side of the image; their mean is the pixel.
+#: Samples along each side of a pixel at an edge; their mean is the pixel.
 FINER = 2
 #: Direction towards the light, in the world.
 LIGHT = np.array([0.38, -0.42, 0.82])
@@ -38,40 +34,50 @@ def render(picture: Picture, placement: Placement, camera: Camera, *, own_colour
     Args:
         picture: The robot's shapes.
         placement: Poses of the bodies.
+        camera: The camera.
         own_colours: Whether shapes have the colours of their files instead of those of their modules.
 
     Returns:
         Red, green and blue, shape (height, width, 3).
     """
-    width, height = FINER * camera.width, FINER * camera.height
-    fine = Camera(camera.eye, camera.target, width, height, camera.angle)
-    raster = Raster(np.broadcast_to(_colours([BACKGROUND], 1)[0], (height, width, 3)))
-    lines = _floor(picture)
-    _fill(raster, fine, lines, _colours([FLOOR], len(lines)))
-    corners, colours, closed = triangles(picture, placement, own_colours=own_colours)
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    floor = _floor(picture)
+    corners, colours = triangles(picture, placement, own_colours=own_colours)
+    scene = EmbreeScene()
+    TriangleMesh(scene, (np.concatenate([corners, floor]) - camera.eye).astype(np.float32))
+    lit = np.clip(colours * _light(corners, camera)[:, None], 0, 1)
+    shades = np.concatenate([lit, _colours(FLOOR, len(floor)), _colours(BACKGROUND, 1)]).astype(np.float32)
+
+    def seen(x: Any, y: Any) -> Any:
+        """Return the colours at places of the image [pixels], shape (..., 3)."""
+        rays = camera.rays(x, y)
+        hit = scene.run(np.zeros_like(rays.reshape(-1, 3)), rays.reshape(-1, 3))
+        return shades[hit].reshape(rays.shape)  # a miss is -1, the background
+
+    centres = np.arange(camera.width) + 0.5, np.arange(camera.height)[:, None] + 0.5
+    image = seen(*centres)
+    edge = np.zeros(image.shape[:2], dtype=bool)
+    for axis, by in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        edge |= (image != np.roll(image, by, axis)).any(axis=2)
+    y, x = (at[:, None] for at in np.nonzero(edge))
+    parts = (np.arange(FINER) + 0.5) / FINER
+    image[edge] = seen(x + np.tile(parts, FINER), y + np.repeat(parts, FINER)).mean(axis=1)
+    return np.asarray(np.round(255 * image), dtype=np.uint8)
+
+
+def _light(corners: Array, camera: Camera) -> Array:
+    """Compute the brightness of triangles, shapes (N, 3, 3) and (N,), on the side that the camera sees."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(size > 0, size, 1)
-    away = np.einsum("ij,ij->i", normals, camera.eye - corners.mean(axis=1)) < 0
-    seen = ~(away & closed)
-    normals[away] *= -1  # open meshes show their inside, which is lit like the outside
-    light = AMBIENT + DIFFUSE * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0)
-    _fill(raster, fine, corners[seen], np.clip(colours * light[:, None], 0, 1)[seen])
-    mean = raster.colour.reshape(camera.height, FINER, camera.width, FINER, 3).mean(axis=(1, 3))
-    image: Image = np.round(255 * mean).astype(np.uint8)
-    return image
+    normals[np.einsum("ij,ij->i", normals, camera.eye - corners.mean(axis=1)) < 0] *= -1
+    bright: Array = AMBIENT + DIFFUSE * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0)
+    return bright
 
 
-def _fill(raster: Raster, camera: Camera, corners: Array, colours: Array) -> None:
-    """Draw the triangles in front of the camera."""
-    flat, depths = camera.project(corners)
-    front = (depths > 0).all(axis=1)
-    raster.fill(flat[front], depths[front], colours[front])
-
-
-def triangles(
-    picture: Picture, placement: Placement, *, own_colours: bool = False
-) -> tuple[Array, Array, Mask]:
+def triangles(picture: Picture, placement: Placement, *, own_colours: bool = False) -> tuple[Array, Array]:
     """Compute all triangles of a picture.
 
     Args:
@@ -80,29 +86,14 @@ def triangles(
         own_colours: Whether shapes have the colours of their files instead of those of their modules.
 
     Returns:
-        Corners in the world, shape (N, 3, 3), [m]; colours, shape (N, 3), 0 to 1; and whether each triangle
-        belongs to a rod or a ball, which are closed surfaces, shape (N,).
+        Corners in the world, shape (N, 3, 3), [m]; and colours, shape (N, 3), 0 to 1.
     """
     corners, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
-    if picture.rods:
-        vertices, faces = unit_cylinder(SIDES)
-        axes, origins, scales = rod_transforms(picture.rods, placement)
-        placed = np.einsum("nij,nvj->nvi", axes, vertices * scales[:, None]) + origins[:, None]
-        corners.append(placed[:, faces].reshape(-1, 3, 3))
-        colours.append(_colours([rod.colour for rod in picture.rods], len(faces)))
-    if picture.balls:
-        vertices, faces = unit_ball(RINGS)
-        centres, radii = ball_transforms(picture.balls, placement)
-        placed = centres[:, None] + vertices * radii[:, None, None]
-        corners.append(placed[:, faces].reshape(-1, 3, 3))
-        colours.append(_colours([ball.colour for ball in picture.balls], len(faces)))
-    closed = sum(map(len, corners))
-    for solid in picture.solids:
-        placed = placement.p[solid.body] + rotate(placement.R[solid.body], solid.vertices)
-        corners.append(placed[solid.faces])
-        colours.append(_colours([solid.own_colour if own_colours else solid.colour], len(solid.faces)))
-    every = np.concatenate(corners)
-    return every, np.concatenate(colours), np.arange(len(every)) < closed
+    for shape in picture.shapes:
+        corners.append(placement.of(shape)[shape.faces])
+        colour = shape.own_colour if own_colours and shape.own_colour else shape.colour
+        colours.append(_colours(colour, len(shape.faces)))
+    return np.concatenate(corners), np.concatenate(colours)
 
 
 def labelled(image: Image, text: str) -> Image:
@@ -130,21 +121,17 @@ def save_png(image: Image, file: str) -> None:
     Pixels.fromarray(image).save(file, format="PNG")
 
 
-def _colours(names: list[str], each: int) -> Array:
-    """Return colours as numbers from 0 to 1, each of them repeated, shape (len(names) * each, 3)."""
-    return np.repeat(np.array([rgb(name) for name in names]) / 255, each, axis=0)
+def _colours(name: str, count: int) -> Array:
+    """Return a colour as numbers from 0 to 1, repeated, shape (count, 3)."""
+    return np.tile(np.array(rgb(name)) / 255, (count, 1))
 
 
 def _floor(picture: Picture) -> Array:
     """Compute the lines of the floor as triangles in the world, shape (N, 3, 3), [m]."""
     half, thick = 0.75 * picture.size, FLOOR_LINE * picture.size
-    x, y = picture.centre[:2]
-    out = []
-    for at in np.linspace(-half, half, FLOOR_SQUARES + 1):
-        for begin in np.linspace(-half, half, FLOOR_SQUARES + 1)[:-1]:  # short pieces fit in small boxes
-            end = begin + 2 * half / FLOOR_SQUARES
-            for u, v in (((at - thick, begin), (at + thick, end)), ((begin, at - thick), (end, at + thick))):
-                a, b, c, d = (u[0], u[1]), (v[0], u[1]), (v[0], v[1]), (u[0], v[1])
-                out += [[a, b, c], [a, c, d]]
-    flat = np.array(out) + np.array([x, y])
-    return np.concatenate([flat, np.full((*flat.shape[:2], 1), picture.floor)], axis=2)
+    lines = np.linspace(-half, half, FLOOR_SQUARES + 1)
+    strips = np.array([[(at - thick, -half), (at + thick, -half), (at + thick, half), (at - thick, half)]
+                       for at in lines])  # fmt: skip
+    strips = np.concatenate([strips, strips[:, :, ::-1]]) + picture.centre[:2]
+    corners = np.insert(strips, 2, picture.floor, axis=2)
+    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])

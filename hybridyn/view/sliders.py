@@ -31,7 +31,7 @@ class Sliders:
         self._poser = poser
         self._sliders: list[tuple[Lever, Any]] = []
         for count, group in enumerate(self._groups()):
-            what = "motors" if group[0].is_motor else "joints"
+            what = "motors" if poser.robot.motors else "joints"
             names = dict.fromkeys(poser.robot.modules[lever.module].name for lever in (group[0], group[-1]))
             with gui.add_folder(f"{what} of {' ... '.join(names)}", expand_by_default=count < OPEN):
                 for lever in group:

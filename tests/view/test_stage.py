@@ -5,15 +5,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import hybridyn
+from hybridyn.colours import rgb
 from hybridyn.spatial import rotation_from_quaternion
 from hybridyn.view.drawing import draw
-from hybridyn.view.picture import Ball, Picture, Rod
+from hybridyn.view.picture import Picture
 from hybridyn.view.placing import Placement, place_bodies
 from hybridyn.view.stage import Stage
-from hybridyn.view.triangles import ball_transforms, rod_transforms
+from hybridyn.view.visuals import read_visuals
 from tests import ROOT
+from tests.extras import needs
+
+needs("view")
 
 SINGLE = 1e-6  # the scene's numbers have single precision
 
@@ -25,23 +30,34 @@ class Scene:
         self.nodes: dict[str, Any] = {}
 
     def _add(self, name: str, *_: str, **facts: Any) -> Any:
-        node = SimpleNamespace(name=name, wxyz=np.array([1.0, 0, 0, 0]), position=np.zeros(3), **facts)
+        pose = {"wxyz": np.array([1.0, 0, 0, 0]), "position": np.zeros(3), "scale": 1.0, "visible": True}
+        node = SimpleNamespace(name=name, **pose, **facts)
         assert name not in self.nodes
         assert not facts.get("show_axes")
         self.nodes[name] = node
         return node
 
-    add_frame = add_batched_meshes_simple = add_mesh_simple = add_label = _add
+    add_frame = add_mesh_simple = _add
 
-    def in_the_world(self, kind: str) -> np.ndarray:
-        """Return the origins of all copies in the batches of a kind, shape (N, 3), in the world."""
-        found = []
-        for name, node in self.nodes.items():
-            if name.endswith(kind) and hasattr(node, "batched_positions"):
-                frame = self.nodes[name.rpartition("/")[0]]
-                R = rotation_from_quaternion(np.asarray(frame.wxyz)[[1, 2, 3, 0]])
-                found.append(np.asarray(node.batched_positions) @ R.T + frame.position)
-        return np.concatenate(found)
+    def in_the_world(self) -> np.ndarray:
+        """Return the corners of all shapes, shape (N, 3), in the world."""
+        return np.concatenate([corners(self.nodes, node) for node in self.meshes().values()])
+
+    def meshes(self, growing: bool | None = None) -> dict[str, Any]:
+        """Return the nodes with shapes; those that grow, or the others, if asked for."""
+        shapes = {name: node for name, node in self.nodes.items() if hasattr(node, "vertices")}
+        return {k: x for k, x in shapes.items() if growing is None or (np.size(x.scale) == 3) == growing}
+
+
+def corners(nodes: dict[str, Any], node: Any) -> np.ndarray:
+    """Return the corners of a shape in the world, shape (N, 3)."""
+    frame = nodes[node.name.rpartition("/")[0]]
+    local = (node.vertices * node.scale) @ turn(node).T + node.position
+    return local @ turn(frame).T + frame.position
+
+
+def turn(node: Any) -> np.ndarray:
+    return rotation_from_quaternion(np.asarray(node.wxyz)[[1, 2, 3, 0]])
 
 
 def moved(name: str, by: float = 0.04) -> tuple[hybridyn.HybridRobot, Placement]:
@@ -58,35 +74,23 @@ def staged(robot: hybridyn.HybridRobot, picture: Picture) -> tuple[Scene, Stage]
     return scene, stage
 
 
-def in_order(points: np.ndarray) -> np.ndarray:
-    """Return points in an order of their own, so that two sets can be compared."""
-    return points[np.lexsort(np.round(points, 5).T)]
+def apart(points: np.ndarray, others: np.ndarray) -> float:
+    """Return the largest distance of a point of one set from the other set."""
+    return max(cKDTree(x).query(y)[0].max() for x, y in ((points, others), (others, points)))
 
 
 @pytest.mark.parametrize("name", ["rps3", "delta"])
 def test_shapes_stay_on_their_links_because_only_the_links_frames_move(name: str) -> None:
-    """The browser is late with new positions inside a batch: there are none but of rods that grow."""
     robot, placement = moved(name)
     picture = draw(robot)
     scene, stage = staged(robot, picture)
-    kept = {
-        name: (np.array(node.batched_positions), np.array(node.batched_wxyzs), np.array(node.batched_scales))
-        for name, node in scene.nodes.items()
-        if hasattr(node, "batched_positions") and "growing" not in name
-    }
-    assert any(name.endswith("balls") for name in kept)
+    kept = {key: vars(node).copy() for key, node in scene.meshes(growing=False).items()}
     stage.place(placement)
-    for name, (positions, quaternions, scales) in kept.items():
-        node = scene.nodes[name]
-        assert (node.batched_positions == positions).all()
-        assert (node.batched_wxyzs == quaternions).all()
-        assert (node.batched_scales == scales).all()
-    centres, _ = ball_transforms(picture.balls, placement)
-    assert in_order(scene.in_the_world("balls")) == pytest.approx(in_order(centres), abs=SINGLE)
-    _, origins, _ = rod_transforms(picture.rods, placement)
-    assert in_order(scene.in_the_world("rods")) == pytest.approx(in_order(origins), abs=SINGLE)
-    shapes: tuple[Rod | Ball, ...] = (*picture.rods, *picture.balls)
-    assert {role for role, nodes in stage.nodes.items() if nodes} == {shape.role for shape in shapes}
+    for key, before in kept.items():
+        assert all(value is before[word] for word, value in vars(scene.nodes[key]).items())
+    wanted = np.concatenate([placement.of(shape) for shape in picture.shapes])
+    assert len(scene.in_the_world()) == len(wanted)
+    assert apart(scene.in_the_world(), wanted) < SINGLE
 
 
 def test_a_rod_that_grows_keeps_to_the_line_of_its_slide() -> None:
@@ -94,19 +98,29 @@ def test_a_rod_that_grows_keeps_to_the_line_of_its_slide() -> None:
     robot, placement = moved("rps3")
     scene, stage = staged(robot, draw(robot))
     stage.place(placement)
-    growing = [node for name, node in scene.nodes.items() if "growing" in name]
+    growing = [*scene.meshes(growing=True).values()]
     assert len(growing) == 3
-    before = [(line(node), np.array(node.batched_positions), node.batched_scales) for node in growing]
+    before = [(turn(node)[:, 2], np.array(node.position), np.array(node.scale)) for node in growing]
     stage.place(moved("rps3", 0.02)[1])
-    for node, (along, feet, scales) in zip(growing, before, strict=True):
-        assert line(node) == pytest.approx(along, abs=SINGLE)
-        assert node.batched_positions == pytest.approx(feet, abs=SINGLE)
-        assert node.batched_scales[:, :2] == pytest.approx(scales[:, :2])
+    for node, (along, foot, scale) in zip(growing, before, strict=True):
+        assert turn(node)[:, 2] == pytest.approx(along, abs=SINGLE)
+        assert node.position == pytest.approx(foot, abs=SINGLE)
+        assert (*node.scale[:2], *scale[:2]) == (1.0, 1.0, 1.0, 1.0)
     pairs = zip(growing, before, strict=True)
-    grown = [np.abs(node.batched_scales - scales).max() for node, (_, _, scales) in pairs]
+    grown = [np.abs(node.scale - scale).max() for node, (_, _, scale) in pairs]
     assert max(grown) == pytest.approx(0.02, abs=SINGLE)
 
 
-def line(node: Any) -> np.ndarray:
-    """Return the directions of rods, shape (N, 3), in their frame."""
-    return rotation_from_quaternion(np.asarray(node.batched_wxyzs)[:, [1, 2, 3, 0]])[:, :, 2]
+def test_roles_are_hidden_and_files_have_colours_of_their_own() -> None:
+    file = ROOT / "urdf/rps3.urdf.xacro"
+    robot = hybridyn.load(file)
+    picture = draw(robot, *read_visuals(str(file), {}, ()))
+    scene, stage = staged(robot, picture)
+    stage.show("closure", False)
+    hidden = {node.name.rpartition("/")[2].split()[0] for node in scene.meshes().values() if not node.visible}
+    assert hidden == {"closure"}
+    stage.paint(own_colours=True)
+    own = {rgb(shape.own_colour) for shape in picture.shapes if shape.own_colour}
+    assert {node.color for node in scene.meshes().values()} >= own
+    stage.paint(own_colours=False)
+    assert {node.color for node in scene.meshes().values()} == {rgb(shape.colour) for shape in picture.shapes}

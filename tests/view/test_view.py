@@ -16,14 +16,12 @@ from hybridyn.errors import install_advice
 from hybridyn.structure.building import build_robot
 from hybridyn.view.camera import Camera, camera_around
 from hybridyn.view.drawing import draw, hull
-from hybridyn.view.measures import Measures
-from hybridyn.view.panel import effort_limits, efforts_html, status_html
-from hybridyn.view.placing import extent, place_bodies
+from hybridyn.view.panel import closeness, effort_limits, efforts_html, holding, status_html
+from hybridyn.view.picture import Picture, Shape
+from hybridyn.view.placing import Placement, extent, place_bodies
 from hybridyn.view.posing import Poser
-from hybridyn.view.raster import Raster
 from hybridyn.view.render import render
 from hybridyn.view.run import Run
-from hybridyn.view.triangles import rod_transforms, unit_ball, unit_cylinder
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
 from tests.command_line import call
@@ -31,6 +29,7 @@ from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, save
 from tests.shipped import ROBOTS
 
+needs("view")
 EXACT = 1e-12  # relative: the same numbers by two ways
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
 
@@ -70,40 +69,41 @@ def test_bodies_of_a_moving_base_are_where_the_base_is() -> None:
 def test_every_closure_and_motor_is_marked_and_every_rod_ends_where_it_should(name: str) -> None:
     robot = loaded(name)
     picture = draw(robot)
-    shapes = (*picture.rods, *picture.balls)
-    marked = {shape.name for shape in shapes if shape.role == "closure"}
+    marked = {shape.name for shape in picture.shapes if shape.role == "closure"}
     assert marked == {closure.name for closure in robot.description.closures}
-    assert {shape.name for shape in shapes if shape.role == "motor"} == set(robot.motors)
+    assert {shape.name for shape in picture.shapes if shape.role == "motor"} == set(robot.motors)
     home = place_bodies(robot, robot.home)
-    axes, origins, scales = rod_transforms(picture.rods, home)
-    ends = origins + axes[:, :, 2] * scales[:, 2:]
-    assert ends == pytest.approx(home.of([rod.end for rod in picture.rods]), abs=EXACT * picture.size)
-    ids = {shape.module for shape in shapes} | {solid.module for solid in picture.solids}
-    assert ids >= {k for k, module in enumerate(robot.modules) if module.closures}
+    for shape in picture.shapes:
+        if shape.ends is not None:
+            low, high = (home.of(shape)[shape.vertices[:, 2] == z].mean(axis=0) for z in (0.0, 1.0))
+            wanted = [home.at(end) for end in shape.ends]
+            assert np.array([low, high]) == pytest.approx(np.array(wanted), abs=EXACT * picture.size)
+    modules = {shape.module for shape in picture.shapes}
+    assert modules >= {k for k, module in enumerate(robot.modules) if module.closures}
 
 
 def test_a_slide_is_a_rod_that_grows() -> None:
     robot = loaded("rps3")
     picture = draw(robot)
-    slide = next(rod for rod in picture.rods if rod.name == "m1_leg1_slide" and rod.role == "link")
+    slide = next(shape for shape in picture.shapes if shape.name == "m1_leg1_slide" and shape.ends)
     grown = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, 0.05))[0]
-    lengths = [rod_transforms([slide], place_bodies(robot, q))[2][0, 2] for q in (robot.home, grown)]
+    placed = [place_bodies(robot, q) for q in (robot.home, grown)]
+    lengths = [np.linalg.norm(np.subtract(*map(placement.at, slide.ends))) for placement in placed]
     assert abs(lengths[1] - lengths[0]) == pytest.approx(0.05, abs=CLOSED)
 
 
 def test_shapes_of_the_file_are_drawn_and_closed() -> None:
-    needs("view", "yourdfpy")
     file = str(ROOT / "urdf/lx4.urdf.xacro")
     visuals, notes = read_visuals(file, {}, ())
     assert notes == []
     picture = draw(loaded("lx4"), visuals)
-    assert len(picture.solids) == len(visuals) > 4 * 12  # two parts per leg, and platforms
-    assert not [rod for rod in picture.rods if rod.role == "link"]
-    assert {solid.colour for solid in picture.solids} >= {module_colour(k) for k in range(-1, 4)}
+    links = [shape for shape in picture.shapes if shape.role == "link"]
+    assert len(links) == len(visuals) > 4 * 12  # two parts per leg, and platforms
+    assert all(shape.own_colour for shape in links)
+    assert {shape.colour for shape in links} >= {module_colour(k) for k in range(-1, 4)}
 
 
 def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> None:
-    needs("view", "yourdfpy")
     visual = '<visual><geometry><mesh filename="package://nowhere/{}.stl"/></geometry></visual>'
     text = FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{visual.format("crank")}')
     path = save(tmp_path, text)
@@ -111,11 +111,10 @@ def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> 
     assert visuals == []
     assert "package://nowhere/crank.stl" in notes[0]
     picture = draw(hybridyn.load(path), visuals, notes)
-    assert "crank" in {rod.name for rod in picture.rods}
+    assert "crank" in {shape.name for shape in picture.shapes}
 
 
 def test_meshes_are_found_beside_the_file_and_in_packages(tmp_path: Path) -> None:
-    needs("view", "yourdfpy")
     import trimesh
 
     (tmp_path / "arm" / "meshes").mkdir(parents=True)
@@ -132,13 +131,15 @@ def test_meshes_are_found_beside_the_file_and_in_packages(tmp_path: Path) -> Non
     assert np.ptp(visuals[1].vertices, axis=0) == pytest.approx([1.0, 0.1, 0.1])
 
 
-@pytest.mark.parametrize("shape", [unit_cylinder(12), unit_ball(6)], ids=["rod", "ball"])
-def test_unit_shapes_are_closed_and_face_outwards(shape: tuple[np.ndarray, np.ndarray]) -> None:
-    vertices, faces = shape
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-    solid = np.pi if vertices[:, 2].min() == 0.0 else 4 * np.pi / 3
-    assert 0.85 * solid < volume < solid  # inscribed; a face turned inwards takes its part away twice
+@pytest.mark.parametrize("role", ["link", "motor", "joint", "closure"])
+def test_shapes_are_closed_and_face_outwards(role: str) -> None:
+    import trimesh
+
+    for shape in draw(loaded("rps3")).shapes:
+        if shape.role == role:
+            mesh = trimesh.Trimesh(shape.vertices, shape.faces)
+            assert mesh.is_watertight
+            assert mesh.volume > 0
 
 
 def test_the_hull_of_flat_points_is_a_plate_and_of_a_line_nothing() -> None:
@@ -160,42 +161,50 @@ def test_a_floating_joint_holds_its_base_nowhere(tmp_path: Path) -> None:
     blocks = (ROOT / "docs/describing-loops.md").read_text().split("```")
     text = next(block for block in blocks if "whole=platform.urdf.xacro" in block).partition("\n")[2]
     picture = draw(hybridyn.load(save(tmp_path, text, "platform.urdf.xacro")))
-    (ground,) = (solid for solid in picture.solids if solid.module < 0)
+    (ground,) = (shape for shape in picture.shapes if shape.module < 0 and shape.role == "link")
     assert np.ptp(ground.vertices[:, 2]) < 0.1 * np.ptp(ground.vertices[:, 0])
 
 
+def image_of(shapes: list[tuple[np.ndarray, str]], size: int = 80) -> np.ndarray:
+    """Render triangles, shape (N, 3, 3), from above: x to the right, y up, both from -1 to 1."""
+    needs("view", "embreex")
+    made = [
+        Shape("t", "link", -1, 0, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), colour)
+        for corners, colour in shapes
+    ]
+    picture = Picture(tuple(made), np.array([[-9.0, -9, -9], [-8, -8, -9]]))  # the floor is elsewhere
+    angle = 0.1
+    camera = Camera(np.array([0.0, -1e-9, 1 / np.tan(angle)]), np.zeros(3), size, size, angle)
+    return render(picture, Placement(np.eye(3)[None], np.zeros((1, 3))), camera)
+
+
 def test_the_nearer_triangle_is_seen_whatever_their_order() -> None:
-    corners = np.array([[[0, 0], [40, 0], [0, 40]], [[5, 5], [30, 5], [5, 30]]], dtype=float)
-    depths, colours = np.array([[2.0] * 3, [1.0] * 3]), np.array([[1.0, 0, 0], [0, 1.0, 0]])
-    for order in ([0, 1], [1, 0]):
-        raster = Raster(np.zeros((40, 40, 3)))
-        raster.fill(corners[order], depths[order], colours[order])
-        assert raster.colour[8, 8].tolist() == [0, 1, 0]
-        assert raster.colour[2, 2].tolist() == [1, 0, 0]
-        assert raster.colour[39, 39].tolist() == [0, 0, 0]
+    triangle = np.array([[[-0.9, -0.9, 0.0], [0.9, -0.9, 0.0], [-0.9, 0.9, 0.0]]])
+    far, near = (triangle, "#ff0000"), (0.5 * triangle + [0.0, 0.0, 1.0], "#00ff00")
+    for order in ([far, near], [near, far]):
+        image = image_of(order)
+        assert image[48, 32].argmax() == 1
+        assert image[70, 10].argmax() == 0
+        assert image[5, 70].tolist() == [255, 255, 255]
 
 
 def test_triangles_that_share_an_edge_leave_no_gap() -> None:
-    corners = np.array(
-        [[[1.3, 2.7], [181.1, 20.2], [30.5, 170.9]], [[181.1, 20.2], [190.4, 180.3], [30.5, 170.9]]]
-    )
-    raster = Raster(np.zeros((200, 200, 3)))
-    raster.fill(corners, np.ones((2, 3)), np.ones((2, 3)))
-    inner = raster.nearness[60:150, 60:150]
-    assert (inner > 0).all()
+    a, b, c, d = [-0.97, -0.91, 0.0], [0.83, -0.77, 0.0], [0.91, 0.87, 0.0], [-0.7, 0.77, 0.0]
+    image = image_of([(np.array([[a, b, d], [b, c, d]]), "#ff0000")], 200)
+    assert np.ptp(image[60:150, 60:150], axis=(0, 1)).tolist() == [0, 0, 0]
 
 
 def test_the_camera_sees_the_whole_robot() -> None:
     picture = draw(loaded("lx4"))
     for width, height in ((400, 800), (1600, 400)):
         camera = camera_around(picture.corners, width, height)
-        box = np.array(np.meshgrid(*picture.corners.T)).reshape(3, -1).T
-        flat, depth = camera.project(box)
-        assert (depth > 0).all()
-        assert (flat >= 0).all()
-        assert (flat <= [width, height]).all()
+        edge = camera.rays(np.array([0, width]), np.array([[0], [height]])) @ camera.axes
+        box = (np.array(np.meshgrid(*picture.corners.T)).reshape(3, -1).T - camera.eye) @ camera.axes
+        assert (box[:, 2] < 0).all()
+        assert (np.abs(box[:, :2] / box[:, 2:]) <= np.abs(edge[0, 0, :2])).all()
     upright = Camera(np.array([0.0, -5.0, 0.0]), np.zeros(3), 100, 100)
-    assert upright.project(np.array([0.5, 0.0, 0.5]))[0] == pytest.approx([50 + 15.1, 50 - 15.1], abs=0.1)
+    ray = upright.rays(np.array(50 + 15.1), np.array(50 - 15.1))
+    assert 5 * ray / ray[1] == pytest.approx([0.5, 5.0, 0.5], abs=0.01)
 
 
 def colours_in(image: np.ndarray, colour: str, hue: float = 0.1) -> int:
@@ -277,16 +286,14 @@ def test_a_robot_without_motors_is_moved_by_its_independent_joints() -> None:
     description = dataclasses.replace(read(ROOT / "urdf/five_bar.urdf.xacro"), motors=())
     poser = Poser(build_robot(description))
     assert len(poser.levers) == 2
-    assert not any(lever.is_motor for lever in poser.levers)
 
 
 def test_measures_are_those_of_the_library() -> None:
     robot = loaded("five_bar")
-    measures = Measures(robot)
     still = np.zeros(robot.nv)
     event = hybridyn.near_singularity(robot, 0.0, what="motors")
-    assert measures.closeness(robot.home).motors == event.function(0.0, robot.home, still)
-    tau, reason = measures.holding(robot.home)
+    assert closeness(robot, robot.home)["motors"] == event.function(0.0, robot.home, still)
+    tau, reason = holding(robot, robot.home)
     assert reason == ""
     assert tau == pytest.approx(hybridyn.idm(robot, robot.home, still, still))
 
@@ -309,7 +316,6 @@ def test_a_run_shows_the_nearest_sample() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    needs("view", "yourdfpy")
     from PIL import Image
 
     files = [tmp_path / "a.png", tmp_path / "b.png"]
@@ -365,7 +371,6 @@ def test_what_is_missing_is_said_before_any_work(
 def test_shapes_need_the_extra_too(
     package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    needs("view", "yourdfpy")
     monkeypatch.setitem(sys.modules, package, None)
     call(
         capsys,

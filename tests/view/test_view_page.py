@@ -14,6 +14,7 @@ import hybridyn
 from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
 from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
+from hybridyn.view.panel import closeness
 from hybridyn.view.run import Run
 from tests.browser import browser, chromium
 from tests.command_line import program
@@ -162,7 +163,7 @@ def test_the_page_shows_robot_motors_efforts_and_distances(
         assert expected in text, expected
     assert re.search(r"loops closed to \d", tab.inner_text("#hybridyn-status"))
     assert float(tab.get_attribute("#hybridyn-singularity", "data-least")) == pytest.approx(
-        page.measures.closeness(page.q).least, rel=1e-5
+        min(closeness(page.robot, page.q).values()), rel=1e-5
     )
     seen = picture(tab)
     for colour in (module_colour(0), CLOSURE, MOTOR):
