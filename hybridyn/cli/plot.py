@@ -9,13 +9,14 @@ import click
 
 from .common.figures import FORMATS, chart_file, save, save_chart
 from .common.files import complete_robot, ends_in, existing_file, robot_file
-from .common.options import PACKAGES, XACRO, Command
+from .common.options import PACKAGES, XACRO, Command, RobotChoice
 from .common.report import read_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..figures.panels import Chart
+    from ..structure.robot import HybridRobot
     from ..tables.table import Table
 
 
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     metavar="ROBOT",
     callback=lambda ctx, param, value: value and robot_file(ctx, param, value),
     shell_complete=complete_robot,
-    help="The table's robot, a file or a shipped robot: joints with the same unit share an axis.",
+    help="The table's robot, a file or a shipped robot: joints of a module with the same unit share an axis.",
 )
 @click.pass_context
 def command(
@@ -55,10 +56,10 @@ def command(
 ) -> None:
     """Draw TABLE, a file that a command wrote, or the folder of a sweep.
 
-    A trajectory or a result of idm, ddm or simulate has one panel per quantity, over time. If it contains
-    efforts, only joints with an effort (motors) are drawn, followed by energies and the closure residual. It
-    does not state which joints slide and which turn: without --robot, each joint has an axis of its own. The
-    option '--plot' of these commands also groups motors by module, and draws limits.
+    A trajectory or a result of idm, ddm or simulate is drawn over time, with energies and the closure
+    residual. If it contains efforts, only joints with an effort (motors) are drawn. With --robot, as with the
+    option '--plot' of these commands, each module has a panel per quantity, with limits; without it, each
+    joint has an axis of its own, since the table does not state which joints slide and which turn.
 
     Loads of motors and effects ('idm --loads', '--by-effect') are bars, a workspace is maps, a sweep shows
     every measure over every parameter.
@@ -77,14 +78,9 @@ def command(
 
         drawn = chart_of_report(report, title=title)
     else:
-        kinds: dict[str, str] = {}
-        if robot is not None:
-            from ..description import read
-
-            joints = read(robot, xacro_args=xacro_args or None, package_dirs=package_dirs).joints
-            kinds = {joint.name: joint.kind for joint in joints}
+        choice = robot and RobotChoice(robot, xacro_args=xacro_args, package_dirs=package_dirs)
         with open_table(table) as source:
-            drawn = _of_table(source, title, robot, kinds)
+            drawn = _of_table(source, title, choice() if choice else None)
     from ..figures.panels import Chart
 
     if isinstance(drawn, Chart):
@@ -94,23 +90,21 @@ def command(
     save(drawn, output)
 
 
-def _of_table(source: Table, title: str, robot: str | None, kinds: dict[str, str]) -> Chart | Figure:
+def _of_table(source: Table, title: str, robot: HybridRobot | None) -> Chart | Figure:
     """Draw a workspace as maps, and all other tables over time."""
     import numpy as np
 
-    from ..figures.table import chart_of_table, joints_of_unknown_unit
+    from ..figures.motion import MOST_SAMPLES, chart_of_rows, extremes
 
     columns = source.columns
     rows = np.vstack([block.values for block in source.blocks])
+    data = dict(zip(columns, rows.T, strict=True))
     if "conditioning" in columns:
         from ..figures.workspace import figure_of_workspace
 
-        data = dict(zip(columns, rows.T, strict=True))
         poses = {name.rpartition("/")[2]: x for name, x in data.items() if "/pose/" in name}
         return figure_of_workspace(poses, data, title=title)
-    chart = chart_of_table(columns, rows, title=title, kinds=kinds)
-    if unknown := joints_of_unknown_unit(columns, kinds):
-        which = f"'{robot}' has no joint '{unknown[0]}'" if robot else "the table does not state units"
-        advice = "" if robot else ": name its robot (--robot) to group joints by unit"
-        click.echo(f"note: {which}, so {len(unknown):,} joints have an axis each{advice}", err=True)
-    return chart
+    timed = "time" in data
+    x = data["time"] if timed else np.arange(1.0, len(rows) + 1)
+    x, rows = extremes(x, rows, max(1, len(rows) // MOST_SAMPLES))
+    return chart_of_rows(columns, x, rows, robot=robot, timed=timed, title=title)

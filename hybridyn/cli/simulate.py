@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
-from .common.figures import Drawing, plot_option
+from .common.figures import plot_option, save_chart
 from .common.files import check_targets, complete_robot, result_file, scene_file
 from .common.progress import Progress
 from .common.summary import effects_line
@@ -36,7 +36,7 @@ AT_ONCE = 4096
 
 @click.command(
     "simulate",
-    params=[plot_option("efforts by module, power, energy and residuals", page=True)],
+    params=[plot_option("the motion of the motors, efforts, power, energy and residuals", page=True)],
     short_help="Simulate a scene: a robot under a controller and effects.",
 )
 @click.argument("scene", callback=scene_file, shell_complete=complete_robot)
@@ -241,12 +241,12 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
+    from ..figures.motion import MOST_SAMPLES, chart_of_rows, extremes
     from ..simulation.table import columns_of, rows_of
 
     title = f"{ready.robot.name}, {os.path.basename(ready.source.file)}"
-    drawing = Drawing(ready.robot, columns_of(ready.robot), title, plot)
-    drawing.rows.add(result.t, rows_of(ready.robot, result))
-    drawing.show(None, quiet=False)
+    x, rows = extremes(result.t, rows_of(ready.robot, result), max(1, len(result.t) // MOST_SAMPLES))
+    save_chart(chart_of_rows(columns_of(ready.robot), x, rows, robot=ready.robot, title=title), plot)
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:

@@ -9,7 +9,7 @@ import click
 
 from ..errors import HybridynError
 from .common.engine import takes_engine
-from .common.figures import figure_file
+from .common.figures import plot_option, save_chart
 from .common.progress import Progress
 from .common.tables import jobs_option, pool_options
 from .common.text import aligned_rows, counted
@@ -26,7 +26,11 @@ MOST_PRINTED = 50
 
 @click.command(
     "sweep",
-    params=[jobs_option("one per core"), *pool_options("")],
+    params=[
+        plot_option("every measure over every parameter", page=True),
+        jobs_option("one per core"),
+        *pool_options(""),
+    ],
     short_help="Evaluate many designs of a robot, and find the best.",
 )
 @click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
@@ -47,11 +51,6 @@ MOST_PRINTED = 50
     "--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Number of designs to print."
 )
 @click.option("--sensitivity", is_flag=True, help="Print the Sobol or Morris indices of the parameters.")
-@click.option("--plot", metavar="FILE", callback=figure_file, help="Draw the designs: .png, .svg or .pdf")
-@click.option(
-    "--draw", type=click.Choice(["scatter", "parallel", "sensitivity"]), default="scatter", show_default=True,
-    help="What --plot draws: every measure over every parameter, parallel coordinates, or the indices.",
-)  # fmt: skip
 def command(
     study: str | None,
     output: str,
@@ -67,7 +66,6 @@ def command(
     top: int,
     sensitivity: bool,
     plot: str | None,
-    draw: str,
 ) -> int:
     """Evaluate the designs of STUDY (a TOML file), and find the best.
 
@@ -94,16 +92,9 @@ def command(
     if sensitivity:
         click.echo("\n".join(_indices(output)))
     if plot is not None:
-        from ..figures import sweep as figures
-        from .common.figures import save, save_chart
+        from ..figures.sweep import chart_of_sweep
 
-        if draw == "parallel":
-            save(figures.figure_of_coordinates(output, where), plot)
-        else:
-            scatter = draw == "scatter"
-            save_chart(
-                figures.chart_of_sweep(output, where) if scatter else figures.chart_of_indices(output), plot
-            )
+        save_chart(chart_of_sweep(output, where), plot)
     return 0
 
 

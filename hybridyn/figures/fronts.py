@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from .blank import empty_figure
+from .as_matplotlib import empty_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

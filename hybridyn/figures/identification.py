@@ -20,7 +20,7 @@ def chart_of_identification(found: Identification, *, title: str = "") -> Chart:
     judged = found.validation or found.fit
     worst = np.sort(np.argsort(judged.probability, kind="stable")[:MOST_MOTORS])
     panels = [panel for i in worst for panel in _panels(found, judged, int(i))]
-    return Chart(title, np.zeros(0), "", tuple(panels), across=2)
+    return Chart(title, panels, across=2)
 
 
 def _panels(found: Identification, judged: Residuals, i: int) -> tuple[Panel, Panel]:
@@ -37,9 +37,6 @@ def _panels(found: Identification, judged: Residuals, i: int) -> tuple[Panel, Pa
         Mark("white noise", judged.frequency[[0, -1]], np.array([0.0, 1.0]), "dashed", GOOD),
     )
     return (
-        Panel(motor, f"effort [{unit}]", (), unit=unit, marks=efforts, x_label="time [s]"),
-        Panel(
-            f"probability {judged.probability[i]:.2g}", "share of the power", (), marks=spectrum,
-            x_label="frequency [Hz]",
-        ),
-    )  # fmt: skip
+        Panel(motor, f"effort [{unit}]", efforts, "time [s]"),
+        Panel(f"probability {judged.probability[i]:.2g}", "share of the power", spectrum, "frequency [Hz]"),
+    )

@@ -6,14 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..colours import MODULES
 from ..errors import TrajectoryError
-from .panels import Chart, Line, Panel
+from ..spatial import Array
+from .panels import Chart, Mark, Panel
 
 #: Quantities of the loads of motors: the column of the unit or the unit itself, and the columns of the bars.
 LOADS = {
-    "effort": ("effort_unit", ("peak_effort", "rms_effort")),
-    "speed": ("speed_unit", ("peak_speed", "rms_speed")),
-    "power": ("W", ("peak_power", "peak_braking_power")),
+    "effort": ("effort_unit", {"peak": "peak_effort", "RMS": "rms_effort"}),
+    "speed": ("speed_unit", {"peak": "peak_speed", "RMS": "rms_speed"}),
+    "power": ("W", {"peak": "peak_power", "peak of braking": "peak_braking_power"}),
 }
 
 Row = Mapping[str, str | float | None]
@@ -35,7 +37,7 @@ def chart_of_report(rows: Sequence[Row], *, title: str = "") -> Chart:
         panels = [panel for quantity in LOADS for panel in _of_loads(rows, quantity)]
     else:
         raise TrajectoryError("there is nothing to draw: neither loads of motors nor effects")
-    return Chart(title, np.zeros(0), "", tuple(panels))
+    return Chart(title, panels, across=min(len(panels), 2))
 
 
 def _of_loads(rows: Sequence[Row], quantity: str) -> list[Panel]:
@@ -43,11 +45,8 @@ def _of_loads(rows: Sequence[Row], quantity: str) -> list[Panel]:
     panels = []
     for unit in dict.fromkeys(row.get(of_unit, of_unit) for row in rows):
         ours = [row for row in rows if row.get(of_unit, of_unit) == unit]
-        lines = [
-            Line(name.replace("_", " ").replace("rms", "RMS"), np.abs(_numbers(ours, name)))
-            for name in columns
-        ]
-        panels.append(_bars(ours, f"{quantity} [{unit}]", lines, str(unit)))
+        bars = {name: np.abs(_numbers(ours, column)) for name, column in columns.items()}
+        panels.append(_bars(ours, f"{quantity} [{unit}]", bars))
     return panels
 
 
@@ -55,20 +54,26 @@ def _of_effects(rows: Sequence[Row]) -> list[Panel]:
     panels = []
     for unit in dict.fromkeys(row["unit"] for row in rows):
         ours = [row for row in rows if row["unit"] == unit]
-        of_effect = {name: [row for row in ours if row["effect"] == name] for name in _names(ours, "effect")}
-        lines = [Line(name, _numbers(group, "rms")) for name, group in of_effect.items()]
-        panels.append(_bars(ours, f"RMS of what it adds [{unit}]", lines, str(unit)))
+        effects = _names(ours, "effect")
+        bars = {name: _numbers([row for row in ours if row["effect"] == name], "rms") for name in effects}
+        panels.append(_bars(ours, f"RMS of what it adds [{unit}]", bars))
     return panels
 
 
-def _bars(rows: Sequence[Row], label: str, lines: Sequence[Line], unit: str) -> Panel:
-    return Panel("", label, tuple(lines), unit=unit, ticks=_names(rows, "motor"))
+def _bars(rows: Sequence[Row], label: str, bars: dict[str, Array]) -> Panel:
+    """Return a panel of bars per motor."""
+    motors = _names(rows, "motor")
+    marks = [
+        Mark(name, motors, y, "bar", MODULES[number % len(MODULES)])
+        for number, (name, y) in enumerate(bars.items())
+    ]
+    return Panel("", label, marks)
 
 
 def _names(rows: Sequence[Row], column: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(str(row[column]) for row in rows))
 
 
-def _numbers(rows: Sequence[Row], column: str) -> np.ndarray:
+def _numbers(rows: Sequence[Row], column: str) -> Array:
     """Return the numbers of a column; unknown ones are 0."""
     return np.array([float(row[column] or 0.0) for row in rows])

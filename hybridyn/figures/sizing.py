@@ -20,8 +20,8 @@ CLOUD_LIMIT_FACTOR = 3.0
 def chart_of_sizing(sizing: Sizing, *, title: str = "") -> Chart:
     """Build a chart, a panel per motor: effort over speed at every sample, RMS effort, peak and limits."""
     loads = sizing.loads()
-    panels = tuple(_panel(load, sizing.cloud.points[:, i]) for i, load in enumerate(loads))
-    return Chart(title, np.zeros(0), "", panels, across=min(COLUMNS, max(len(panels), 1)))
+    panels = [_panel(load, sizing.cloud.points[:, i]) for i, load in enumerate(loads)]
+    return Chart(title, panels, across=min(COLUMNS, max(len(panels), 1)))
 
 
 def _panel(load: MotorLoad, points: Array) -> Panel:
@@ -30,7 +30,7 @@ def _panel(load: MotorLoad, points: Array) -> Panel:
     marks = [Mark("samples", speed, effort, "dots", MODULES[0])]
     if len(points):
         at = int(np.argmax(np.abs(effort)))
-        marks.append(Mark("peak effort", speed[[at]], effort[[at]], "peak", MOTOR))
+        marks.append(Mark("peak effort", speed[[at]], effort[[at]], "dot", MOTOR))
     limits = [
         limit if limit <= CLOUD_LIMIT_FACTOR * abs(peak.value) else math.inf
         for limit, peak in ((load.speed_limit, load.speed), (load.effort_limit, load.effort))
@@ -47,6 +47,4 @@ def _panel(load: MotorLoad, points: Array) -> Panel:
         if limits[0] < math.inf:
             marks.append(Mark("limit", np.full(2, sign * limits[0]), up, "solid", ALARM))
     unit, across_unit = load.unit("effort"), load.unit("speed")
-    return Panel(
-        load.motor, f"effort [{unit}]", (), unit=unit, marks=tuple(marks), x_label=f"speed [{across_unit}]"
-    )
+    return Panel(load.motor, f"effort [{unit}]", marks, f"speed [{across_unit}]")

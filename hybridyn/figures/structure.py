@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..colours import MOTOR, lighter
 from ..linkage.joints import LETTERS
-from .blank import empty_figure
+from .as_matplotlib import empty_figure
 from .structure_cards import Card, Leg
 
 if TYPE_CHECKING:

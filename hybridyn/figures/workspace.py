@@ -9,7 +9,7 @@ import numpy as np
 
 from ..linkage.targets import COORDINATES
 from ..spatial import Array
-from .blank import empty_figure
+from .as_matplotlib import empty_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

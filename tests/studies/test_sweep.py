@@ -627,19 +627,15 @@ def test_indices_of_designs_in_blocks_are_those_of_the_formula(
 
 
 def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from hybridyn.figures.as_matplotlib import figure_of_chart
-    from hybridyn.figures.sweep import chart_of_indices, figure_of_coordinates
-
-    needs("sensitivity")
     from scipy.stats import qmc
+
+    from hybridyn.figures.sweep import chart_of_sweep
 
     x = qmc.Sobol(2, seed=8).random(64)
     shards, rows = made(tmp_path, x, x @ [3, 1], ["x", "z"])
     shards.write([Row(0, (0.0, 0.0), "unreachable", 1, 0, (np.nan,), ""), *rows[1:]])
-    figure = figure_of_coordinates(tmp_path, "y > 2")
-    colours = [line.get_color() for line in figure.axes[0].lines if len(line.get_ydata()) == 3]  # type: ignore[arg-type]
-    assert len(colours) == 63
-    assert colours.count("0.85") == (x[1:] @ [3, 1] <= 2).sum()
+    panel = chart_of_sweep(tmp_path, "y > 2").panels[0]
+    counts = {mark.name: len(mark.y) for mark in panel.marks}
+    low = int((x[1:] @ [3, 1] <= 2).sum())
+    assert counts == {"does not meet the condition": low, "designs": 63 - low, "not evaluated": 1}
     call(capsys, "plot", tmp_path, "-o", tmp_path / "sweep.svg")
-    bars = figure_of_chart(chart_of_indices(tmp_path)).axes[0].patches
-    assert [bar.get_height() for bar in bars] == [one.value for one in sensitivity(tmp_path)]

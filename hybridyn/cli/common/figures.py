@@ -14,6 +14,7 @@ from .files import ends_in
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ...description.records import Array
     from ...figures.panels import Chart
     from ...streams.one_pass import Done
     from ...structure.robot import HybridRobot
@@ -103,32 +104,40 @@ class Drawing:
 
     exceeded = ()
 
-    def __init__(self, robot: HybridRobot, columns: Sequence[str], title: str, target: str) -> None:
+    def __init__(
+        self, robot: HybridRobot, columns: Sequence[str], title: str, target: str, rows: int | None
+    ) -> None:
         """Start without rows.
 
         Args:
             columns: Names of the columns of the rows.
             title: Title of the chart.
             target: The file, whose ending says its format.
+            rows: Number of rows in all, roughly, or None if it is not known.
         """
-        from ...figures.envelope import Envelope
+        from ...figures.motion import MOST_SAMPLES
 
         self.robot, self.columns, self.title, self.target = robot, columns, title, target
-        self.rows, self.timed = Envelope(), True
+        self.each, self.timed = max(1, (rows or 0) // MOST_SAMPLES), True
+        self.parts: list[tuple[Array, Array]] = []
 
     def add(self, done: Done) -> None:
         """Add a block."""
         import numpy as np
 
+        from ...figures.motion import extremes
+
         self.timed = done.time is not None
         numbers = np.arange(done.first_row, done.first_row + len(done.rows), dtype=float)
-        self.rows.add(numbers if done.time is None else done.time, done.rows)
+        x = numbers if done.time is None else done.time
+        self.parts.append(extremes(x, done.rows, self.each))
 
-    def show(self, layout: Layout | None, quiet: bool) -> None:
+    def show(self, layout: Layout, quiet: bool) -> None:
         """Write the chart."""
+        import numpy as np
+
         from ...figures.motion import chart_of_rows
 
-        lines = self.rows.lines()
-        save_chart(
-            chart_of_rows(self.robot, self.columns, *lines, timed=self.timed, title=self.title), self.target
-        )
+        x, rows = map(np.concatenate, zip(*self.parts, strict=True))
+        chart = chart_of_rows(self.columns, x, rows, robot=self.robot, timed=self.timed, title=self.title)
+        save_chart(chart, self.target)

@@ -254,7 +254,7 @@ def run(
         observers = [*planned.observers]
         if tables.plot and planned.written:
             title = f"{robot.name}, {os.path.basename(tables.source)}"
-            observers.insert(0, Drawing(robot, planned.columns, title, tables.plot))
+            observers.insert(0, Drawing(robot, planned.columns, title, tables.plot, table.rows))
         with _writer(tables, robot, planned, layout.time is not None) as write, Progress() as progress:
             for done in done_by:
                 for observer in observers:
