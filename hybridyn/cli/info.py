@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.figures import drawing_file, save_structure
+from .common.figures import plot_option, save
 from .common.options import RobotChoice, RobotCommand, known_names
 from .common.text import counted, terminal_width, wrapped
 
 if TYPE_CHECKING:
+    from ..figures.module_tree import Card
     from ..structure.robot import HybridRobot
     from ..studies.check.check import Finding
 
@@ -34,7 +35,10 @@ def _codes() -> Iterable[str]:
 
 
 @click.command(
-    "info", cls=RobotCommand, short_help="Show modules, closures, motors, and mistakes and how to mend them."
+    "info",
+    cls=RobotCommand,
+    params=[plot_option("the tree of modules")],
+    short_help="Show modules, closures, motors, and mistakes and how to mend them.",
 )
 @click.option(
     "--fail-on",
@@ -52,12 +56,6 @@ def _codes() -> Iterable[str]:
 @click.option("--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code.")
 @click.option("--no-meshes", is_flag=True, help="Do not search or load mesh files.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings alone, as JSON.")
-@click.option(
-    "--plot",
-    metavar="FILE",
-    callback=drawing_file,
-    help="Draw the tree of modules: .svg, .png, .pdf, or .dot for Graphviz.",
-)
 def command(
     load: RobotChoice,
     fail_on: str,
@@ -82,7 +80,7 @@ def command(
 
     robot, problem = None, None
     try:
-        robot = load()
+        robot = load(ranks=True)
     except HybridynError as error:
         problem = error
     found = findings(
@@ -110,25 +108,32 @@ def command(
     if problem is not None:
         raise problem
     if plot and robot is not None:
-        save_structure(robot, plot)
+        from ..figures.structure import figure_of_cards
+
+        save(figure_of_cards(_cards(robot, found)), plot)
     failing = SEVERITIES[: SEVERITIES.index(fail_on) + 1] if fail_on != "never" else ()
     return FOUND if any(finding.severity in failing for finding in found) else 0
 
 
+def _cards(robot: HybridRobot, found: list[Finding]) -> list[Card]:
+    """Return the cards of the modules."""
+    from ..figures.module_tree import cards
+    from ..studies.check.loops import home_residuals
+
+    singular = {one.element.partition("'")[2][:-1] for one in found if one.code.startswith("singular")}
+    return cards(robot, home_residuals(robot), singular)
+
+
 def _show(robot: HybridRobot, found: list[Finding]) -> None:
     """Print the tree of modules."""
-    from ..studies.check.loops import home_residuals
     from ..studies.home import branch
-    from .common.tree import Tree, head
+    from .common.tree import head, lines
 
     width = terminal_width()
-    singular = {
-        finding.element.partition("'")[2][:-1] for finding in found if finding.code.startswith("singular")
-    }
     for line in (*head(robot), *branch(robot)):
         click.echo("\n".join(wrapped(line, width, "")))
     click.echo()
-    for line in Tree(robot, home_residuals(robot), singular, width).lines():
+    for line in lines(_cards(robot, found), width):
         click.echo(line)
     click.echo("\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor\n")
 

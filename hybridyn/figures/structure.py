@@ -1,13 +1,15 @@
-"""Draw a robot's structure with matplotlib, as cards in columns, starting from the ground."""
+"""Draw the tree of modules with matplotlib, as cards in columns, starting from the ground."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..colours import MOTOR, lighter
+from ..colours import MOTOR, lighter, module_colour
 from ..linkage.joints import LETTERS
 from .as_matplotlib import empty_figure
-from .structure_cards import Card, Leg
+from .module_tree import Card, Leg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +28,8 @@ PILE = 0.07
 STEP = 0.33
 #: Largest number of joints drawn in a row; the rest of a longer chain is counted.
 MOST_SIGNS = 10
+#: Facts that are written on a card; the text tells them all.
+FACTS = ("like", "closures", "motors")
 INK, FAINT = "#22262b", "#5b6068"
 
 
@@ -47,7 +51,7 @@ class Place(NamedTuple):
     column: int
 
 
-def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
+def layout(cards: Sequence[Card]) -> tuple[list[Place], float, float]:
     """Compute the place of every card in columns; cards are indented where the tree branches.
 
     Returns:
@@ -57,7 +61,10 @@ def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
     lanes: list[int] = []
     for parent in parents:
         lanes.append(0 if parent is None else lanes[parent] + (parents.count(parent) > 1))
-    heights = [2 * PAD + TITLE + LINE * len(card.lines) + LEG * len(card.legs) for card in cards]
+    heights = [
+        2 * PAD + TITLE + LINE * len(_lines(card)) + LEG * len(Counter(map(_signs, card.legs)))
+        for card in cards
+    ]
     whole = sum(heights) + GAP * len(cards)
     columns = min(MOST_COLUMNS, max(1, round(whole / TALLEST + 0.35)))
     across = WIDTH + max(lanes) * INDENT + GUTTER
@@ -67,12 +74,12 @@ def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
         if column + 1 < columns and y - MARGIN + height / 2 > whole / columns and places:
             y, column = MARGIN, column + 1
         places.append(Place(MARGIN + column * across + lane * INDENT, y, WIDTH, height, column))
-        y += height + GAP + (2 * PILE if card.folded else 0.0)
+        y += height + GAP + (2 * PILE if len(card.modules) > 1 else 0.0)
     bottom = max(place.y + place.height for place in places)
     return places, 2 * MARGIN + (column + 1) * across - GUTTER, bottom + MARGIN + KEY
 
 
-def figure_of_cards(cards: list[Card]) -> Figure:
+def figure_of_cards(cards: Sequence[Card]) -> Figure:
     """Draw cards as a matplotlib figure.
 
     Raises:
@@ -86,9 +93,9 @@ def figure_of_cards(cards: list[Card]) -> Figure:
     ax.set_axis_off()
     for card, place in zip(cards, places, strict=True):
         if card.parent is not None:
-            _edge(ax, places[card.parent], place, lighter(card.colour, 0.25))
+            _edge(ax, places[card.parent], place, lighter(_colour(card), 0.25))
         _card(ax, card, place)
-    used = {sign.letter for card in cards for leg in card.legs for sign in leg.joints}
+    used = {letter for card in cards for leg in card.legs for letter, _ in leg}
     kinds = {letter: kind for kind, letter in LETTERS.items() if letter in used and kind != "continuous"}
     says = ", ".join(["dark: motor", *(f"{letter} {kind}" for letter, kind in kinds.items())])
     ax.text(MARGIN, height - MARGIN, says if used else "", fontsize=8, color=FAINT, va="center")
@@ -109,36 +116,51 @@ def _card(ax: Axes, card: Card, place: Place) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.09", "linewidth": 1.3, "zorder": 2}
-    style |= {"edgecolor": card.colour, "facecolor": lighter(card.colour, 0.9)}
-    for shift in (2 * PILE, PILE, 0.0) if card.folded else (0.0,):
+    style |= {"edgecolor": _colour(card), "facecolor": lighter(_colour(card), 0.9)}
+    for shift in (2 * PILE, PILE, 0.0) if len(card.modules) > 1 else (0.0,):
         corner = (place.x + shift, place.y + shift)
         ax.add_patch(FancyBboxPatch(corner, place.width, place.height, **style))
     x, y = place.x + 0.16, place.y + PAD
     look: dict[str, Any] = {"va": "center", "zorder": 3}
     ax.text(x, y + TITLE / 2, _fitting(card.title, 38), fontsize=11, weight="bold", color=INK, **look)
     y += TITLE
-    for line in card.lines:
+    for line in _lines(card):
         ax.text(x, y + LINE / 2, _fitting(line, 60), fontsize=8.5, color=FAINT, **look)
         y += LINE
-    for leg in card.legs:
-        _leg(ax, leg, x, y + LEG / 2, lighter(card.colour, 0.35))
+    for signs, count in Counter(map(_signs, card.legs)).items():
+        _leg(ax, signs, count, x, y + LEG / 2, lighter(_colour(card), 0.35))
         y += LEG
 
 
-def _leg(ax: Axes, leg: Leg, x: float, y: float, colour: str) -> None:
-    """Draw a leg as a line with its joints."""
-    if leg.number > 1:
-        ax.text(x, y, f"{leg.number} x", fontsize=9.5, color=INK, va="center", zorder=3)
+def _colour(card: Card) -> str:
+    """Return the colour of a card's first module."""
+    return module_colour(card.modules[0] if card.modules else -1)
+
+
+def _lines(card: Card) -> list[str]:
+    """Return the lines of text below a card's title."""
+    return [card.what, *(f"{label}: {text}" for label, text in card.facts if label in FACTS)]
+
+
+def _signs(leg: Leg) -> tuple[str, ...]:
+    """Return the letters of a leg's joints, "*" behind those of motors: equal legs have the same."""
+    return tuple(letter + "*" * name.endswith("*") for letter, name in leg)
+
+
+def _leg(ax: Axes, signs: Sequence[str], count: int, x: float, y: float, colour: str) -> None:
+    """Draw equal legs as a line with its joints."""
+    if count > 1:
+        ax.text(x, y, f"{count} x", fontsize=9.5, color=INK, va="center", zorder=3)
     start = x + 0.55
-    end = start + STEP * (max(min(len(leg.joints), MOST_SIGNS), 1) - 1)
+    end = start + STEP * (max(min(len(signs), MOST_SIGNS), 1) - 1)
     ax.plot([start - 0.2, end + 0.2], [y, y], color=colour, linewidth=2, zorder=2.5)
-    for number, sign in enumerate(leg.joints[:MOST_SIGNS]):
-        shape = "square,pad=0.35" if sign.letter == "P" else "circle,pad=0.25"
-        ink, paper = ("#ffffff", MOTOR) if sign.driven else (INK, "#ffffff")
+    for number, sign in enumerate(signs[:MOST_SIGNS]):
+        shape = "square,pad=0.35" if sign[0] == "P" else "circle,pad=0.25"
+        ink, paper = ("#ffffff", MOTOR) if sign.endswith("*") else (INK, "#ffffff")
         box = {"boxstyle": shape, "facecolor": paper, "edgecolor": MOTOR, "linewidth": 1.1}
         at = start + STEP * number
-        ax.text(at, y, sign.letter, fontsize=7.5, color=ink, ha="center", va="center", zorder=4, bbox=box)
-    if (left := len(leg.joints) - MOST_SIGNS) > 0:
+        ax.text(at, y, sign[0], fontsize=7.5, color=ink, ha="center", va="center", zorder=4, bbox=box)
+    if (left := len(signs) - MOST_SIGNS) > 0:
         ax.text(end + 0.28, y, f"and {left} more", fontsize=8.5, color=FAINT, va="center", zorder=3)
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.cli.common.tree import Tree
+from hybridyn.cli.common.tree import lines
+from hybridyn.figures.module_tree import cards
 from hybridyn.studies.check import loops
 from hybridyn.studies.check.loops import home_residuals
 from tests import ROOT
@@ -31,11 +32,11 @@ def test_equal_modules_are_told_once(run) -> None:
 def test_every_module_is_told_once_or_folded() -> None:
     robot = hybridyn.load(SNAKE)
     residuals = home_residuals(robot)
-    lines = "\n".join(Tree(robot, residuals, (), 100).lines())
-    told = [module.name for module in robot.modules if re.search(rf"─ {module.name}  module", lines)]
+    text = "\n".join(lines(cards(robot, residuals, ()), 100))
+    told = [module.name for module in robot.modules if re.search(rf"─ {module.name}  module", text)]
     assert len(told) + 9 == len(robot.modules)
     residuals[6] = 0.1  # no module that is open is hidden by its equals
-    assert "some OPEN at home" in " ".join("\n".join(Tree(robot, residuals, (), 100).lines()).split())
+    assert "some OPEN at home" in " ".join("\n".join(lines(cards(robot, residuals, ()), 100)).split())
 
 
 def test_motions_without_a_motor(run) -> None:

@@ -85,7 +85,7 @@ USAGE = [
     ("cost five_bar -o cost.parquet", "must end in .csv or .json"),
     ("info five_bar --ignore to-dense", "did you mean 'too-dense'"),
     ("workspace five_bar --step x:0.1", "'x:0.1' is not of the form NAME=NUMBER"),
-    ("info lx4 --plot a.gif", ".dot"),
+    ("info lx4 --plot a.gif", ".pdf"),
     ("view delta --plot a.gif", "must end in .png"),
     ("view delta --plot nowhere/a.mp4", "there is no folder"),
     ("view delta --plot a.png --size 99x100", "must be even"),

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 PAGE = ".html"
-GRAPH = ".dot"
 DPI = 120
 
 
@@ -35,7 +34,7 @@ def figure_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
         """Check the file, if one is named."""
         ends_in(*endings)(ctx, param, value)
-        if value is None or value.lower().endswith(GRAPH):
+        if value is None:
             return value
         package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
         if importlib.util.find_spec(package) is None:
@@ -47,7 +46,6 @@ def figure_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | 
 
 figure_file = figure_in(*FORMATS)
 chart_file = figure_in(*FORMATS, PAGE)
-drawing_file = figure_in(*FORMATS, GRAPH)
 
 
 def plot_option(what: str, *, page: bool = False) -> click.Option:
@@ -84,19 +82,6 @@ def save_chart(chart: Chart, target: str) -> None:
     from ...figures.as_matplotlib import figure_of_chart
 
     save(figure_of_chart(chart), target)
-
-
-def save_structure(robot: HybridRobot, target: str) -> None:
-    """Draw the tree of modules in the format of its file's ending."""
-    from ...description.writing import write_text
-    from ...figures.structure_cards import cards, dot_of_cards
-
-    if not target.lower().endswith(GRAPH):
-        from ...figures.structure import figure_of_cards
-
-        save(figure_of_cards(cards(robot)), target)
-        return
-    write_text(target, dot_of_cards(cards(robot)))
 
 
 class Drawing:

@@ -193,12 +193,11 @@ class RobotChoice:
     closure_tolerance: float = 1e-4
     strict: bool = False
 
-    def __call__(self) -> HybridRobot:
-        """Load the robot; what was decided about the ranks of its closures is the business of `info`."""
+    def __call__(self, *, ranks: bool = False) -> HybridRobot:
+        """Load the robot. `ranks`: whether what was decided about the ranks of its closures is told."""
         from ...loading import load, ranks_are_said
 
-        context = click.get_current_context(silent=True)
-        before = ranks_are_said.set(context is None or context.info_name == "info")
+        before = ranks_are_said.set(ranks)
         words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
         try:
             return load(words.pop("robot"), **words)
