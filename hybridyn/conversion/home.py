@@ -9,8 +9,7 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..description.placement import angle_of, poses_at
-from ..description.records import Description, Joint
-from ..description.robot_file import ZERO
+from ..description.records import ZERO, Description, Joint
 from ..errors import HybridynError, ModelError
 from ..linkage.closures import residual_of
 from ..structure.building import build_robot

@@ -12,8 +12,7 @@ import numpy as np
 
 from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
 from ..description.names import listed, unique
-from ..description.records import Array, Closure, Coupling, Description, Joint
-from ..description.robot_file import FREEDOMS
+from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint
 from ..description.shape_files import Shape
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.

@@ -21,8 +21,7 @@ from .closure_forms import closure_of
 from .groups import Groups
 from .names import unique
 from .placement import inverse
-from .records import Array, Closure, Joint, JointKind, massless
-from .robot_file import FREEDOMS, RobotFile
+from .records import FREEDOMS, Array, Closure, Joint, JointKind, RobotFile, massless
 
 #: Key of the world among those of bodies.
 WORLD = ""

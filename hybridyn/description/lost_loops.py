@@ -19,8 +19,7 @@ import numpy as np
 from .motors import EVERY_JOINT
 from .names import listed
 from .placement import poses_at_zero
-from .records import Description, Format, Joint
-from .robot_file import FREEDOMS
+from .records import FREEDOMS, Description, Format, Joint
 from .weightless import Bodies
 
 #: Frames coincide if they are closer than this fraction of the robot's size: CAD closes loops to 1e-4 of it.

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .names import closest, did_you_mean, listed
-from .records import Coupling, Joint
-from .robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
+from .records import FREEDOMS, Coupling, Joint, MotorSource, MotorStatement, RobotFile
 
 #: Sources of motor names, the strongest first; names that the caller passes come before all of them.
 RANKING: tuple[MotorSource, ...] = (

@@ -17,8 +17,7 @@ from .closure_forms import FORMS, closure_of
 from .groups import Groups
 from .names import listed
 from .placement import poses_at_zero, relative, rotation_to_axis
-from .records import Array, Closure
-from .robot_file import RobotFile
+from .records import Array, Closure, RobotFile
 
 CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
 CLOSING = re.compile(r"closing_(.+)_([12](?:_z)?)")

@@ -16,8 +16,7 @@ from .files_read import record
 from .motors import choose_motors
 from .named_frames import apply_closing_frames
 from .names import counted, listed
-from .records import Description, ReadFrom
-from .robot_file import RobotFile
+from .records import Description, ReadFrom, RobotFile
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .urdf.foreign import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.xacro import expand

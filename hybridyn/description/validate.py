@@ -11,8 +11,7 @@ import numpy as np
 from ..errors import ModelError
 from .names import did_you_mean, listed
 from .placement import outwards
-from .records import Closure, Coupling, Joint, Link
-from .robot_file import FREEDOMS, RobotFile
+from .records import FREEDOMS, Closure, Coupling, Joint, Link, RobotFile
 
 #: Tolerance of the triangle inequality, relative to the largest moment: CAD keeps 3 to 6 digits.
 INERTIA_SLACK = 1e-3

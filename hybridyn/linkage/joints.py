@@ -10,8 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..description.records import JointKind
-from ..description.robot_file import ZERO
+from ..description.records import ZERO, JointKind
 from ..spatial import (
     Array,
     cross,

@@ -12,8 +12,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..description.records import Description, Joint, Link, Load
-from ..description.robot_file import ZERO
+from ..description.records import ZERO, Description, Joint, Link, Load
 from ..errors import ModelError
 from ..linkage.joints import NQ
 from ..spatial import LARGEST, Array

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..description.robot_file import ZERO
+from ..description.records import ZERO
 from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot, positions

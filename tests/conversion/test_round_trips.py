@@ -10,7 +10,7 @@ import pytest
 from hybridyn.conversion.request import Losses
 from hybridyn.conversion.sdf.sdf import counted_from_home
 from hybridyn.description import Description
-from hybridyn.description.robot_file import ZERO
+from hybridyn.description.records import ZERO
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED
 from tests.conversion.judge import (

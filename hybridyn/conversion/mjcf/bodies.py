@@ -16,8 +16,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ...description.placement import inverse, motion_of
-from ...description.records import Array, Description, Joint, JointKind, Link
-from ...description.robot_file import ZERO
+from ...description.records import ZERO, Array, Description, Joint, JointKind, Link
 from ..home import home_of
 from ..numerals import add, numeral, principal, put, quaternion_of
 from ..request import Losses

@@ -12,8 +12,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.records import Description
-from ...description.robot_file import FREEDOMS
+from ...description.records import FREEDOMS, Description
 from ...description.shape_files import Shape
 from ..numerals import add, put
 from ..request import Losses, Request, add_limits

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...description.placement import inverse, placement_from, turned
-from ...description.records import Array, Closure, Joint, Link, RotationKind, massless
-from ...description.robot_file import FREEDOMS
+from ...description.records import FREEDOMS, Array, Closure, Joint, Link, RotationKind, massless
 from ...description.sdf.elements import NUMBERS
 from ...linkage.closures import residual_of
 from ..numerals import Content, angles_of

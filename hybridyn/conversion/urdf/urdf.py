@@ -12,8 +12,7 @@ import numpy as np
 
 from ...description.closure_forms import FORMS
 from ...description.placement import turned
-from ...description.records import Array, Closure, Coupling, Description, Joint, Link
-from ...description.robot_file import FREEDOMS
+from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
 from ...description.shape_files import SIZES, Shape
 from ...description.side_cars.companions import model_file
 from ...description.urdf.loops import terms_between

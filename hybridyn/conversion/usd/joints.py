@@ -13,8 +13,7 @@ import numpy as np
 
 from ...description.closure_forms import ROWS
 from ...description.placement import angle_of, placement_from, rotation_to_axis, turned
-from ...description.records import Array, Closure, Joint, Link
-from ...description.robot_file import FREEDOMS
+from ...description.records import FREEDOMS, Array, Closure, Joint, Link
 from ...description.usd.schema import AXES, DEGREES
 from ..numerals import quaternion_of
 from ..request import Losses, rows_of

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...description.placement import free_pose, poses_at
-from ...description.records import Coupling, Description, Joint
-from ...description.robot_file import FREEDOMS
+from ...description.records import FREEDOMS, Coupling, Description, Joint
 from ...description.side_cars.companions import model_file
 from ..mjcf.bodies import POINT_INERTIA, sizes_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of

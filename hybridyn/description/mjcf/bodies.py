@@ -14,8 +14,7 @@ import numpy as np
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..names import unique
 from ..placement import motion_of, placement_from, rotation_from_quaternion
-from ..records import Array, Joint, JointKind, Link
-from ..robot_file import RobotFile
+from ..records import Array, Joint, JointKind, Link, RobotFile
 from .compiling import Compiled
 
 #: Kinds of joints by MuJoCo's words.

@@ -11,8 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..names import listed
-from ..records import Array
-from ..robot_file import RobotFile
+from ..records import Array, RobotFile
 from ..urdf.xml_node import Node
 from .bodies import add_bodies, find_root
 from .compiling import Compiled, compile_text

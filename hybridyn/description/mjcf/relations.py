@@ -14,8 +14,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..names import listed, unique
-from ..records import Array, Coupling
-from ..robot_file import MotorStatement, RobotFile
+from ..records import Array, Coupling, MotorStatement, RobotFile
 from .bodies import pose
 from .compiling import Compiled
 

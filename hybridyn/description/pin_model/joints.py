@@ -14,8 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..joint_graph import step
-from ..records import Array, Coupling, Joint, JointKind
-from ..robot_file import FREEDOMS
+from ..records import FREEDOMS, Array, Coupling, Joint, JointKind
 from .checking import joint_error
 
 #: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.

@@ -12,8 +12,7 @@ from ...errors import ModelError
 from ..joint_graph import add_chain
 from ..names import counted, listed, unique
 from ..placement import angle_of
-from ..records import Array, Joint, Link, massless
-from ..robot_file import ZERO, RobotFile
+from ..records import ZERO, Array, Joint, Link, RobotFile, massless
 from .checking import check_model, is_finite
 from .constraints import closures_of, plain_constraints
 from .joints import coupling_of, joints_of

@@ -15,8 +15,7 @@ from ..closure_forms import FORMS, closure_of
 from ..joint_graph import WORLD, Chain, JointGraph, span, starts, step
 from ..names import noted
 from ..placement import inverse, placement_from, rotation_to_axis
-from ..records import Array, Closure, Coupling, Joint, JointKind
-from ..robot_file import RobotFile
+from ..records import Array, Closure, Coupling, Joint, JointKind, RobotFile
 from ..urdf.xml_node import Node
 from .elements import Notes, numbers
 from .library import Library

@@ -21,8 +21,7 @@ import numpy as np
 from ...errors import ModelError
 from ..named_frames import CLOSURE_TYPES, weld_or_point
 from ..names import closest, did_you_mean, listed
-from ..records import Joint, Link
-from ..robot_file import MotorStatement, RobotFile
+from ..records import Joint, Link, MotorStatement, RobotFile
 from .tables import Schema
 from .yaml_file import Place, YamlFile, checked, read_yaml
 

@@ -27,8 +27,7 @@ from pydantic import Field, FiniteFloat
 from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..names import listed
 from ..placement import poses_at_zero, relative
-from ..records import Closure
-from ..robot_file import MotorStatement, RobotFile
+from ..records import Closure, MotorStatement, RobotFile
 from .tables import Open, table
 from .yaml_file import Place, YamlFile, checked
 

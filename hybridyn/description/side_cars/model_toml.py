@@ -30,8 +30,7 @@ from ...errors import ModelError
 from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
 from ..names import did_you_mean
-from ..records import Coupling, JointKind
-from ..robot_file import ZERO, MotorStatement, RobotFile
+from ..records import ZERO, Coupling, JointKind, MotorStatement, RobotFile
 from .toml_file import line_of
 
 #: Index at which the unit vector (cosine and sine, or quaternion) of a position starts; it ends with it.

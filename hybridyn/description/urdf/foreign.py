@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ...errors import ModelError
 from ..names import closest, listed
-from ..robot_file import RobotFile
+from ..records import RobotFile
 from .xml_node import Node
 
 ACCEPTED_FORMS = (

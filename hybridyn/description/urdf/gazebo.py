@@ -13,8 +13,7 @@ import numpy as np
 from ..closure_forms import FORMS, LARGEST_COSINE
 from ..names import did_you_mean, listed
 from ..placement import poses_at_zero, relative, rotation_to_axis
-from ..records import Array
-from ..robot_file import RobotFile
+from ..records import Array, RobotFile
 from ..sdf.elements import direction, flag, pose
 from .loops import closure, kind_of
 from .xml_node import Node

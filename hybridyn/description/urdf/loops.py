@@ -14,8 +14,7 @@ import numpy as np
 from ..closure_forms import FORMS, Form, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import rotation_to_axis
-from ..records import Array, Closure, Coupling, Joint
-from ..robot_file import FREEDOMS
+from ..records import FREEDOMS, Array, Closure, Coupling, Joint
 from .placement import axis_of, origin_of
 from .xml_node import Node
 

@@ -12,8 +12,7 @@ from typing import Any, cast, get_args
 import numpy as np
 
 from ..names import did_you_mean, listed
-from ..records import Array, Joint, JointKind, Link
-from ..robot_file import FREEDOMS, MotorStatement, RobotFile
+from ..records import FREEDOMS, Array, Joint, JointKind, Link, MotorStatement, RobotFile
 from .foreign import note_mimic_plugins, refuse_unread_loops
 from .loops import CLOSURE_READERS, pose_of, read_coupling, read_mimic
 from .placement import axis_of

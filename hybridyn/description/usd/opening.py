@@ -24,7 +24,7 @@ from types import ModuleType
 
 from ...errors import ModelError, install_advice
 from ..files_read import record
-from ..robot_file import RobotFile
+from ..records import RobotFile
 from ..urdf.xml_node import LARGEST_FILE
 
 #: Memory that the process of OpenUSD may take [bytes].

@@ -13,8 +13,7 @@ import numpy as np
 from ...spatial import quaternion_from_rotation, rotation_from_axis_angle
 from ..names import listed
 from ..placement import inverse
-from ..records import Array, Coupling
-from ..robot_file import RobotFile
+from ..records import Array, Coupling, RobotFile
 from .joints import UsdJoint, direction, instance, unit_of
 from .schema import AXES, SINGLE_PRECISION
 from .stage import Prim, Stage

@@ -18,8 +18,7 @@ from ...errors import ModelError
 from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..joint_graph import Chain, JointGraph, Tree, span, step
 from ..names import noted
-from ..records import Closure, JointKind
-from ..robot_file import MotorStatement, RobotFile
+from ..records import Closure, JointKind, MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
 from .bodies import gravity_of, links_of
 from .joints import UsdJoint, direction, instance, names_of, numbers_of, read_joints, roots_of
