@@ -38,8 +38,7 @@ def load(
 
     Args:
         path: The robot's file, which may have a side-car (`robot.yaml`, `model.toml`) beside it; or the name
-            of a shipped robot, "lx4". An existing path takes precedence. "world.sdf#arm" is the model "arm"
-            of an SDF file.
+            of a shipped robot, "lx4". An existing path takes precedence.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
             in q, v, a, with Pinocchio's local velocities. None uses the base that the file states: "floating"
             for an MJCF robot on a free joint and for an SDF or USD robot that no joint connects to the world,
@@ -163,9 +162,8 @@ def _warn(robot: HybridRobot) -> None:
 
 def of_files(description: Description) -> list[str]:
     """Return what the files seem to lack: loops, and the mass of moving bodies, one sentence per finding."""
-    from .description.lost_loops import lost_loops
+    from .description.loop_signs import has_mass, lost_loops, weightless
     from .description.names import listed
-    from .description.weightless import has_mass, weightless
 
     out = [f"{sign.message}; {sign.mend}" for sign in lost_loops(description)]
     light = [joint.child for joint in weightless(description)]

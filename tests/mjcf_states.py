@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from hybridyn.description import Closure, read
-from hybridyn.description.weightless import Bodies
+from hybridyn.description.loop_signs import Bodies
 from hybridyn.structure.building import build_robot
 from tests.extras import needs
 from tests.mujoco_matrices import mass_matrix

@@ -35,7 +35,6 @@ from tests.command_line import call, read_table, without_remarks
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
-from tests.robot_texts import FOUR_BAR, read_text
 
 NO_ROOM = """
 import resource, sys
@@ -79,23 +78,6 @@ def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: P
 def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, "idm", "five_bar", "-o", "/dev/full", "-q", status=1)
     assert said.err == "error: /dev/full: No space left on device\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (
-            '<sdf version="1.7"><model name="a"><link name="b"></model></sdf>',
-            "this is SDF (Gazebo)",
-        ),
-        ('<!-- <robot> --><mujoco model="a"><worldbody></mujoco>', "this is MJCF (MuJoCo)"),
-        (FOUR_BAR.replace("</robot>", ""), ""),
-    ],
-)
-def test_text_that_is_no_xml_still_says_what_it_is(text: str, told: str, tmp_path: Path) -> None:
-    caught = refused(lambda: read_text(tmp_path, text), ModelError, "not well-formed XML")
-    assert told in str(caught)
-    assert told or ";" not in str(caught)  # of URDF there is nothing more to say
 
 
 def test_the_extra_that_installs_a_package_is_named(

@@ -63,7 +63,7 @@ def command(
     The search starts from random postures, so --all may still miss a posture. The command prints the chosen
     posture as the table [home] of model.toml. --write writes it to that file, and changes nothing else there.
     """
-    from ..description.side_cars.companions import home_table, write_home
+    from ..description.side_cars.model_toml import home_table, write_home
     from ..errors import ModelError
     from ..structure.robot import positions
     from ..studies.home import homes

@@ -271,7 +271,7 @@ def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None
     Raises:
         ModelError: No link has mass, and neither effects nor the table's wrenches need an effort.
     """
-    from ..description.weightless import has_mass
+    from ..description.loop_signs import has_mass
     from ..effects.choice import DEFAULT, FROM_FILES, stated_names
     from ..errors import ModelError
 

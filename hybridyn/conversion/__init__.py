@@ -2,8 +2,7 @@
 
 Read `request` first (what a writer receives and returns, and how it lists what its format cannot say), then
 `convert` (which chooses the writer by the ending of the file, and goes from a robot to files), and one
-format. `shapes` reads the visual shapes of a URDF; `numerals` turns numbers and rotations into text; `home`
-closes loops that are open at home.
+format. `numerals` turns numbers and rotations into text; `home` closes loops that are open at home.
 
 May import: `description`, `structure`, `assembly`, and the layers below them.
 """

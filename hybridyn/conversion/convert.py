@@ -6,6 +6,7 @@ and returns `Written`.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -14,25 +15,75 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..description import Description, read
 from ..description.closure_forms import words_of_rows
 from ..description.names import did_you_mean
-from ..description.reading import split_model
-from ..description.records import StatedBase
+from ..description.reading import read
+from ..description.records import Description, StatedBase
+from ..description.shape_files import MeshFiles, MissingMeshError, Shape, shapes_of, urdf_root
 from ..description.shipped import find_robot
-from ..description.side_cars.companions import find_model_file, find_side_car
+from ..description.side_cars.model_toml import find_model_file, find_side_car
+from ..description.urdf.xml_node import Node
 from ..description.writing import write_text
 from ..errors import ModelError
 from .home import closed_at_home
 from .mjcf.mjcf import write_mjcf
 from .request import TIGHTNESS, Losses, Request, Written
 from .sdf.sdf import write_sdf
-from .shapes import read_shapes
 from .urdf.urdf import write_urdf
 from .usd.usd import write_usd
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
+
+#: Words of files of other formats that state shapes.
+SHAPES = (b"<geom", b"<visual", b"def Mesh", b"def Cube", b"def Sphere", b"def Cylinder", b"def Capsule")
+
+
+def read_shapes(
+    d: Description,
+    target: Path,
+    xacro_args: Mapping[str, object],
+    package_dirs: Sequence[str | os.PathLike[str]],
+    losses: Losses,
+) -> tuple[Shape, ...]:
+    """Read the shapes of a robot's links.
+
+    Args:
+        target: The file to be written.
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders in which `package://` searches.
+        losses: Receives shapes that cannot be read.
+    """
+    if d.source is None or not Path(d.source).is_file():
+        return ()
+    if d.format != "URDF":
+        if any(word in Path(d.source).read_bytes() for word in SHAPES):
+            losses.add("visual shapes, which convert reads from URDF only")
+        return ()
+    try:
+        root = Node(urdf_root(d.source, xacro_args, package_dirs), d.source)
+    except ModelError:
+        losses.add("visual shapes: the file needs arguments that are not given")
+        return ()
+    find = MeshFiles(Path(d.source).parent, package_dirs)
+    links, out = {link.name for link in d.links}, []
+    for shape in shapes_of(root, "visual"):
+        if shape.kind in ("", "capsule"):
+            losses.add("visual shapes that cannot be read", shape.link)
+        elif shape.link in links:
+            path = None
+            with contextlib.suppress(MissingMeshError):
+                path = find(shape.file) if shape.file else None
+            out.append(replace(shape, path=path, file=_reference(shape.file, path, target)))
+    return tuple(out)
+
+
+def _reference(file: str, path: Path | None, target: Path) -> str:
+    """Return how a file refers to a mesh: the author's address, or the path from the file's own folder."""
+    if path is None or file.startswith(("package://", "model://")):
+        return file
+    return os.path.relpath(path.resolve(), target.resolve().parent)
+
 
 #: Writers by the ending of the file.
 WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
@@ -113,7 +164,7 @@ def convert(
     losses, built = Losses(), None
     if isinstance(robot, str | os.PathLike):
         file = find_robot(robot)
-        _refuse_replacing(target, split_model(file)[0])
+        _refuse_replacing(target, file)
         description = read(file, xacro_args=xacro_args, package_dirs=package_dirs, strict=strict)
     else:
         built = robot

@@ -1,9 +1,9 @@
 """Read robot files into plain records: links, joints, closures, couplings, motors, home posture.
 
-Read `records` first (the data that every reader returns), then `closure_forms` (the kinds of closures that
-files name), `placement`, `joint_graph` (a tree with closures, of bodies and joints in any order), `reading`
+Read `records` first (the data that every reader returns), then `closure_forms` (the closures that files and
+frames name), `placement`, `joint_graph` (a tree with closures, of bodies and joints in any order), `reading`
 (bytes, xacro, XML, and the choice of the reader), and one format: `urdf/`, or the files beside a URDF in
-`side_cars/`. `named_frames` builds closures that only names state, `lost_loops` finds signs of others.
+`side_cars/`. `loop_signs` refuses loops in forms that are not read, and finds signs of lost ones.
 `validate` checks the description from every format.
 
 May import: `errors`, `spatial`, `colours`.

@@ -12,13 +12,13 @@ from importlib import import_module
 from pathlib import Path
 
 from ..errors import ModelError
-from .files_read import record
+from .closure_forms import apply_closing_frames
+from .loop_signs import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars
 from .motors import choose_motors
-from .named_frames import apply_closing_frames
 from .names import counted, listed
 from .records import Description, ReadFrom, RobotFile
-from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
-from .urdf.foreign import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars
+from .side_cars.model_toml import find_model_file, find_side_car, find_submechanisms
+from .urdf.robot_folders import record
 from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
 from .validate import validate
@@ -47,8 +47,7 @@ def read(
     """Read a robot file and the files beside it.
 
     Args:
-        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file; `world.sdf#arm` is one of several models in
-            an SDF file.
+        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file.
         motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
@@ -64,7 +63,7 @@ def read(
             notes, and this is `strict`; the message lists them.
     """
     root, notes = open_file(path, xacro_args or {}, package_dirs)
-    file = split_model(path)[0]
+    file = os.fspath(path)
     if root.tag not in FORMATS:
         other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
         raise root.error(OTHER_FORMATS.get(root.tag, other))
@@ -94,7 +93,7 @@ def read(
 
 def _refuse_notes(description: Description) -> None:
     """Raise if the reader of the files has notes."""
-    from .lost_loops import lost_loops
+    from .loop_signs import lost_loops
 
     found = [*description.notes, *(f"{sign.message}; {sign.mend}" for sign in lost_loops(description))]
     if found:
@@ -188,20 +187,13 @@ def open_robot(
     return open_file(path, xacro_args or {}, package_dirs)[0]
 
 
-def split_model(path: str | os.PathLike[str]) -> tuple[str, str]:
-    """Split `world.sdf#arm` into the file and the name of its model, "" where none is named."""
-    whole = os.fspath(path)
-    file, _, model = whole.rpartition("#")
-    return (whole, "") if not file or not model or os.path.exists(whole) else (file, model)
-
-
 def open_file(
     path: str | os.PathLike[str],
     xacro_args: Mapping[str, object],
     package_dirs: Sequence[str | os.PathLike[str]],
 ) -> tuple[Node, list[str]]:
-    """Return the root element of a file, of one model if the path names it, and notes of XML and xacro."""
-    file, model = split_model(path)
+    """Return the root element of a file, and notes of XML and xacro."""
+    file = os.fspath(path)
     text = read_bytes(file)
     root = None if file.endswith(".xacro") else parse(USD if text.startswith(USD_STARTS) else text, file)
     if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):
@@ -211,10 +203,6 @@ def open_file(
         raise ModelError(f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
     else:
         notes = list(root.notes)
-    if model:
-        from .sdf.library import keep_model
-
-        keep_model(root, model)
     return root, notes
 
 

@@ -1,4 +1,6 @@
-"""Define the plain data that every reader returns: links, joints, closures, couplings, motors, home posture.
+"""Define the plain data of robots: links, joints, closures, couplings, motors, home posture.
+
+A format's reader returns a `RobotFile`; motors, home posture and checks complete it to a `Description`.
 
 This module computes no dynamics and depends on no file format. Units are SI. A *placement* is a (4, 4)
 homogeneous matrix, "frame B in A": it holds the coordinates of B's axes and origin in A.

@@ -17,9 +17,8 @@ import numpy as np
 from ..errors import ModelError
 from .reading import open_robot
 from .records import Array
-from .urdf.placement import origin_of
 from .urdf.xacro import share_dirs
-from .urdf.xml_node import Node
+from .urdf.xml_node import Node, origin_of
 
 Colour = tuple[float, float, float, float]
 #: Sizes of round shapes.

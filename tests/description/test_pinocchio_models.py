@@ -127,19 +127,6 @@ MIMIC = """<robot name="mimic"><link name="a"/><link name="b">{0}</link><link na
 )
 
 
-def test_a_mimicking_joint_is_coupled() -> None:
-    model = pin.buildModelFromXML(MIMIC, mimic=True)
-    robot = hybridyn.from_pinocchio(model)
-    assert (robot.motors, robot.mobility, model.nv) == (("j",), 1, 1)
-    q = np.array([0.4, 0.3 - 2 * 0.4])
-    tau = hybridyn.idm(robot, q, np.array([0.5, -1.0]), np.array([2.0, -4.0]))
-    theirs = pin.rnea(model, model.createData(), q[:1], np.array([0.5]), np.array([2.0]))
-    close(tau, theirs)
-    assert np.allclose(robot.home, [0.0, 0.3])
-    own = hybridyn.from_pinocchio(pin.buildModelFromXML(MIMIC))  # Pinocchio drops <mimic> by default
-    assert own.mobility == 2
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["delta", "lx4"])
 def test_a_shipped_robot_goes_there_and_back(name: str) -> None:
@@ -233,6 +220,11 @@ def alone(joint: object) -> pin.Model:
     [
         (lambda: alone(pin.JointModelHX(0.1)), {}, "joint 'alone': JointModelHX is a screw"),
         (lambda: alone(pin.JointModelEllipsoid(1.0, 2.0, 3.0)), {}, "moves on an ellipsoid"),
+        (
+            lambda: pin.buildModelFromXML(MIMIC, mimic=True),
+            {},
+            "mimics another (build the model without mimic",
+        ),
         (lambda: changed(armature=np.arange(4.0)), {}, "different armature"),
         (lambda: changed(friction=0.1), {}, "friction of a joint with several freedoms"),
         (lambda: changed(damping=np.arange(4.0)), {}, "different damping"),

@@ -8,7 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from tests.description.reading import Texts, holds, refused, save_all
+from tests.description.reading import Texts, holds, save_all
 from tests.files import save
 from tests.sdf_texts import WORLD, joint, link, sdf
 
@@ -54,10 +54,6 @@ MOTIONS = {
     "universal": (
         "<axis2><xyz>3 0 -1</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4},
         turn((1, 2, 3), 0.7) * turn((3, 0, -1), -0.4),
-    ),
-    "revolute2": (
-        "<axis2><xyz>1 1 0</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4},
-        turn((1, 2, 3), 0.7) * turn((1, 1, 0), -0.4),
     ),
 }  # fmt: skip
 
@@ -284,29 +280,6 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
 def test_what_is_read(name: str, tmp_path: Path) -> None:
     texts, expected = READ[name]
     holds(read(save_all(tmp_path, texts, "robot.sdf")), expected)
-
-
-def test_one_of_several_models_is_chosen_by_name(tmp_path: Path) -> None:
-    """With its own world; an included model has the name that its world gives it, else that of its folder."""
-    arm = sdf(*TWO, HINGE, name="arm")
-    uri = "<include>{}<uri>model://leg</uri></include>"
-    models = uri.format("") + uri.format("<name>two</name>")
-    moon = f"<world name='moon'><gravity>0 0 -1.62</gravity>{models}</world>"
-    file = save_all(tmp_path, {
-        "robots.sdf": arm.replace("</model>", "</model>" + moon),
-        "leg/model.sdf": arm.replace('"arm"', '"other"').replace('"j"', '"k"'),
-        "leg/model.config": "<model><sdf>model.sdf</sdf></model>",
-    })  # fmt: skip
-    for name, joints, gravity in (("arm", ("j",), -9.81), ("leg", ("k",), -1.62), ("two", ("k",), -1.62)):
-        robot = hybridyn.load(f"{file}#{name}")
-        assert (robot.joints, robot.gravity[2], robot.description.source) == (joints, gravity, str(file))
-    refused(f"{file}#legs", "no model is named 'legs' (did you mean 'leg'", "'arm', 'leg', 'two'")
-    refused(f"{file}#", "cannot be read")
-    urdf = save(tmp_path, '<robot name="r"><link name="l"/></robot>', "robot.urdf")
-    refused(f"{urdf}#arm", "only an SDF file has several models; remove '#arm'")
-    with pytest.raises(hybridyn.ModelError, match="own file"):
-        hybridyn.convert(f"{file}#arm", file)
-    assert read(urdf.rename(tmp_path / "robot#1.urdf")).name == "r"
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ PARTS = [
     (joint("j", "revolute", "base", "c"), "unknown frame 'c'; known: 'base', 'a', 'b'"),
     (joint("j", "revolute", "base", ""), "is empty; name a link or frame"),
     (joint("j", "revolute", "a", "a"), "joins link 'a' to itself"),
-    (joint("j", "universal", "base", "a", "<axis2><xyz>0 1 1</xyz></axis2>"), "write revolute2"),
+    (joint("j", "universal", "base", "a", "<axis2><xyz>0 1 1</xyz></axis2>"), "write two revolute joints"),
     *(
         (
             joint("j", kind, "base", "a", more + ROTOR, axis=axis),
@@ -31,12 +31,12 @@ PARTS = [
         )
         for kind, more, axis in (
             ("universal", "<axis2><xyz>1 0 0</xyz></axis2>", "0 1 0"),
-            ("revolute2", "<axis2><xyz>1 0 0</xyz></axis2>", "0 1 0"),
             ("ball", "", ""),
         )
     ),
     (joint("j", "screw", "base", "a"), "type 'screw' is not read; write a revolute and a prismatic"),
     (joint("j", "gearbox", "a", "b"), "type 'gearbox' is not read; write <mimic>"),
+    (joint("j", "revolute2", "a", "b"), "type 'revolute2' is not read; write two revolute joints"),
     *(
         (joint("j", "revolute", "base", "a", f"<{tag}>1</{tag}>"), f"<{tag}>: is not read; write")
         for tag in ("thread_pitch", "screw_thread_pitch", "gearbox_ratio", "gearbox_reference_body")

@@ -8,8 +8,8 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from hybridyn.description.files_read import recorded
 from hybridyn.description.placement import placement_from, rotation_from_quaternion, rotation_from_rpy
+from hybridyn.description.urdf.robot_folders import recorded
 from hybridyn.description.usd import opening
 from hybridyn.description.usd.schema import AXES
 from tests import files

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...description.files_read import recorded
+from ...description.urdf.robot_folders import recorded
 from ...description.writing import locked, write_text
 from ...errors import HybridynError
 from .one_table import Outcome, compute, lost

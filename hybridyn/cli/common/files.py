@@ -46,16 +46,9 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
 
 
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return the file of a robot: an existing file, or that of the shipped robot of this name.
-
-    `world.sdf#arm` is the model `arm` of a file.
-    """
+    """Return the file of a robot: an existing file, or that of the shipped robot of this name."""
     from ...description.shipped import BARE_NAME, no_such_robot, shipped_file, shown
 
-    file, hash_, _ = value.rpartition("#")
-    if hash_ and not os.path.exists(value):
-        existing_file(ctx, param, file)
-        return value
     if value.lower().endswith((".csv", ".parquet")):
         raise click.BadParameter(f"'{value}' is a table; the robot comes first", ctx, param)
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):

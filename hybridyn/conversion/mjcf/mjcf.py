@@ -18,13 +18,12 @@ import numpy as np
 from ...description.names import listed, unique
 from ...description.placement import outwards, placement_from, turned
 from ...description.records import Description
-from ...description.side_cars.companions import model_file
+from ...description.side_cars.model_toml import model_file
 from ...errors import ModelError
 from ..home import home_of
 from ..numerals import add, numeral, put
 from ..request import USUAL_GRAVITY, Losses, Request, Written
-from .bodies import Tree, pose, sizes_of
-from .forces import SAID, add_forces, add_visuals, list_losses, with_effects
+from .bodies import SAID, Tree, add_forces, add_visuals, list_losses, pose, sizes_of, with_effects
 from .parts import Parts
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.

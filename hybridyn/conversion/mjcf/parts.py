@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...description.closure_forms import SIDEWAYS
+from ...description.loop_signs import Bodies
 from ...description.names import unique
 from ...description.placement import inverse, placement_from, poses_at
 from ...description.records import Array, Closure, Description, Joint, JointKind, Link
-from ...description.weightless import Bodies
 from ..home import home_of
 from ..numerals import quaternion_of
 from ..request import Losses

@@ -1,5 +1,4 @@
 """Write SDF (Gazebo): loop joints for closures, and the model file beside it.
 
-Start with `sdf` (the order of the elements, where the links stand), then `joints` (joints of the tree and
-closures).
+All is in `sdf`: joints of the tree and closures, then the order of the elements and where the links stand.
 """

@@ -14,7 +14,7 @@ from ...description.closure_forms import FORMS
 from ...description.placement import turned
 from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
 from ...description.shape_files import SIZES, Shape
-from ...description.side_cars.companions import model_file
+from ...description.side_cars.model_toml import model_file
 from ...description.urdf.loops import terms_between
 from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
 from ..numerals import Content, angles_of, document, numerals

@@ -1,4 +1,4 @@
 """Write USD (`.usda`) with UsdPhysics joints.
 
-Start with `usd` (the order of the prims), then `prims` (prims as text, bodies) and `joints` (with closures).
+Read `prims` (prims as text, bodies), then `usd` (joints, closures, the order of the prims).
 """

@@ -1,22 +1,215 @@
 """Write USD as text: one Xform with a rigid body for each link, joints, closures, and the scene's gravity.
 
-Lengths are metres, z points up. What USD cannot say goes to the model file beside.
+Lengths are metres, z points up. What USD cannot say goes to the model file beside. Closures are excluded
+from the articulation. A universal closure is no joint of USD. A massless body stands for it: it turns, and
+slides where the closure lets it, on the first link, and holds the axis of the second one, about which the
+closing joint turns.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from ...description.placement import free_pose, poses_at
-from ...description.records import FREEDOMS, Coupling, Description, Joint
-from ...description.side_cars.companions import model_file
+from ...description.closure_forms import ROWS
+from ...description.placement import angle_of, free_pose, placement_from, poses_at, rotation_to_axis, turned
+from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
+from ...description.side_cars.model_toml import model_file
+from ...description.usd.schema import AXES, DEGREES
 from ..mjcf.bodies import POINT_INERTIA, sizes_of
-from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of
-from .joints import End, add_closure, add_joint, axis_of, start_joint, unit_of
+from ..numerals import quaternion_of
+from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of, rows_of
 from .prims import Prim, add_body, add_shape
+
+#: What becomes of joints that are no type of USD.
+REPLACED = {
+    "floating": "floating joints have the name of their link and _free, and start at the world",
+    "continuous": "continuous joints, which USD does not have: read back as hinges",
+    "planar": "planar joints are two slides and a hinge",
+}
+
+#: Free axes of joints without an axis of their own.
+FREE: dict[str, tuple[str, ...]] = {
+    "fixed": (),
+    "spherical": AXES[3:],
+    "planar": ("transX", "transY", "rotZ"),
+}
+
+#: Types of joints by their free axes; others are generic.
+KINDS: dict[tuple[str, ...], str] = {
+    (): "Fixed", AXES[3:]: "Spherical",
+    **{(axis,): "Revolute" if axis in AXES[3:] else "Prismatic" for axis in AXES},
+}  # fmt: skip
+
+#: Axes of the closing joint of a universal closure in its second frame: it turns about x there.
+ABOUT_X = np.eye(3)[:, [2, 0, 1]]
+
+
+class End(NamedTuple):
+    """An end of a joint: the body, None for the world, and the joint's frame in it, shape (4, 4)."""
+
+    body: Prim | None
+    frame: Array
+
+
+def start_joint(
+    parent: Prim, name: str, free: Collection[str], ends: tuple[End, End], *, closes: bool = False
+) -> Prim:
+    """Add a joint that moves along some axes, of the type that says so, and return it.
+
+    Args:
+        parent: The prim that receives it.
+        name: Its name.
+        free: The axes, some of `AXES`; a generic joint locks others by a lower limit above the upper one.
+        ends: Its ends.
+        closes: Whether it closes a loop.
+    """
+    kind = KINDS.get((*free,), "")
+    out = parent.child(f"Physics{kind}Joint", name)
+    for side, (body, frame) in enumerate(ends):
+        if body is not None:
+            out.line(f"rel physics:body{side} = <{body.path}>")
+        if frame[:3, 3].any():
+            out.numbers("point3f", f"physics:localPos{side}", frame[:3, 3])
+        if not np.array_equal(frame[:3, :3], np.eye(3)):
+            out.numbers("quatf", f"physics:localRot{side}", quaternion_of(frame[:3, :3]))
+    if closes:
+        out.line("uniform bool physics:excludeFromArticulation = true")
+    if kind in ("Revolute", "Prismatic"):
+        out.line(f'uniform token physics:axis = "{next(iter(free))[-1]}"')
+    for axis in AXES if not kind else ():
+        if axis not in free:
+            out.apply(f"PhysicsLimitAPI:{axis}")
+            out.line(f"float limit:{axis}:physics:low = 1")
+            out.line(f"float limit:{axis}:physics:high = -1")
+    return out
+
+
+def add_joint(
+    parent: Prim, joint: Joint, bodies: tuple[Prim, Prim], driven: bool, home: tuple[float, ...] | None,
+    losses: Losses,
+) -> Prim | None:  # fmt: skip
+    """Add a joint of the tree and return it; None for a floating joint, which USD states by having none.
+
+    Args:
+        parent: The prim that receives it.
+        joint: The joint.
+        bodies: The bodies of its links.
+        driven: Whether it is a motor.
+        home: Its position at home, None for zero.
+        losses: Receives what USD cannot say.
+    """
+    numbers = joint.damping, joint.friction, joint.rotor_inertia, joint.gear_ratio - 1
+    if joint.kind in ("planar", "floating") and any(numbers):
+        losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
+    if joint.kind in REPLACED:
+        losses.add(REPLACED[joint.kind], joint.name)
+    if joint.kind == "floating":
+        return None
+    free, turn = FREE.get(joint.kind), np.eye(3)
+    if free is None:
+        token, turn = axis_of(joint.axis)
+        free = (f"{'trans' if joint.kind == 'prismatic' else 'rot'}{token}",)
+    ends = End(bodies[0], turned(joint.placement, turn)), End(bodies[1], turned(np.eye(4), turn))
+    out = start_joint(parent, joint.name, free, ends)
+    if FREEDOMS[joint.kind] == 1:
+        _add_numbers(out, joint, driven, home, losses)
+    return out
+
+
+def axis_of(axis: Array) -> tuple[str, Array]:
+    """Return the name of the axis of a joint's frame that is the joint's, and this frame, shape (3, 3)."""
+    along = [i for i in range(3) if abs(axis[i]) == 1]
+    if not along:
+        return "Z", rotation_to_axis(axis)
+    turn = np.eye(3)
+    if axis[along[0]] < 0:  # half a turn about the next axis
+        turn = -turn
+        turn[(along[0] + 1) % 3] *= -1
+    return "XYZ"[along[0]], turn
+
+
+def unit_of(joint: Joint) -> float:
+    """Return the unit of positions of a joint in USD [m or rad]."""
+    return 1.0 if joint.kind == "prismatic" else DEGREES
+
+
+def _add_numbers(
+    prim: Prim, joint: Joint, driven: bool, home: tuple[float, ...] | None, losses: Losses
+) -> None:
+    """Add limits, drive, armature, friction and position of a joint with one freedom."""
+    name, unit = "linear" if joint.kind == "prismatic" else "angular", unit_of(joint)
+    if driven:
+        prim.apply(f"PhysicsDriveAPI:{name}")
+        prim.line(f'uniform token drive:{name}:physics:type = "force"')
+        for word in ("stiffness", "damping"):
+            prim.line(f"float drive:{name}:physics:{word} = 0")
+    elif np.isfinite(joint.effort_limit):
+        losses.add("effort limits of joints without a motor", joint.name)
+    drive, engine, axis = f"PhysicsDriveAPI:{name}", "PhysxJointAPI", f"PhysxJointAxisAPI:{name}"
+    rows = (
+        (joint.lower, "", "physics:lowerLimit", unit),
+        (joint.upper, "", "physics:upperLimit", unit),
+        (joint.effort if driven else np.inf, drive, f"drive:{name}:physics:maxForce", 1.0),
+        (joint.velocity, engine, "physxJoint:maxJointVelocity", unit),
+        (joint.armature or np.inf, engine, "physxJoint:armature", 1.0),
+        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:staticFrictionEffort", 1.0),
+        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:dynamicFrictionEffort", 1.0),
+        (joint.damping or np.inf, axis, f"physxJointAxis:{name}:viscousFrictionCoefficient", 1 / unit),
+        (
+            np.inf if home is None else angle_of(home), f"PhysicsJointStateAPI:{name}",
+            f"state:{name}:physics:position", unit,
+        ),
+    )  # fmt: skip
+    for value, schema, attribute, of_file in rows:
+        if np.isfinite(value):
+            if schema:
+                prim.apply(schema)
+            prim.numbers("float", attribute, value / of_file)
+
+
+def add_closure(
+    parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], poses: tuple[Array, Array], losses: Losses
+) -> None:
+    """Add a closure.
+
+    Args:
+        parent: The prim that receives it.
+        closure: The closure.
+        bodies: The bodies of its links.
+        poses: Their poses in the world, shapes (4, 4).
+        losses: Receives what USD cannot say.
+    """
+    (first, second), free = bodies, ["rotX"]
+    frames = closure.frame_a, turned(closure.frame_b, ABOUT_X)
+    if closure.rotation == "perpendicular":
+        losses.add("universal closures are a hinge on a massless body, and a hinge that closes", closure.name)
+        first, frames = _cross(parent, closure, first, poses), (np.eye(4), frames[1])
+    else:
+        words, turn = rows_of(closure, losses)
+        free = [axis for row, axis in zip(ROWS, AXES, strict=True) if row not in words.split()]
+        frames = turned(closure.frame_a, turn.T), turned(closure.frame_b, turn.T)
+    start_joint(parent, closure.name, free, (End(first, frames[0]), End(second, frames[1])), closes=True)
+
+
+def _cross(parent: Prim, closure: Closure, first: Prim, poses: tuple[Array, Array]) -> Prim:
+    """Add a massless body that moves along the free axes and about z of the first frame, and return it."""
+    at_a, at_b = poses[0] @ closure.frame_a, poses[1] @ closure.frame_b
+    shift = at_a[:3, :3].T @ (at_b[:3, 3] - at_a[:3, 3])
+    shift[list(closure.translations)] = 0.0
+    along = at_a[:3, :3].T @ at_b[:3, 2]
+    cosine, sine = along[:2] / np.linalg.norm(along[:2])
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    massless = Link(f"{closure.name}_cross", 0.0, np.zeros(3), np.zeros((3, 3)))
+    cross = add_body(parent, massless, at_a @ placement_from(turn, shift))
+    free = [axis for i, axis in enumerate(AXES) if i < 3 and i not in closure.translations]
+    ends = End(first, closure.frame_a), End(cross, np.eye(4))
+    start_joint(parent, f"{closure.name}_hinge", [*free, "rotZ"], ends)
+    return cross
 
 
 def write_usd(request: Request, losses: Losses) -> Written:

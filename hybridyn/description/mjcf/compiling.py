@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError, install_advice
 from ..names import unique
+from ..placement import placement_from, rotation_from_quaternion
 from ..records import Array
 from ..urdf.xml_node import LARGEST_NUMBER
 from .document import Document, Place
@@ -168,6 +169,12 @@ class Compiled:
             "tendon": self.spec.tendons, "actuator": self.spec.actuators, "key": self.spec.keys,
         }  # fmt: skip
         return {(kind, item.id): str(item.info) for kind, items in groups.items() for item in items}
+
+
+def pose(position: Array, quaternion: Array) -> Array:
+    """Return the placement of a position and one of MuJoCo's quaternions (w, x, y, z), shape (4, 4)."""
+    w, x, y, z = (float(number) for number in quaternion)
+    return placement_from(rotation_from_quaternion(x, y, z, w), np.array(position, dtype=float))
 
 
 def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:

@@ -1,10 +1,14 @@
-"""Merge an MJCF file with the files that it includes, and open the models that it attaches.
+"""Merge an MJCF file with its includes, open the models that it attaches, and screen what MuJoCo compiles.
 
 hybridyn opens these files, not MuJoCo: only in the robot's folders, and with the limits of all robot files.
+Visuals, sensors, cameras, lights and contacts are removed: they do not change the dynamics that hybridyn
+computes. Meshes are read only where inertias are computed from them; a tetrahedron of the same name stands
+for any other. MuJoCo then opens no files, and allocates memory for the robot only.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from collections.abc import Iterable
@@ -16,7 +20,7 @@ from lxml import etree
 from ...errors import ModelError
 from ..shipped import shown
 from ..urdf.robot_folders import RobotFolders
-from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
+from ..urdf.xml_node import LARGEST_FILE, LARGEST_NUMBER, MOST_ELEMENTS, Node, parse
 
 #: Most files that one robot may include.
 MOST_FILES = 1000
@@ -162,3 +166,198 @@ class Document:
         for what in (what for what, limit in most.items() if self._spent[what] > limit):
             raise node.error(f"more than {most[what]:,} {what} are included")
         return inner, path
+
+
+#: Elements that do not change the dynamics that hybridyn computes.
+LEFT_OUT = {
+    "visual", "statistic", "size", "sensor", "custom", "contact", "camera", "light", "texture", "material",
+    "skin", "pair", "exclude", "extension",
+}  # fmt: skip
+
+#: Elements that are refused, with a description and the correction.
+REFUSED = {
+    "flexcomp": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
+    "flex": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
+    "composite": "a body made of many; hybridyn does not read it: save the compiled model (mj_saveLastXML)",
+    "plugin": "a plugin, whose forces hybridyn cannot know; remove it, and put springs and dampers on joints",
+}
+
+#: Attributes that hold names, which may look like numbers.
+NAMES = {
+    "name", "class", "childclass", "joint", "joint1", "joint2", "body", "body1", "body2", "site", "site1",
+    "site2", "tendon", "tendon1", "tendon2", "mesh", "hfield", "material", "prefix", "file", "model", "geom",
+    "geom1", "geom2", "jointinparent", "cranksite", "slidersite", "refsite", "target", "meshdir",
+    "texturedir", "assetdir",
+}  # fmt: skip
+
+#: Attributes that `<plugin>` in `<actuator>` has in common with motors.
+OF_ACTUATORS = {
+    "name", "class", "joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite",
+    "gear", "forcerange", "forcelimited", "armature", "damping",
+}  # fmt: skip
+
+#: Most elements, replicas counted; the time of MuJoCo's compiler grows with the square of their number.
+MOST_COMPILED = 50_000
+
+#: Largest number of a built-in mesh: the count of its subdivisions.
+MOST_SUBDIVISIONS = 100.0
+
+#: Corners of the mesh that replaces a mesh that is not needed.
+TETRAHEDRON = "0 0 0 1 0 0 0 1 0 0 0 1"
+
+#: Meshes that MuJoCo reads.
+ENDINGS = (".stl", ".obj", ".msh")
+
+#: Elements whose children belong to the body around them.
+TRANSPARENT = ("frame", "replicate")
+
+
+def screen(document: Document, meshes: dict[str, bytes]) -> None:
+    """Refuse what cannot be read, and remove what does not change the dynamics.
+
+    Args:
+        document: The file; its tree is changed: paths of meshes become names of contents.
+        meshes: Content of each mesh by the name that the tree now has for it; filled in place.
+
+    Raises:
+        ModelError: An element is refused, a number is not finite, a mesh that is needed cannot be read, or
+            elements are too many.
+    """
+    for node in document.nodes():
+        if node.tag in LEFT_OUT:
+            _take_out(node.xml)
+        elif node.tag == "plugin":
+            _take_plugin(document, node)
+    _take_meshes(document, meshes)
+    for node in document.nodes():
+        if node.tag in REFUSED:
+            raise node.error(REFUSED[node.tag])
+        for name in {*node.attributes()} - NAMES:
+            _refuse_unbounded(node, name)
+        node.xml.attrib.pop("material", "")
+        if node.tag == "hfield":  # a terrain has no mass, and may be large: a flat one stands for it
+            _stand_in(node, "size", nrow="2", ncol="2")
+    _refuse_too_many(document)
+
+
+def mesh_folder(document: Document) -> str:
+    """Take the folder of meshes out of `<compiler>`; what is stated last counts."""
+    stated = {
+        name: str(node.xml.attrib.pop(name))
+        for node in document.nodes("//compiler")
+        for name in ("assetdir", "meshdir", "texturedir", "strippath")
+        if name in node.xml.attrib
+    }
+    if stated.get("strippath") == "true":
+        for node in document.nodes("//mesh[@file]"):
+            node.xml.set("file", os.path.basename(str(node.xml.get("file"))))
+    return stated.get("meshdir", stated.get("assetdir", ""))
+
+
+def _take_plugin(document: Document, node: Node) -> None:
+    """Take a plugin out that only makes a shape; one in `<actuator>` becomes a servo, whose law is not read.
+
+    A geom of such a shape is taken out where the body states its inertia. Others are refused later.
+    """
+    above = node.xml.getparent()
+    assert above is not None
+    place = "{}:{}: ".format(*node.place) + f"<plugin> in <{above.tag}>"
+    if above.tag == "actuator":
+        node.xml.tag = "general"
+        for name in {*node.attributes()} - OF_ACTUATORS:
+            del node.xml.attrib[name]
+        node.xml.set("biastype", "affine")
+        del node.xml[:]
+    elif above.tag == "geom" and _has_mass(_body(above)):
+        _take_out(above)
+        document.notes.append(f"{place} is not read: it only makes a shape, without mass")
+    elif above.tag == "mesh":
+        _take_out(node.xml)
+        document.notes.append(f"{place} is not read: it only makes a shape")
+
+
+def _take_meshes(document: Document, contents: dict[str, bytes]) -> None:
+    """Read the meshes that inertias need, and replace all others."""
+    always = document.nodes("//compiler[@inertiafromgeom='true' or @settotalmass]")
+    needed: dict[str, str] = {}
+    for node in document.nodes("//geom[@mesh]"):
+        body = _body(node.xml)
+        if body.tag != "worldbody" and (always or not _has_mass(body)):
+            needed.setdefault(str(node.xml.get("mesh")), str(body.get("name", "")))
+    folder = document.beside(mesh_folder(document))
+    for node in document.nodes("//asset/mesh"):
+        name = _name(node)
+        if name not in needed:
+            _stand_in(node, "class", vertex=TETRAHEDRON)
+        elif "file" in node.xml.attrib:
+            mend = (
+                f"; the inertia of body '{needed[name]}' comes from it: put the file there, or give the body "
+                "an <inertial> (then hybridyn reads no mesh)"
+            )
+            ending = os.path.splitext(node.text("file"))[1].lower()
+            if ending not in ENDINGS:
+                raise node.error(f"mesh '{node.text('file')}' is none of {', '.join(ENDINGS)}{mend}")
+            key = f"mesh{len(contents)}{ending}"
+            contents[key], _ = document.read(node, [folder], mend)
+            node.xml.attrib.update({"name": name, "file": key})
+
+
+def _body(xml: etree._Element) -> etree._Element:
+    """Return the body, world or class to which an element in it belongs."""
+    return next(above for above in xml.iterancestors() if above.tag not in TRANSPARENT)
+
+
+def _has_mass(body: etree._Element) -> bool:
+    """Say whether a body needs no geom for its mass: it states it, or it is the world."""
+    return body.tag == "worldbody" or body.find("inertial") is not None
+
+
+def _name(node: Node) -> str:
+    """Return the name of an asset, which is that of its file where it states none."""
+    stem, _ = os.path.splitext(os.path.basename(str(node.xml.get("file", ""))))
+    return str(node.xml.get("name") or stem)
+
+
+def _take_out(xml: etree._Element) -> None:
+    if (parent := xml.getparent()) is not None:
+        parent.remove(xml)
+
+
+def _stand_in(node: Node, kept: str, **attributes: str) -> None:
+    """Replace an asset by another one of the same name, which keeps one of its attributes."""
+    attributes["name"] = _name(node)
+    for name in {*map(str, node.xml.attrib)} - {kept, FILE}:
+        del node.xml.attrib[name]
+    del node.xml[:]
+    for name, value in attributes.items():
+        node.xml.set(name, value)
+
+
+def _refuse_unbounded(node: Node, name: str) -> None:
+    """Refuse numbers that are not finite or absurdly large; ranges may be infinite."""
+    limit = MOST_SUBDIVISIONS if name == "params" else LARGEST_NUMBER
+    for word in str(node.xml.get(name)).split():
+        try:
+            size = abs(float(word))
+        except ValueError:
+            continue  # MuJoCo refuses what is no number where it needs one
+        if math.isnan(size) or (math.isinf(size) and word[-1].isalpha() and not name.endswith("range")):
+            raise node.error(f"attribute '{name}': '{word}' is not a finite number")
+        if size > limit and not word[-1].isalpha():
+            raise node.error(f"attribute '{name}': '{word[:40]}' is too large (limit {limit:g})")
+
+
+def _refuse_too_many(document: Document) -> None:
+    """Refuse a robot that would take MuJoCo minutes, or all memory."""
+    factors: dict[object, float] = {}
+    total, attached = 0.0, sum(len(model.nodes()) for model in document.every()[1:])
+    for node in document.nodes():
+        factor = factors.get(node.xml.getparent(), 1.0)
+        if node.tag == "replicate":
+            factor *= max(1.0, abs(node.number("count")))
+        factors[node.xml] = factor
+        total += factor * (1 + attached if node.tag == "attach" else 1)
+        if total > MOST_COMPILED:
+            raise node.error(
+                f"with its replicas, the file has more than {MOST_COMPILED:,} elements up to here"
+            )

@@ -1,23 +1,204 @@
 """Read an MJCF file: MuJoCo compiles it, and the compiled model becomes records.
 
-Forces and constraints that hybridyn does not have are errors. Contacts and servos are noted.
+Forces and constraints that hybridyn does not have are errors. Contacts and servos are noted. The frame of a
+body's link is MuJoCo's frame of the body. Its joints follow one another from the parent's link in the order
+of the file, with massless links between them; each joint moves the axes of the joints after it. The position
+of a joint is MuJoCo's `qpos`; `ref` is part of the placement.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..names import listed
-from ..records import Array, RobotFile
+from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
+from ..names import listed, unique
+from ..placement import motion_of, placement_from
+from ..records import Array, Joint, JointKind, Link, RobotFile
 from ..urdf.xml_node import Node
-from .bodies import add_bodies, find_root
-from .compiling import Compiled, compile_text
-from .document import Document
+from .compiling import Compiled, compile_text, pose
+from .document import Document, screen
 from .relations import add_actuators, add_equalities
-from .screening import screen
+
+#: Kinds of joints by MuJoCo's words.
+KINDS: dict[str, JointKind] = {
+    "mjJNT_HINGE": "revolute", "mjJNT_SLIDE": "prismatic", "mjJNT_BALL": "spherical",
+    "mjJNT_FREE": "floating",
+}  # fmt: skip
+
+#: Endings and kinds of the joints that stand for a free joint with armature. MuJoCo adds armature to the
+#: diagonal of the mass matrix in its own rates: those of the body's origin along the axes of the world, and
+#: angular ones about the axes of the body. Slides along the world's axes and a ball have the same rates.
+FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
+    ("_x", "prismatic"), ("_y", "prismatic"), ("_z", "prismatic"), ("_turn", "spherical"),
+)  # fmt: skip
+
+
+def find_root(robot: RobotFile, compiled: Compiled) -> int:
+    """Return the number of the body at which the tree starts; 0 is the world.
+
+    It is a free body whose tree is all that moves, and that no equality ties to the world. Otherwise the
+    world is the root, and free bodies hang on it by joints.
+    """
+    model = compiled.model
+    free = np.flatnonzero(model.jnt_type == compiled.code("mjJNT_FREE"))
+    if len(free) != 1:
+        return 0
+    body, dof = int(model.jnt_bodyid[free[0]]), int(model.jnt_dofadr[free[0]])
+    others = model.body_rootid != body
+    moving = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
+    if (others & moving).any() or any(others[[*pair]].any() for pair in compiled.tied_bodies.values()):
+        return 0
+    if model.dof_damping[dof] or model.dof_armature[dof]:
+        robot.notes.append(
+            f"the base does not float, because its free joint '{compiled.joints[free[0]]}' has damping or "
+            "armature: it is a joint on the world; <freejoint/> takes no defaults, and has neither"
+        )
+        return 0
+    return body
+
+
+def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> None:
+    """Add links and joints of the root's tree to the robot, with springs and home posture.
+
+    Args:
+        root: Number of the root body.
+        q: Home positions of all joints, MuJoCo's `qpos`.
+    """
+    model, links, joints = compiled.model, {*compiled.bodies}, {*compiled.joints}
+    for body in range(model.nbody):
+        if root and model.body_rootid[body] != root:
+            continue
+        if body != root:
+            steps = _steps(robot, compiled, body, joints, q)
+            chain, name = _chain(compiled, body, steps, joints), compiled.bodies[body]
+            between = [unique(f"{name}_{joint.name}", links) for joint in chain[:-1]]
+            add_chain(robot, chain, [compiled.bodies[model.body_parentid[body]], *between, name])
+        robot.links.append(_link(compiled, body))
+    if root:
+        at = int(model.jnt_qposadr[model.body_jntadr[root]])
+        robot.base, robot.base_home = "floating", _coordinates("floating", q[at:])
+    sprung = {compiled.joints[number]: number for number in np.flatnonzero(model.jnt_stiffness)}
+    if sprung:
+        stiffness = {name: float(model.jnt_stiffness[number]) for name, number in sprung.items()}
+        rest = {name: float(model.qpos_spring[model.jnt_qposadr[n]]) for name, n in sprung.items()}
+        robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
+
+
+def _link(compiled: Compiled, body: int) -> Link:
+    model = compiled.model
+    turn = pose(np.zeros(3), model.body_iquat[body])[:3, :3]
+    inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
+    return Link(
+        compiled.bodies[body],
+        float(model.body_mass[body]),
+        np.array(model.body_ipos[body]),
+        (inertia + inertia.T) / 2,
+        compiled.line("body", body),
+    )
+
+
+def _steps(
+    robot: RobotFile, compiled: Compiled, body: int, taken: set[str], q: Array
+) -> list[tuple[Joint, Array]]:
+    """Return the joints of a body in their order, and add their positions at home to the robot.
+
+    Args:
+        taken: Names of joints; those that are made are added.
+        q: As in `add_bodies`.
+
+    Returns:
+        Each joint without its links, whose placement is its motion from the reference to position zero, and
+        the origin of its frame in the body's frame at the reference, shape (3,) [m].
+    """
+    model, out = compiled.model, []
+    first = int(model.body_jntadr[body])
+    numbers = range(first, first + int(model.body_jntnum[body]))
+    own = [_origin(compiled, number) for number in numbers]
+    for i, number in enumerate(numbers):
+        # A slide has no place of its own: it takes that of the next turning joint, else of the one before.
+        origin = next((x for x in (*own[i:], *own[:i][::-1]) if x is not None), np.zeros(3))
+        kind = next(kind for word, kind in KINDS.items() if compiled.code(word) == model.jnt_type[number])
+        at, dof = int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number])
+        split = kind == "floating" and bool(model.dof_armature[dof])
+        for k, (ending, part) in enumerate(FREE_PARTS if split else (("", kind),)):
+            name = compiled.joints[number]
+            if ending:
+                name = unique(name + ending, taken)
+                robot.undriven.add(name)
+            axis, reference = (np.eye(3)[k % 3], 0.0) if ending else (model.jnt_axis[number], model.qpos0[at])
+            joint = _joint(compiled, number, dof + k, name, part, axis, reference)
+            robot.home[name] = _coordinates(part, q[at + k :])
+            out.append((joint, origin))
+    return out
+
+
+def _joint(
+    compiled: Compiled, number: int, dof: int, name: str, kind: JointKind, axis: Array, reference: float
+) -> Joint:
+    """Return a joint with its limits and numbers, whose placement leads to position zero; it has no links."""
+    model, lower, upper = compiled.model, -np.inf, np.inf
+    bounds = [float(bound) for bound in model.jnt_range[number]]
+    single = kind in ("prismatic", "revolute")
+    if single and (model.jnt_limited[number] or bounds[0] > bounds[1]):
+        lower, upper = bounds  # crossed ones limit nothing in MuJoCo; they are dropped with a note
+    limited = model.jnt_actfrclimited[number]
+    joint = Joint(
+        name, kind, "", "", np.eye(4), np.array(axis, dtype=float) if single else NO_AXIS, lower, upper,
+        effort=float(np.abs(model.jnt_actfrcrange[number]).max()) if limited else np.inf,
+        damping=float(model.dof_damping[dof]),
+        friction=float(model.dof_frictionloss[dof]),
+        rotor_inertia=float(model.dof_armature[dof]),
+        line=compiled.line("joint", number),
+    )  # fmt: skip
+    return replace(joint, placement=motion_of(joint, {name: (-float(reference),)} if single else {}))
+
+
+def _origin(compiled: Compiled, number: int) -> Array | None:
+    """Return where a joint's frame is in the body's at the reference position, shape (3,); None for a slide.
+
+    An axis through the body's origin has it there.
+    """
+    model = compiled.model
+    kind, position = int(model.jnt_type[number]), np.array(model.jnt_pos[number], dtype=float)
+    if kind == compiled.code("mjJNT_SLIDE"):
+        return None
+    if kind == compiled.code("mjJNT_HINGE"):
+        axis = np.array(model.jnt_axis[number])
+        across = position - axis * (axis @ position)
+        if np.abs(across).max() <= ON_AXIS * np.abs(position).max():
+            return np.zeros(3)
+    return position
+
+
+def _chain(compiled: Compiled, body: int, steps: list[tuple[Joint, Array]], taken: set[str]) -> list[Joint]:
+    """Return the joints from a body's parent to the body, without links; `taken`: names of joints."""
+    model = compiled.model
+    at, before, out = pose(model.body_pos[body], model.body_quat[body]), np.zeros(3), list[Joint]()
+    if steps and model.jnt_type[model.body_jntadr[body]] == compiled.code("mjJNT_FREE"):
+        at = np.eye(4)  # its position is the pose in the world
+    for joint, origin in steps:
+        shift = placement_from(np.eye(3), origin - before)
+        out.append(replace(joint, placement=at @ shift @ joint.placement))
+        at, before = np.eye(4), origin
+    if not steps or before.any():
+        fixed = unique(f"{compiled.bodies[body]}_fixed", taken)
+        back = at @ placement_from(np.eye(3), -before)
+        out.append(Joint(fixed, "fixed", "", "", back, NO_AXIS, line=compiled.line("body", body)))
+    return out
+
+
+def _coordinates(kind: JointKind, q: Array) -> tuple[float, ...]:
+    """Return a joint's position as Pinocchio has it; `q` starts with MuJoCo's (quaternions w, x, y, z)."""
+    start = {"spherical": 0, "floating": 3}.get(kind)
+    if start is None:
+        return (float(q[0]),)
+    turn = q[start : start + 4] / np.linalg.norm(q[start : start + 4])
+    return tuple(float(x) for x in (*q[:start], *np.roll(turn, -1)))
+
 
 #: Name of the keyframe that is home where there are several.
 HOME = "home"

@@ -15,8 +15,7 @@ from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..names import listed, unique
 from ..records import Array, Coupling, MotorStatement, RobotFile
-from .bodies import pose
-from .compiling import Compiled
+from .compiling import Compiled, pose
 
 #: Closures by MuJoCo's word.
 KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}

@@ -1,5 +1,4 @@
 """Read Pinocchio's objects: a `Model` and its constraint models as a `RobotFile`.
 
-Reading order: `numbers` (limits, friction, armature), `joints` (the records of one joint), `constraints`
-(closures), `model` (the whole model).
+Read `model` (joints, then the whole model), then `constraints` (what is checked, and closures).
 """

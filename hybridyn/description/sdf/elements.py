@@ -9,12 +9,11 @@ import math
 
 import numpy as np
 
+from ..loop_signs import LEGACY_FORMS
 from ..names import closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..records import Array
-from ..urdf.foreign import LEGACY_FORMS
-from ..urdf.placement import unit
-from ..urdf.xml_node import Node
+from ..urdf.xml_node import Node, unit
 
 #: Remarks, each with the names that it concerns (see `names.noted`).
 Notes = dict[str, list[str]]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...errors import ModelError
-from ..names import did_you_mean, listed
+from ..names import listed
 from ..shipped import shown
 from ..urdf.robot_folders import RobotFolders
 from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
@@ -29,7 +29,7 @@ DEEPEST = 50
 #: Models of Gazebo that are only scenery; they are not opened.
 SCENERY = ("sun", "ground_plane")
 
-ONE_ROBOT = "hybridyn reads one robot: name it after the file, 'FILE#MODEL', or nest them in one <model>"
+ONE_ROBOT = "hybridyn reads one robot: remove the others, or nest them in one <model>"
 
 STATIC = (
     "a static model does not move at all, nor do its joints; to hold only its base, remove <static> and "
@@ -178,33 +178,6 @@ class Library:
                 f"more than {MOST_FILES} files, {MOST_ELEMENTS} elements or {LARGEST_FILE // 2**20} MiB are "
                 "included"
             )
-
-
-def keep_model(root: Node, name: str) -> None:
-    """Remove all models and worlds but one model and its world.
-
-    Args:
-        root: Root element of a robot file; it is changed.
-        name: Name of the model, or of the folder from which a world includes it.
-
-    Raises:
-        ModelError: The file is not SDF, or no model or several ones have this name.
-    """
-    if root.tag != "sdf":
-        raise root.error(f"only an SDF file has several models; remove '#{name}'")
-    stated = [
-        own for holder in (root, *root.children("world")) for own in holder.children("model", "include")
-    ]
-    kept = [own for own in stated if name == _name(own)]
-    if len(kept) != 1:
-        known = [_name(own) for own in stated]
-        count = f"{len(kept)} models are" if kept else "no model is"
-        raise root.error(f"{count} named '{name}'{did_you_mean(name, known)}; the file has {listed(known)}")
-    around = {kept[0].xml, *kept[0].xml.iterancestors()}
-    for other in (*stated, *root.children("world")):
-        holder = other.xml.getparent()
-        if other.xml not in around and holder is not None:
-            holder.remove(other.xml)
 
 
 def name_of(own: Node, model: Node) -> str:

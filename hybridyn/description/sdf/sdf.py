@@ -38,7 +38,7 @@ CLOSED = (
 #: Kinds of joints by type; those of several axes are chains.
 KINDS: dict[str, JointKind] = {
     "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic",
-    "universal": "revolute", "revolute2": "revolute",
+    "universal": "revolute",
 }  # fmt: skip
 
 #: Limits of an endless joint, whatever it states.

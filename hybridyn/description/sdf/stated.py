@@ -25,13 +25,14 @@ UNLIMITED = 1e16
 
 #: How many axes each type of joint has.
 AXES = {
-    "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2,
+    "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2,
 }  # fmt: skip
 
 #: Types of joints that are not read, and what to write in their place.
 UNREAD = {
     "screw": "a revolute and a prismatic joint, and <mimic> in one of them",
     "gearbox": "<mimic> in the axis of one of its joints",
+    "revolute2": "two revolute joints with a link between them",
     "piston": "a revolute and a prismatic joint; programs never agreed on its meaning",
 }
 
@@ -174,7 +175,7 @@ def read_joints(models: Models, file: str, notes: Notes) -> list[Stated]:
     children, out = {WORLD}, {}
     for joint in sorted(joints, key=lambda joint: (joint.closes, -importance[joint])):
         rank = joint.closes, -importance[joint], joint.ends[1] in children
-        needed = importance[joint] == NEEDED or joint.kind == "revolute2"
+        needed = importance[joint] == NEEDED
         out[joint] = replace(joint, rank=rank, needed=needed)
         children.add(joint.ends[1])
     return [out[joint] for joint in joints]
@@ -203,7 +204,9 @@ def _read_joint(item: Item, models: Models, file: str, notes: Notes) -> Stated:
         elif axis is not None:
             notes.setdefault(IDLE, []).append(item.full_name)
     if kind == "universal" and abs(axes[0].direction @ axes[1].direction) > LARGEST_COSINE:
-        raise node.error("the axes of a universal joint are perpendicular; mend them, or write revolute2")
+        raise node.error(
+            "the axes of a universal joint are perpendicular; mend them, or write two revolute joints"
+        )
     first, second = (WORLD if end is None else end.full_name for end in (parent, child))
     return Stated(
         item.full_name, (first, second), (), _line(node, file), _must_close(item, notes), False, item, kind,
@@ -224,7 +227,7 @@ def _must_close(item: Item, notes: Notes) -> bool:
 
 def _rotor(node: Node, kind: str) -> dict[str, float]:
     inertia, ratio = numbers(node, "joint").values()
-    if inertia and kind in ("ball", "universal", "revolute2"):
+    if inertia and kind in ("ball", "universal"):
         raise node.error(
             f"<drake:rotor_inertia> of {inertia:g} kg m^2 does not say which axis of a {kind} joint the "
             "rotor turns with; write revolute joints, with the rotor in one of them"

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import ModelError
-from ..named_frames import CLOSURE_TYPES, weld_or_point
+from ..closure_forms import CLOSURE_TYPES, weld_or_point
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link, MotorStatement, RobotFile
 from .tables import Schema

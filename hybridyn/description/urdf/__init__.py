@@ -1,7 +1,7 @@
 """Read URDF and xacro files, with every supported form of a loop.
 
 Read `xml_node` (elements that know their file and line), `urdf` (links, joints, motors), `loops` (closures,
-couplings), `foreign` (loops in unsupported forms, which raise errors), `xacro` (what is kept of expansions),
+couplings), `gazebo` (joints of SDF that close loops), `xacro` (what is kept of expansions),
 `robot_folders` (the files that may be read), `expansion` (by the package), `traced` (what depends on
 arguments), `expressions` (their evaluation).
 

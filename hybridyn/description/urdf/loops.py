@@ -15,8 +15,7 @@ from ..closure_forms import FORMS, Form, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import rotation_to_axis
 from ..records import FREEDOMS, Array, Closure, Coupling, Joint
-from .placement import axis_of, origin_of
-from .xml_node import Node
+from .xml_node import Node, axis_of, origin_of
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.

@@ -2,7 +2,7 @@
 
 These are the robot's own folder (that of the package around its file, else the file's folder), the packages
 that `$(find ...)` names, and the folders that the user names. A symbolic link counts as the file to which it
-points. Hidden files, and anything but regular files, are never read.
+points. Hidden files, and anything but regular files, are never read. What is read can be recorded.
 """
 
 from __future__ import annotations
@@ -12,12 +12,39 @@ import hashlib
 import os
 import re
 import stat
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 from ...errors import ModelError
-from ..files_read import record
+
+#: Digest of each file that was read, by its path, while they are recorded.
+_recorded: ContextVar[dict[str, str] | None] = ContextVar("files_read", default=None)
+
+
+@contextmanager
+def recorded() -> Iterator[dict[str, str]]:
+    """Record the robot files that are read, also by an expansion of xacro that is kept.
+
+    Yields:
+        Digest of each file, by its absolute path.
+    """
+    found: dict[str, str] = {}
+    token = _recorded.set(found)
+    try:
+        yield found
+    finally:
+        _recorded.reset(token)
+
+
+def record(path: str | os.PathLike[str], content: bytes) -> None:
+    """Record a file that was read."""
+    found = _recorded.get()
+    if found is not None:
+        found[os.path.abspath(path)] = hashlib.sha256(content).hexdigest()
+
 
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
 MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")

@@ -11,12 +11,11 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
+from ..loop_signs import note_mimic_plugins, refuse_unread_loops
 from ..names import did_you_mean, listed
 from ..records import FREEDOMS, Array, Joint, JointKind, Link, MotorStatement, RobotFile
-from .foreign import note_mimic_plugins, refuse_unread_loops
 from .loops import CLOSURE_READERS, pose_of, read_coupling, read_mimic
-from .placement import axis_of
-from .xml_node import Node
+from .xml_node import Node, axis_of
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
 

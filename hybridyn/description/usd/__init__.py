@@ -1,7 +1,7 @@
 """Read USD, the scene files of Omniverse, Isaac Sim and Newton, into plain records.
 
 Start with `opening` (a process of its own reads the file), then `usd` (which files OpenUSD may read, and the
-order of the steps), `stage` (the prims and their values), `schema` (what is read, noted or refused), and the
-modules that read prims: `bodies`, `joints` and `positions`.
+order of the steps, bodies), `stage` (the prims and their values), `schema` (what is read, noted or refused),
+and the modules that read prims: `joints` and `positions`.
 `description.joint_graph` makes a tree of them.
 """

@@ -23,8 +23,8 @@ from multiprocessing import get_context, parent_process
 from types import ModuleType
 
 from ...errors import ModelError, install_advice
-from ..files_read import record
 from ..records import RobotFile
+from ..urdf.robot_folders import record
 from ..urdf.xml_node import LARGEST_FILE
 
 #: Memory that the process of OpenUSD may take [bytes].

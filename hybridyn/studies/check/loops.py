@@ -10,7 +10,7 @@ import numpy as np
 from ...assembly.free_motions import free_motions, own_inertia
 from ...assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
 from ...assembly.task import residuals
-from ...description.lost_loops import lost_loops
+from ...description.loop_signs import lost_loops
 from ...description.names import LISTED_NAMES, counted, listed
 from ...linkage.reduction import ROUNDED_ROWS
 from ...spatial import Array

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...description.loop_signs import has_mass, weightless
 from ...description.records import Link
 from ...description.validate import INERTIA_SLACK
-from ...description.weightless import has_mass, weightless
 from .finding import Finding
 from .subject import Subject
 

@@ -6,8 +6,8 @@ import contextlib
 import hashlib
 import json
 
-from ...description.files_read import recorded
 from ...description.reading import read_bytes
+from ...description.urdf.robot_folders import recorded
 from ...errors import HybridynError
 from .designs import Designs
 from .study_file import StudyFile

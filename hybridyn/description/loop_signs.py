@@ -1,0 +1,437 @@
+"""Refuse loops of a URDF in forms that are not read, and find signs of loops that no file states.
+
+A closure is never dropped silently. Every element below `<robot>` is either read or searched for loops;
+unknown elements are noted. The tag of a loop raises an error in a place where it is not read.
+
+A robot that lost its loops would be loaded as a tree. Signs of this are frames named in pairs, joints of a
+tree that look passive, and files of loops beside the robot. None of them proves a loop. The robot is
+therefore loaded, and every sign is reported: `load` warns, and `info` lists them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import re
+from collections.abc import Container, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ModelError
+from .motors import EVERY_JOINT
+from .names import closest, listed
+from .placement import outwards
+from .records import FREEDOMS, Array, Description, Format, Joint, RobotFile
+from .urdf.xml_node import Node
+
+ACCEPTED_FORMS = (
+    "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, an SDF joint directly in <gazebo>, "
+    "frames closing_x_1 and closing_x_2, or a side-car robot.yaml (closed_loop: pairs of frames)"
+)
+
+#: Elements that are read below `<robot>`.
+READ_TAGS = ("link", "joint", "transmission", "loop", "loop_joint", "coupling")
+
+#: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
+HARMLESS_TAGS = (
+    "material", "gazebo", "sensor", "ros2_control", "mujoco", "frame", "fixed_frame", "virtual_joint",
+    "group", "group_state", "end_effector", "disable_collisions", "passive_joint", "version", "author",
+    "license", "description", "plugin", "drake:collision_filter_group", "collision_filter_group",
+)  # fmt: skip
+
+#: Forms that are recognised but not read, with the supported way to write them.
+LEGACY_FORMS = {
+    "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
+    "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
+    "constraint": 'a proposal of urdfdom that no robot file uses; write it as <loop type="...">',
+    "loopconstraint": "a form of biorbd; write it as <loop>",
+    "drake:ball_constraint": 'a Drake ball constraint; write it as <loop type="spherical">',
+    "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
+    "drake:weld_constraint": 'a Drake weld; write it as <loop type="fixed">',
+    "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",
+    "drake:tendon_constraint": "a Drake tendon; hybridyn has no cables, write <coupling> or <mimic>",
+    "drake:linear_spring_damper": "a Drake spring between two points; hybridyn has springs in joints",
+    "drake:joint": "a Drake joint; write it as one-freedom joints with massless links between them",
+    "cable": "a cable of old Drake; hybridyn has no cables",
+}
+
+#: Tags of loops, and of followers.
+LOOP_TAGS, MIMIC_TAGS = (*READ_TAGS[3:], *LEGACY_FORMS), ("mimic", "drake:mimic")
+
+#: Files beside a robot that state closures in forms that are not read, and the tools that write them.
+UNREAD_SIDE_CARS = {"loop_closures.yaml": "scikit-robot", "loop_closures.yml": "scikit-robot"}
+
+#: Messages for files of other formats than URDF, by the name of the root element.
+OTHER_FORMATS = {
+    "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
+    "mujoco": "this is MJCF (MuJoCo)",
+    "sdf": "this is SDF (Gazebo)",
+}
+
+_LOOP_WORDS = r"(?i)loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage"
+_END_WORDS = {
+    "predecessor", "successor", "link1", "link2", "link_a", "link_b", "body1", "body2", "joint1", "joint2",
+}  # fmt: skip
+_NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
+
+
+def refuse_unread_loops(root: Node, notes: list[str]) -> None:
+    """Raise for loops in a form that is not read, or in a place where they are not read.
+
+    Other unknown elements are noted.
+
+    Raises:
+        ModelError: There is such a loop; the message names the form, its line, and how to write it.
+    """
+    unknown: dict[str, str] = {}
+    for node in root.children():
+        if node.tag in LEGACY_FORMS:
+            raise _refusal(node, LEGACY_FORMS[node.tag])
+        if node.tag in ("include", "xi:include"):
+            raise node.error("URDF includes no file; write <xacro:include> and name this file .xacro")
+        if node.tag not in (*READ_TAGS, *HARMLESS_TAGS):
+            _refuse_if_suspicious(node)
+            unknown.setdefault(node.tag, node.where)
+    for node in root.descendants(*LOOP_TAGS, *MIMIC_TAGS, "link", "joint"):
+        above = [Node(xml, root.file) for xml in node.xml.iterancestors()]
+        if len(above) > 1:
+            _refuse_inside(node, above[0], above[-2])
+    if unknown:
+        where = listed(f"<{tag}> ({place})" for tag, place in unknown.items())
+        notes.append(f"unknown elements, which were not read: {where}")
+
+
+def refuse_unclosed_frames(robot: RobotFile) -> None:
+    """Raise for frames that no closure uses, but whose names state one (`closedloop1_A`).
+
+    If the robot states other closures, frames such as `closedloop1_A` are noted.
+
+    Raises:
+        ModelError: There are such frames.
+    """
+    used = {name for closure in robot.closures for name in (closure.link_a, closure.link_b)}
+    lines = {link.name: link.line for link in robot.links}
+    lines |= {joint.name: joint.line for joint in robot.joints if joint.child not in used}
+    free = [name for name in lines if name not in used]
+    named = [name for name in free if _NAMED_FRAME.search(name)]
+    if named and robot.closures:
+        robot.notes.append(f"frames {listed(named)} are named for closing a loop, but no closure uses them")
+    elif named:
+        raise ModelError(
+            f"{listed(named)} looks like the end of a closed loop, but nothing says which frames close it; "
+            f"list the pairs in a side-car robot.yaml, or write <loop>. A{ACCEPTED_FORMS[1:]}",
+            file=robot.file,
+            line=lines[named[0]],
+            element=named[0],
+        )
+
+
+def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
+    """Raise for side-cars in forms that are not read; if the robot states closures, only note them.
+
+    Raises:
+        ModelError: There is such a file, and the robot states no closure.
+    """
+    for name, form in UNREAD_SIDE_CARS.items():
+        if not (folder / name).is_file():
+            continue
+        if not robot.closures:
+            raise ModelError(
+                f"{name} beside it ({form}) may state loop closures, but is not read; move it away if it "
+                f"belongs to another robot. A{ACCEPTED_FORMS[1:]}",
+                file=robot.file,
+                element=name,
+            )
+        robot.notes.append(f"{name} ({form}) is beside the robot file and was not read")
+
+
+def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
+    """Note the joints that mimic others by a Gazebo plugin, but not by `<mimic>` in the URDF."""
+    coupled = {coupling.name for coupling in robot.couplings}
+    movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
+    plugins = [node for block in root.children("gazebo") for node in block.descendants("mimicJoint")]
+    lost = [node.content() for node in plugins if node.content() in movable - coupled]
+    if lost:
+        robot.notes.append(
+            f"joints {listed(lost)} mimic others by a Gazebo plugin, which is not read: they move freely "
+            "here; to couple them, write <mimic> in the joint"
+        )
+
+
+def _refuse_if_suspicious(node: Node) -> None:
+    """Raise for an unknown element below `<robot>` that may affect the dynamics."""
+    intended = closest(node.tag, READ_TAGS)
+    if intended:
+        raise node.error(f"unknown element; did you mean <{intended}>?")
+    inside = [*node.descendants()]
+    words = {word for inner in (node, *inside) for word in inner.attributes()} | {
+        inner.tag for inner in inside
+    }
+    if node.tag in {*_END_WORDS, "parent", "child", *MIMIC_TAGS, "inertial"}:
+        raise node.error(f"is not read directly below <robot>; {ACCEPTED_FORMS}")
+    if re.search(_LOOP_WORDS, node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
+        raise _refusal(node, "an unknown form")
+    if {"link", "joint"} & {inner.tag for inner in inside if inner.xml.get("name")}:
+        raise node.error(
+            "unknown element that holds links or joints; they would be lost. Move them below <robot>"
+        )
+
+
+def _refuse_inside(node: Node, above: Node, top: Node) -> None:
+    """Raise for a loop in an element that is not read, and for tags in places where they are not read.
+
+    Args:
+        node: An element with one of these tags.
+        above: The element around it.
+        top: The element below `<robot>` that holds it.
+    """
+    direct = above.xml is top.xml
+    if top.tag not in READ_TAGS:
+        in_gazebo = top.tag == "gazebo" and direct and "reference" not in top.attributes()  # see `gazebo.py`
+        if node.tag == "joint" and node.children("parent") and node.children("child") and not in_gazebo:
+            raise _refusal(node, f"an SDF joint inside <{top.tag}> (Gazebo)")
+        if node.tag in LOOP_TAGS:
+            raise _refusal(node, f"inside <{top.tag}>")
+    in_part = node.tag in ("link", "joint") and top.tag in ("link", "joint")
+    stray = node.tag in MIMIC_TAGS and not (top.tag == "joint" and direct)
+    if node.tag in LOOP_TAGS or in_part or stray:
+        raise node.error(f"is not read inside <{above.tag}>")
+
+
+def _refusal(node: Node, form: str) -> ModelError:
+    return node.error(f"a loop closure in a form that is not read ({form}); {ACCEPTED_FORMS}")
+
+
+#: Axes meet if they are closer than this fraction of the robot's largest offset: files keep 5 or 6 digits.
+MEETING = 1e-5
+
+
+def weightless(description: Description, shaped: Container[str] = ()) -> list[Joint]:
+    """Return the joints that move a massless body which represents a real part.
+
+    A body is a link with all links that fixed joints weld to it. It is only a frame, not a part, if
+    everything that it carries is placed at its own joint: the crosses of universal and ball joints, the
+    stages of a virtual leg. Links that a reader made between the joints of one body are frames, too.
+
+    Args:
+        description: The description of the robot.
+        shaped: Links that have a shape; they are parts wherever their joints are placed.
+    """
+    bodies = Bodies(description)
+    exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
+    exempt |= {link.name for link in description.links if link.between_joints}
+    meeting = MEETING * max((float(np.abs(point).max()) for _, point in bodies.carried()), default=0.0)
+    farthest: dict[str, float] = {}
+    for body, point in bodies.carried():
+        farthest[body] = max(farthest.get(body, 0.0), float(np.linalg.norm(point)))
+    return [
+        joint
+        for joint in description.joints
+        if joint.kind != "fixed"
+        and joint.child not in exempt
+        and (joint.child in shaped or farthest.get(joint.child, np.inf) > meeting)
+    ]
+
+
+def has_mass(description: Description) -> bool:
+    """Check whether any link has mass or inertia, or any joint has rotor inertia."""
+    return any(link.mass or link.inertia.any() for link in description.links) or any(
+        joint.rotor_inertia for joint in description.joints
+    )
+
+
+class Bodies:
+    """Rigid bodies: links welded together by fixed joints.
+
+    A body has the name of its first link: the child of the movable joint above it, or the root.
+
+    Attributes:
+        of: Name of the body of each link.
+        placement: Frame of each link in the frame of its body, shape (4, 4).
+    """
+
+    def __init__(self, description: Description) -> None:
+        self._description = description
+        self.of = {description.root: description.root}
+        self.placement: dict[str, Array] = {description.root: np.eye(4)}
+        for joint in outwards(description.joints, [description.root]):
+            welded = joint.kind == "fixed"
+            self.of[joint.child] = self.of[joint.parent] if welded else joint.child
+            self.placement[joint.child] = (
+                self.placement[joint.parent] @ joint.placement if welded else np.eye(4)
+            )
+
+    def carried(self) -> list[tuple[str, Array]]:
+        """Return a pair for each movable joint and closure end that a body carries.
+
+        Returns:
+            Pairs (name of the body, position in its frame, shape (3,), [m]).
+        """
+        at = [(joint.parent, joint.placement) for joint in self._description.joints if joint.kind != "fixed"]
+        for closure in self._description.closures:
+            at += [(closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)]
+        return [(self.of[link], (self.placement[link] @ frame)[:3, 3]) for link, frame in at]
+
+
+#: End of a name that distinguishes the two frames of a pair (a number or letter), and what may follow it.
+ENDING = r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?"
+#: The ends of two names that make a pair.
+ENDS = ({"1", "2"}, {"0", "1"}, {"a", "b"})
+#: Words of names that suggest a loop.
+LOOP_WORDS = {
+    "cl", "close", "closed", "closing", "closure", "constraint", "cut", "fermeture", "loop", "weld",
+}  # fmt: skip
+CLOSED_LOOP = r"(?i)closed_?loop|loop_?closure|closing_?loop|loop_?joint"
+BESIDE = r"(?i).*(submechanism|loop_?closure|closed_?loop).*\.ya?ml"
+FOLDERS = ("submechanism", "smurf")
+#: Most entries of a folder that are examined.
+MOST_FILES = 1000
+#: How each format states loops.
+STATE_THEM: dict[Format, str] = {
+    "URDF": "state its loops as <loop>, or the pairs of frames in a side-car robot.yaml (closed_loop)",
+    "MJCF": "state its loops as <connect> or <weld> in <equality>",
+    "SDF": "state its loops as joints: a link may be the child of several",
+    "USD": "state its loops as joints with excludeFromArticulation",
+    "Pinocchio": "give its loops as constraint models",
+}
+
+
+class Sign(NamedTuple):
+    """A sign of loops that are not stated.
+
+    Attributes:
+        message: The observation.
+        mend: The correction.
+        link: A link that it concerns, or None.
+        joint: A joint that it concerns, or None.
+    """
+
+    message: str
+    mend: str
+    link: str | None = None
+    joint: str | None = None
+
+
+def lost_loops(description: Description) -> list[Sign]:
+    """Return the signs that a robot had loops which its file does not state."""
+    out = [*_paired_frames(description)]
+    return out if description.closures else [*out, *_passive_joints(description), *_files_beside(description)]
+
+
+def _paired_frames(description: Description) -> Iterator[Sign]:
+    """Yield signs for pairs of massless frames on two bodies that are named for a loop."""
+    bodies, mend = Bodies(description).of, STATE_THEM[description.format]
+    frames = _free_frames(description)
+    reported: set[str] = set()
+    for stem, one, other in _pairs(frames):
+        named = LOOP_WORDS & _words(stem) or re.search(CLOSED_LOOP, stem)
+        if named and bodies[one] != bodies[other] and not {one, other} & reported:
+            reported |= {one, other}
+            message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop"
+            yield Sign(f"{message}, but no closure uses them", mend, link=one)
+    lone = [joint.child for joint in frames if "closing" in _words(joint.child)]
+    if lone := [name for name in lone if name not in reported]:
+        message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
+        yield Sign(message, mend, link=lone[0])
+
+
+def _free_frames(description: Description) -> list[Joint]:
+    """Return the fixed joints of massless links that carry nothing, and that no closure uses."""
+    taken = {joint.parent for joint in description.joints}
+    taken |= {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
+    taken |= {link.name for link in description.links if link.mass or link.inertia.any()}
+    return [joint for joint in description.joints if joint.kind == "fixed" and joint.child not in taken]
+
+
+def _pairs(frames: list[Joint]) -> list[tuple[str, ...]]:
+    """Return frames whose names, or whose joints' names, differ in their ends: the stem, and two links."""
+    alike: dict[str, dict[str, dict[str, None]]] = {}
+    for joint in frames:
+        for name in (joint.child, joint.name):
+            if match := re.fullmatch(ENDING, name):
+                ends = alike.setdefault(match[1], {})
+                ends.setdefault((match[2] or match[3]).lower(), {})[joint.child] = None
+    return [
+        (stem, *(link for end in sorted(ends) for link in ends[end]))
+        for stem, ends in alike.items()
+        if set(ends) in ENDS and all(len(links) == 1 for links in ends.values())
+    ]
+
+
+def _words(name: str) -> set[str]:
+    """Return the words of a name in lower case, without numbers."""
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
+
+
+def _passive_joints(description: Description) -> Iterator[Sign]:
+    """Yield signs for joints of a tree that its file treats as passive: only a loop would move them."""
+    followers = {coupling.name for coupling in description.couplings}
+    free = [j for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in followers]
+    mend = (
+        f"name the motors (motors = [...] in model.toml); if it has loops, {STATE_THEM[description.format]}"
+    )
+    if description.motors_from == EVERY_JOINT:
+        weak = [j for j in free if j.effort == 0.0]
+        strong = [j for j in free if 0.0 < j.effort < np.inf]
+        if weak and strong:
+            yield Sign(
+                f"{len(weak)} of its {len(free)} joints state effort 0, as passive joints of loops do "
+                f"({listed(j.name for j in weak)}), yet each counts as a motor: no closure is stated",
+                mend,
+                joint=weak[0].name,
+            )
+        elif not strong and _is_suspicious(description, free, weak):
+            yield Sign(
+                f"none of its {len(free)} joints states an effort above 0, so every one counts as a motor, "
+                "and no closure is stated",
+                mend,
+                joint=free[0].name,
+            )
+    elif "<transmission>" in description.motors_from:
+        passive = [j.name for j in free if j.name not in description.motors]
+        if passive:
+            yield Sign(
+                f"<transmission> drives {len(description.motors)} joints and leaves these passive: "
+                f"{listed(passive)}; they move freely, because no closure is stated",
+                f"if they are driven too, {mend}",
+                joint=passive[0],
+            )
+
+
+def _is_suspicious(description: Description, free: list[Joint], weak: list[Joint]) -> bool:
+    """Check whether joints without effort are passive joints, rather than joints without stated limits.
+
+    They are if each of several joints states effort 0, or if the tree branches: a loop that was cut open
+    leaves two chains.
+    """
+    movable = [joint for joint in description.joints if joint.kind != "fixed"]
+    bodies = Bodies(description)
+    ends = {joint.child for joint in movable} - {bodies.of[joint.parent] for joint in movable}
+    return len(weak) == len(free) > 1 or len(ends) > 1
+
+
+def _files_beside(description: Description) -> Iterator[Sign]:
+    """Yield a sign for files of loops in the robot's folder, or in a folder that Phobos writes."""
+    if description.source is None:
+        return
+    folder = Path(description.source).absolute().parent
+    beside = [place for above in (folder, folder.parent) for place in _entries(above)]
+    folders = [p for p in beside if p.name.lower().startswith(FOLDERS) and p.is_dir()]
+    found = [
+        file for place in (folder, *folders) for file in _entries(place) if re.fullmatch(BESIDE, file.name)
+    ]
+    if found:
+        names = listed(dict.fromkeys(file.name for file in found))
+        yield Sign(
+            f"{names} beside it may state its loops, but is not read; the file itself states none",
+            f"{STATE_THEM[description.format]}; move the file away if it belongs to another robot",
+        )
+
+
+def _entries(folder: Path) -> list[Path]:
+    """Return the entries of a folder, sorted; none if the folder cannot be read."""
+    with contextlib.suppress(OSError):
+        return sorted(itertools.islice(folder.iterdir(), MOST_FILES))
+    return []
