@@ -56,6 +56,13 @@ READ: dict[str, tuple[Texts, dict[str, str], list[str], dict[str, object]]] = {
             ("ws/other", FIND.replace("$(find arm_description)", "package://arm_description"), []),
         )
     },
+    "notes of xacro name file and line": (
+        {
+            "r.xacro": xacro('<link name="a"/>\n<xacro:include filename="parts.xacro"/>'),
+            "parts.xacro": xacro('\n\n<xacro:property name="pi" value="3"/>'),
+        },
+        {}, [], {"notes": {"parts.xacro:4: xacro: redefining global symbol: pi"}},
+    ),
     "notes name the file of a macro": (
         FAR, {}, [], {"notes": {f"link 'near' (line 2) {POINT}", f"/parts.xacro:3) {POINT}", "link 'far' ("}},
     ),

@@ -11,10 +11,11 @@ import io
 import itertools
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache, partial
 from pathlib import Path
-from types import SimpleNamespace
+from traceback import walk_stack, walk_tb
+from types import FrameType, SimpleNamespace
 from typing import Any, NoReturn
 from xml.dom.expatbuilder import ExpatBuilderNS
 
@@ -96,10 +97,7 @@ class Expansion:
             raise _failure(self._xacro, error, file) from None
         finally:
             self.folders.close()
-        if not self._traced:
-            return text
-        self.trace.finish(text)
-        return self.trace.text()
+        return self.trace.text(text) if self._traced else text
 
     def again(self, given: Mapping[str, str]) -> str:
         """Return the text of the expansion with other arguments of the same names.
@@ -122,7 +120,9 @@ class Expansion:
     def _note(self, *words: Any, **_: Any) -> str:
         """Keep a message of xacro as a note."""
         self.folders.refuse_closed()
-        self.notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
+        file, line = _place_in(walk_stack(None)) or ("", 0)
+        where = f"{file or shown(Path(self.folders.file))}:{line}: " if line else ""
+        self.notes.append(f"{where}xacro: " + " ".join(" ".join(map(str, words)).split()))
         return ""
 
     def _parsed(self, _: None, filename: str) -> Any:
@@ -213,7 +213,10 @@ class _Arguments(dict[str, str]):
 
 
 class _Placing(ExpatBuilderNS):
-    """Builds the document of one file; xacro's own elements, which check their attributes, get no place."""
+    """Builds the document of one file.
+
+    Elements have a place; that of xacro's own, which check their attributes, is lost where they are cloned.
+    """
 
     def __init__(self, file: str) -> None:
         """Prepare for a file, whose name stands in its elements' places."""
@@ -222,9 +225,12 @@ class _Placing(ExpatBuilderNS):
 
     def start_element_handler(self, name: str, attributes: Any) -> None:
         """Begin an element; expat gives its name as "URI name prefix"."""
+        place = f"{self._file}:{self.getParser().CurrentLineNumber}"
         if not name.endswith(" xacro"):
-            attributes = [*attributes, PLACE, f"{self._file}:{self.getParser().CurrentLineNumber}"]
+            attributes = [*attributes, PLACE, place]
         super().start_element_handler(name, attributes)
+        begun: Any = self.curNode
+        begun.place = place
 
 
 @cache
@@ -311,7 +317,7 @@ def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
     stack = [name for name in xacro.filestack if name]
     where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
     line = getattr(error, "lineno", None)
-    if (place := _place_of(error)) is not None:
+    if line is None and (place := _place_in(reversed([*walk_tb(error.__traceback__)]))):
         where, line = place[0] or file, place[1]
     return ModelError(message, file=where, line=line)
 
@@ -324,14 +330,12 @@ def _described(error: BaseException) -> str:
     return IN_WORDS.get(type(error)) or own or str(error) or type(error).__name__
 
 
-def _place_of(error: BaseException) -> tuple[str, int] | None:
-    """Return the place of the innermost element that xacro evaluated when it failed, or None."""
-    found = None
-    frame = error.__traceback__
-    while frame is not None:
-        node = frame.tb_frame.f_locals.get("node") if frame.tb_frame.f_code.co_name == "eval_all" else None
-        if node is not None and node.nodeType == node.ELEMENT_NODE and node.hasAttribute(PLACE):
-            file, _, line = node.getAttribute(PLACE).rpartition(":")
-            found = file, int(line)
-        frame = frame.tb_next
-    return found
+def _place_in(frames: Iterable[tuple[FrameType, int]]) -> tuple[str, int] | None:
+    """Return the place of the element that xacro evaluates in the first of some frames, or None."""
+    for frame, _ in frames:
+        node = frame.f_locals.get("node") if frame.f_code.co_name == "eval_all" else None
+        place = getattr(node, "place", "")
+        if node is not None and node.nodeType == node.ELEMENT_NODE and (place or node.hasAttribute(PLACE)):
+            file, _, line = (place or node.getAttribute(PLACE)).rpartition(":")
+            return file, int(line)
+    return None

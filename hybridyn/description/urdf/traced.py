@@ -17,9 +17,9 @@ from typing import Any, NoReturn
 OPEN, CLOSE = "\ue000", "\ue001"
 
 _MARK = re.compile(f"{OPEN}([0-9]+){CLOSE}")
-_TOKEN = re.compile(f"<!--.*?-->|[<>]|{OPEN}[0-9]+{CLOSE}", re.DOTALL)
-#: What is not written as it is, in an attribute, and between elements, where blank texts are left out.
-_IN_TAG, _BETWEEN = re.compile(r'[&<>"\r\n\t]'), re.compile(r'[&<>"\r]|\A\s*\Z')
+#: A mark in a comment, and a value that is written as it is, wherever it stands.
+_IN_COMMENT = re.compile(f"<!--[^>]*{OPEN}")
+_PLAIN = re.compile(r"""[^&<>"\r\n\t]*[^&<>"\s][^&<>"\r\n\t]*""")
 
 
 class UntracedError(Exception):
@@ -82,7 +82,7 @@ class Trace:
     def __init__(self, given: Mapping[str, str]) -> None:
         self._given = given
         self._values, self._steps = list[Traced](), list[Callable[[], None]]()
-        self._parts = list[tuple[str, Traced | None, bool]]()
+        self._parts = list[str]()
 
     def argument(self, name: str) -> str:
         """Return the mark of an argument."""
@@ -132,37 +132,26 @@ class Trace:
         split = enumerate(_MARK.split(text))
         return self.joined([self._values[int(word)] if i % 2 else word for i, word in split])
 
-    def finish(self, text: str) -> None:
-        """Keep the text of the whole expansion.
-
-        Raises:
-            UntracedError: There is a mark in a comment.
-        """
-        end, in_tag = 0, False
-        for token in _TOKEN.finditer(text):
-            found = token[0]
-            if found[0] == OPEN:
-                self._parts.append((text[end : token.start()], self._values[int(found[1:-1])], in_tag))
-                end = token.end()
-            elif OPEN in found:
-                raise UntracedError
-            else:
-                in_tag = found == "<"
-        self._parts.append((text[end:], None, False))
-
-    def text(self) -> str:
+    def text(self, whole: str = "") -> str:
         """Return the text of the expansion with the present arguments.
 
+        Args:
+            whole: The text of the whole expansion, with marks, where it is new.
+
         Raises:
-            UntracedError: A value is not written as it is.
+            UntracedError: A value is not written as it is, or there is a mark in a comment.
         """
-        written = list[str]()
-        for before, value, in_tag in self._parts:
-            after = "" if value is None else str(value.value)
-            if value is not None and (_IN_TAG if in_tag else _BETWEEN).search(after):
-                raise UntracedError
-            written += [before, after]
-        return "".join(written)
+        if _IN_COMMENT.search(whole):
+            raise UntracedError
+        self._parts = _MARK.split(whole) if whole else self._parts
+        return "".join([self._written(word) if i % 2 else word for i, word in enumerate(self._parts)])
+
+    def _written(self, number: str) -> str:
+        """Return the value of a mark as text."""
+        text = str(self._values[int(number)].value)
+        if not _PLAIN.fullmatch(text):
+            raise UntracedError
+        return text
 
     def again(self, given: Mapping[str, str]) -> str:
         """Return the text of the expansion with other arguments.
