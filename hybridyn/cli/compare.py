@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.files import complete_data, existing_file
+from .common.files import existing_file
 from .common.options import RobotChoice, RobotCommand, known_names
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def _engines() -> Iterable[str]:
 @click.command(
     "compare", cls=RobotCommand, short_help="Compare how other engines simulate a robot and its loops."
 )
-@click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
+@click.argument("trajectory", required=False, callback=existing_file, type=click.Path())
 @click.option(
     "--with",
     "engines",

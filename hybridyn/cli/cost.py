@@ -25,7 +25,7 @@ from ..studies.cost.points import (
     time_words,
 )
 from .common.figures import figure_file, save
-from .common.files import complete_data, complete_robot, existing_file, robot_file, scene_file
+from .common.files import complete_robot, existing_file, robot_file, scene_file
 from .common.options import RobotChoice, RobotCommand, split_names
 from .common.report import report_file, write_report
 from .common.text import aligned_rows
@@ -64,7 +64,7 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     robot=click.Argument(["robot"], callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot),
     short_help="Measure what accuracy costs in time, for your robot.",
 )
-@click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
+@click.argument("trajectory", required=False, callback=existing_file, type=click.Path())
 @click.option(
     "--target",
     type=float,

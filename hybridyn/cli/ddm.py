@@ -60,7 +60,7 @@ def command(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine:
         units = [unit_of(robot.records[motor].kind, "acceleration") for motor in robot.motors]
         remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
         remarks += free_motions_of(robot)
-        summary = Summary(robot, "acceleration", units, columns, remarks=remarks, engine=chosen, others=True)
+        summary = Summary(robot, "acceleration", units, columns, remarks=remarks, engine=chosen)
         reactions = tables.reactions is not None
         model = partial(accelerations, effects=on, reactions=reactions, compiled=chosen.model)
         return Plan(model, columns, [summary], assemble=chosen.assemble)

@@ -12,10 +12,12 @@ from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
-    from ..studies.home import Homes
+    from ..studies.home import HomePosture, Homes
 
 #: Distance of a posture that is home itself [m or rad]: rounding of Newton's method.
 AT_HOME = 1e-9
+#: Joints that name a posture.
+NAMED = 2
 #: Decimals of a position [m or rad]; those beyond are rounding.
 DECIMALS = 14
 
@@ -100,22 +102,15 @@ def _save(robot: HybridRobot, found: Homes, target: str) -> None:
         write(state_rows(robot, np.arange(1.0, len(q) + 1), q, rest, rest))
 
 
-def _names(robot: HybridRobot, found: Homes) -> list[str]:
-    """Name each posture by the joints that are farthest from home, as many as make the names differ."""
+def _name(robot: HybridRobot, posture: HomePosture) -> str:
+    """Name a posture by the joints that are farthest from home."""
     from ..tables.signals import unit_of
 
-    names = ["home"] * len(found.postures)  # of a robot without joints
-    for count in range(1, len(found.postures[0].distances) + 1):
-        names = []
-        for posture in found.postures:
-            far = [
-                f"{joint} {x:.3g} {unit_of(robot.kinds[robot.joint_index[joint]])}"
-                for joint, x in list(posture.distances.items())[:count]
-            ]
-            names.append("home" if posture.distance < AT_HOME else f"{', '.join(far)} from home")
-        if len({*names}) == len(names):
-            break
-    return names
+    far = [
+        f"{joint} {x:.3g} {unit_of(robot.kinds[robot.joint_index[joint]])}"
+        for joint, x in list(posture.distances.items())[:NAMED]
+    ]
+    return "home" if posture.distance < AT_HOME or not far else f"{', '.join(far)} from home"
 
 
 def _lines(robot: HybridRobot, found: Homes, everything: bool, choose: int) -> Iterator[str]:
@@ -123,11 +118,11 @@ def _lines(robot: HybridRobot, found: Homes, everything: bool, choose: int) -> I
     rows = [
         (
             f"{number}",
-            name,
+            _name(robot, posture),
             "within limits" if posture.within_limits else "beyond limits",
             f"closed to {posture.residual:.1e}",
         )
-        for number, (posture, name) in enumerate(zip(found.postures, _names(robot, found), strict=True), 1)
+        for number, posture in enumerate(found.postures, 1)
         if everything or number == choose
     ]
     yield from aligned_rows(rows)

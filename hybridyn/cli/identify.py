@@ -8,7 +8,7 @@ import click
 
 from .common.engine import choose_engine, takes_engine
 from .common.figures import plot_option, save_chart
-from .common.files import complete_data, ends_in, existing_file, result_file
+from .common.files import ends_in, existing_file, result_file
 from .common.options import RobotChoice, RobotCommand, split_names
 
 if TYPE_CHECKING:
@@ -23,9 +23,7 @@ METHODS = ("wls", "irls", "iv")
     params=[plot_option("efforts and spectra of the motors that fit worst")],
     short_help="Identify dynamic parameters from measured motions.",
 )
-@click.argument(
-    "log", metavar="[MEASURED]", required=False, callback=existing_file, shell_complete=complete_data
-)
+@click.argument("log", metavar="[MEASURED]", required=False, callback=existing_file, type=click.Path())
 @click.option(
     "--effects", metavar="A,B,...", callback=split_names, default="model", show_default=True,
     help="Effects with numbers to identify (docs/effects.md); 'offsets' adds a constant to each motor.",

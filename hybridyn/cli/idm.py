@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,47 +24,6 @@ if TYPE_CHECKING:
 
 #: Exit status where the motion exceeds a limit.
 EXCEEDED = 1
-
-
-class Asked(NamedTuple):
-    """What the user asks of a table: the options of the command."""
-
-    tables: Tables
-    loads: bool
-    outputs: list[str] | None
-    effects: tuple[str, ...]
-    passive: str
-    on_singular: str
-    weights: dict[str, float] | None
-    engine: str | None
-
-
-def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
-    """Parse "1%" or "0.01"."""
-    if value is None:
-        return None
-    try:
-        number = float(value[:-1]) / 100 if value.endswith("%") else float(value)
-    except ValueError:
-        number = -1.0
-    if not 0 <= number < float("inf"):
-        raise click.BadParameter(
-            f"'{value}' is neither a percentage like '1%' nor a number like '0.01'", ctx, param
-        )
-    return number
-
-
-def _weights(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float] | None:
-    """Read weights from words MOTOR=NUMBER and from tables; None where none are given."""
-    if not values:
-        return None
-    from ..tables.opening import open_table  # completion, which checks no values, must be quick
-
-    weights = numbers_by_name(ctx, param, tuple(word for word in values if "=" in word))
-    for file in (word for word in values if "=" not in word):
-        with open_table(file) as table:
-            weights |= dict(zip(table.columns, next(table.blocks).values[0].tolist(), strict=True))
-    return weights
 
 
 @click.command(
@@ -105,19 +64,13 @@ def _weights(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
     "--weights",
     metavar="MOTOR=X,...",
     multiple=True,
-    callback=_weights,
-    help="Weights of redundant motors, or a CSV file of them.",
+    callback=numbers_by_name,
+    help="Weights of redundant motors.",
 )
 @click.option(
     "--fail-on",
     type=click.Choice(["limit", "never"]),
     help="Exit with status 1 beyond a limit, or never.  [default: limit with --loads, else never]",
-)
-@click.option(
-    "--within",
-    metavar="PART",
-    callback=_part,
-    help="With --by-effect: effects needed for a part, as 1%.",
 )
 @takes_engine
 def command(
@@ -127,12 +80,9 @@ def command(
     by_effect: bool,
     outputs: list[str] | None,
     effects: tuple[str, ...] | None,
-    passive: str,
-    on_singular: str,
-    weights: dict[str, float] | None,
     fail_on: str | None,
-    within: float | None,
     engine: str | None,
+    **model: Any,
 ) -> int:
     """Compute the motor efforts that move ROBOT (URDF, MJCF, SDF, USD) along TRAJECTORY (CSV or Parquet).
 
@@ -147,71 +97,67 @@ def command(
         raise click.UsageError("--loads, --by-effect and --map exclude each other")
     if (loads or by_effect) and tables.reactions:
         raise click.UsageError("--reactions belongs to a table of efforts")
-    if within is not None and not by_effect:
-        raise click.UsageError("--within belongs to --by-effect")
     wanted = effects or (("model",) if loads or by_effect else ("default",))
     if by_effect:
-        if weights or passive != "given" or on_singular != "raise":
+        if model != {"weights": {}, "passive": "given", "on_singular": "raise"}:
             raise click.UsageError("--passive, --on-singular and --weights do not apply to --by-effect")
         from .common.by_effect import tell_effects
 
-        tell_effects(load, tables, wanted, engine, within)
+        tell_effects(load, tables, wanted, engine)
         return 0
 
-    asked = Asked(tables, loads, outputs, wanted, passive, on_singular, weights, engine)
-    planned = run(tables, load, partial(_plan, asked), outputs=outputs or ())
+    plan = partial(
+        _plan, tables=tables, loads=loads, outputs=outputs or (), wanted=wanted, engine=engine, model=model
+    )
+    planned = run(tables, load, plan, outputs=outputs or ())
     fails = (fail_on or ("limit" if loads else "never")) == "limit"
     return EXCEEDED if fails and any(one.exceeded for one in planned.observers) else 0
 
 
-def _plan(asked: Asked, given: Pass) -> Plan:
-    """Build the plan for a robot and a table."""
+def _plan(
+    given: Pass, *, tables: Tables, loads: bool, outputs: Sequence[str], wanted: tuple[str, ...],
+    engine: str | None, model: dict[str, Any],
+) -> Plan:  # fmt: skip
+    """Build the plan for a robot and a table from the options of the command."""
     from ..description.names import did_you_mean
     from ..effects import choose
 
     robot, layout = given.robot, given.layout
-    on = choose(robot, asked.effects)
-    for name in asked.weights or ():
+    on = choose(robot, wanted)
+    for name in model["weights"]:
         if name not in robot.motors:
             raise click.UsageError(f"--weights: there is no motor '{name}'{did_you_mean(name, robot.motors)}")
-    if asked.loads:  # the report names the limits
+    if loads:  # the report names the limits
         on = on.only([name for name in on.names if name != "limits"])
-    if not asked.outputs or on.names:
+    if not outputs or on.names:
         check_has_mass(robot, on, layout)
+    reactions = tables.reactions is not None
     obstacles = {
-        "--reactions": asked.tables.reactions is not None,
-        "--passive solved": asked.passive != "given",
-        "--on-singular least-norm": asked.on_singular != "raise",
-        "--weights": asked.weights is not None,
+        "--reactions": reactions,
+        "--passive solved": model["passive"] != "given",
+        "--on-singular least-norm": model["on_singular"] != "raise",
+        "--weights": bool(model["weights"]),
         "wrenches in the table": bool(layout.wrenches),
     }
-    chosen = choose_engine(asked.engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
-    model = partial(
-        efforts,
-        passive=asked.passive,
-        on_singular=asked.on_singular,
-        weights=asked.weights,
-        effects=on,
-        reactions=asked.tables.reactions is not None,
-        compiled=chosen.model,
-    )
-    if asked.loads:
+    chosen = choose_engine(engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
+    inverse = partial(efforts, effects=on, reactions=reactions, compiled=chosen.model, **model)
+    if loads:
         from .common.loads import Loads, motor_states
 
-        report = Loads(robot, asked.tables, on, chosen)
-        return Plan(partial(motor_states, efforts=model), [], [report], False, chosen.assemble)
+        report = Loads(robot, tables, on, chosen)
+        return Plan(partial(motor_states, efforts=inverse), [], [report], False, chosen.assemble)
     columns = [f"{name}/effort" for name in robot.motors]
     observers: list[Observer] = []
-    if asked.outputs:
+    if outputs:
         from ..studies.map_table import map_columns
         from .common.maps import MapSummary, map_rows
 
-        columns = map_columns(robot, asked.outputs, motion=True, efforts=bool(on.names))
-        model = partial(map_rows, joints=asked.outputs, efforts=model if on.names else None)
-        observers.append(MapSummary(robot, asked.outputs))
+        columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
+        inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
+        observers.append(MapSummary(robot, outputs))
     remarks = [*branch_line(robot, layout), *effects_line(on), *not_computed(robot, on)]
     observers.append(Summary(robot, "effort", robot.effort_units, columns, remarks=remarks, engine=chosen))
-    return Plan(model, columns, observers, assemble=chosen.assemble)
+    return Plan(inverse, columns, observers, assemble=chosen.assemble)
 
 
 def efforts(
@@ -255,7 +201,7 @@ def efforts(
         wrenches=block.motion.wrenches or None,
         passive=passive,
         on_singular=on_singular,
-        weights=weights,
+        weights=weights or None,
         effects=effects,
         time=block.motion.time,
         reactions=reactions,

@@ -80,11 +80,10 @@ def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
 
 
 def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
-    """Return the comment lines before the table's header: robot, method, effects that were on and off."""
+    """Return the comment lines before the table's header: robot, method, effects that were on."""
     return [
         f"hybridyn simulation of {robot.name}, base {robot.base}, method {method}",
         f"effects on: {', '.join(effects.names) or 'none'}",
-        f"effects off: {', '.join(effects.absent) or 'none'}",
     ]
 
 

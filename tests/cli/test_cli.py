@@ -291,7 +291,7 @@ def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, mo
     assert f"{path}, row 4: module 'arm'" in said.err
 
 
-def test_weights_from_words_and_files(run, arm, motion, tmp_path: Path, monkeypatch) -> None:
+def test_weights_from_words(run, arm, motion, monkeypatch) -> None:
     seen = []
 
     def remembering(robot, q, v, a, *, weights=None, **_):
@@ -299,10 +299,9 @@ def test_weights_from_words_and_files(run, arm, motion, tmp_path: Path, monkeypa
         return SimpleNamespace(values=np.zeros((len(q), 2)), reactions=None, residual=np.zeros(len(q)))
 
     monkeypatch.setattr("hybridyn.dynamics.inverse.inverse_model", remembering)
-    (tmp_path / "w.csv").write_text("turn,lift\n2,3\n")
-    for words in (["lift=3,turn=2"], ["lift=3", "--weights", "turn=2"], [tmp_path / "w.csv"]):
+    for words in (["lift=3,turn=2"], ["lift=3", "--weights", "turn=2"]):
         run("idm", arm, motion, "--weights", *words)
-    assert seen == [{"lift": 3.0, "turn": 2.0}] * 3
+    assert seen == [{"lift": 3.0, "turn": 2.0}] * 2
 
 
 def test_info_shows_modules_and_what_looks_wrong(run, arm, tmp_path: Path) -> None:

@@ -240,12 +240,12 @@ def test_effects_too(near_singular: Motion, run: Run, tmp_path: Path, monkeypatc
     assert "engine: general (244 samples times freedoms; compiled from 2,000,000 on)\n" in said
     monkeypatch.setattr("hybridyn.cli.common.by_effect.WORTH_OF_EFFECTS", 200)
     own, general = run(*asked), run(*asked, "--engine", "general")
-    assert own.out.split("time per sample")[0] == general.out.split("time per sample")[0]
+    assert own.out == general.out
     assert "engine: general (as asked)" in general.err
     for told in (
         "engine: compiled (244 samples times freedoms)",
         f"; {5 * compiled.recomputed} samples by the general path (near lost rank",
-        "5 sets of effects compiled, each of which counts its samples\n",
+        "5 sets of effects compiled\n",
         "1 set of effects left to the general path; gravity, leg_inertia: ",
     ):
         assert told in own.err

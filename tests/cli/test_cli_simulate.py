@@ -46,7 +46,6 @@ def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.csv", "scene.toml"]
     head = first.read_text().splitlines()[:4]
     assert head[1] == "# effects on: gravity, inertia, leg_inertia, velocity"
-    assert head[2].startswith("# effects off: rotor_inertia, ")
     columns = table(first)
     joints = [f"m1_{side}_{joint}" for side in ("left", "right") for joint in ("drive", "elbow")]
     expected = [
@@ -82,7 +81,7 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
     assert efforts["m1_right_drive/effort"] == pytest.approx(0.0, abs=EFFORTS)
     if ending == "parquet":
         remarks = needs("io").read_parquet_metadata(target)["hybridyn"]
-        assert "effects on: gravity, inertia, leg_inertia, velocity\neffects off: rotor" in remarks
+        assert "effects on: gravity, inertia, leg_inertia, velocity\nengine: " in remarks
     run("ddm", ROOT / "urdf/five_bar.urdf.xacro", target, "-q")
 
 

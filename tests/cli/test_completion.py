@@ -55,7 +55,6 @@ def test_commands_options_and_robots_are_offered(
     assert offered("hybridyn info --fail-on w") == ["warning"]
     assert offered("hybridyn idm sca") == ["scara_delta"]
     assert set(main_names()) <= set(offered("hybridyn info "))
-    assert offered("hybridyn idm lx4 lx4/") == ["lx4/sag.toml", "lx4/traj.csv"]
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")

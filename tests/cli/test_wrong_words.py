@@ -41,7 +41,6 @@ USAGE = [
     ("idm five_bar five_bar/trj.csv", "there is no folder 'five_bar'"),
     ("compare five_bar five_bar/trajectory.csv", "there is no folder 'five_bar'"),
     ("compare five_bar --with bullet", "there is no engine 'bullet'"),
-    ("idm five_bar link", "'link' is a link to a file that does not exist"),
     *(
         (words, f"'{words.split()[-1]}' is not a regular file but a pipe or a device")
         for words in ("info x.urdf", "idm five_bar x.csv", "plot x.csv", "simulate x.toml")
@@ -69,8 +68,6 @@ USAGE = [
         for words in ("idm five_bar", "ddm five_bar traj.csv", "simulate five_bar", "idm --loads five_bar")
     ),
     ("idm --by-effect five_bar --plot a.gif", "must end in .png, .svg, .pdf, .html"),
-    ("idm --by-effect five_bar --within much", "neither a percentage"),
-    ("idm five_bar --by-effect --within=-1%", "neither a percentage"),
     ("idm five_bar --effects gravty", "did you mean 'gravity'?"),
     ("idm five_bar --loads -o report.txt", "must end in .csv or .json"),
     ("idm five_bar --plot nowhere/cloud.png", "there is no folder 'nowhere'"),
@@ -96,7 +93,6 @@ USAGE = [
     (f"{ANKLE} --grid 3 --step x=1", "with --map, only --grid and -o apply"),
     ("idm five_bar --loads --by-effect", "--loads, --by-effect and --map exclude each other"),
     ("idm five_bar --loads --reactions r.csv", "--reactions belongs to a table of efforts"),
-    ("idm five_bar --within 1%", "--within belongs to --by-effect"),
     ("idm five_bar --by-effect --passive solved", "do not apply to --by-effect"),
     (f"{ANKLE} --grid 0", "at least one point"),
     (f"{ANKLE} --grid a:b", "neither a number of points nor FROM:TO:COUNT"),

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.cli.home import _names
+from hybridyn.cli.home import _name
 from hybridyn.structure.robot import positions
-from hybridyn.studies.home import HomePosture, Homes, homes
+from hybridyn.studies.home import HomePosture, homes
 from tests.command_line import call, read_table
 from tests.comparing import refused
 from tests.extras import needs
@@ -64,18 +64,15 @@ def test_both_triangles_are_found(file: Path) -> None:
     )
 
 
-def test_postures_have_names_that_differ() -> None:
-    """Two postures have the same farthest joint at the same distance."""
-
+def test_postures_are_named_by_the_farthest_joints() -> None:
     def posture(**distances: float) -> HomePosture:
         joint, distance = next(iter(distances.items()))
         return HomePosture(np.zeros(2), 0.0, True, joint, distance, 1, distances)
 
     postures = posture(a=0.0, b=0.0), posture(a=1.0, b=0.5), posture(a=1.0, b=0.2)
     robot = SimpleNamespace(kinds=("revolute", "prismatic"), joint_index={"a": 0, "b": 1})
-    far = "a 1 rad, b 0.5 m from home", "a 1 rad, b 0.2 m from home"
-    assert _names(robot, Homes(postures, 0.0)) == ["home", *far]
-    assert _names(robot, Homes(postures[:2], 0.0)) == ["home", "a 1 rad from home"]
+    names = ["home", "a 1 rad, b 0.5 m from home", "a 1 rad, b 0.2 m from home"]
+    assert [_name(robot, one) for one in postures] == names  # type: ignore[arg-type]
 
 
 def test_of_joints_that_are_equally_far_the_first_is_named() -> None:

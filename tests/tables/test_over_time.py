@@ -7,7 +7,7 @@ import pytest
 
 import hybridyn
 from hybridyn.effects.choice import choose
-from hybridyn.studies.effect_worth import Worth
+from hybridyn.studies.effect_worth import contributions
 from hybridyn.studies.sweep.measures import STATISTICS
 from hybridyn.tables.over_time import Means
 from tests.command_line import call, table_text
@@ -55,8 +55,8 @@ def test_the_spacing_of_the_rows_does_not_count(tmp_path: Path, capsys: pytest.C
     assert [float(sized[0]), float(sized[3])] == pytest.approx([FORCE[-1], RMS], rel=10 * PRINTED)
     slide = hybridyn.load(robot)
     still = np.zeros((len(TIME), 1))
-    worth = Worth(slide, still, still, FORCE[:, None] / MASS, choose(slide, None), time=TIME)
-    (inertia,) = (part for part in worth.contributions()[0] if part.name == "inertia")
+    parts = contributions(slide, still, still, FORCE[:, None] / MASS, choose(slide, None), time=TIME)
+    (inertia,) = (part for part in parts if part.name == "inertia")
     assert [inertia.rms[0], inertia.peak[0]] == pytest.approx([RMS, FORCE[-1]], rel=ROUNDING)
     assert STATISTICS["rms"](FORCE, TIME) == pytest.approx(RMS, rel=ROUNDING)
 

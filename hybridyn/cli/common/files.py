@@ -38,8 +38,6 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
     folder, name = os.path.split(value)
     if folder and not os.path.isdir(folder):
         raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
-    if os.path.islink(value):
-        raise click.BadParameter(f"'{value}' is a link to a file that does not exist", ctx, param)
     near = closest(name, os.listdir(folder or "."))
     hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
     raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
@@ -70,18 +68,6 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
         if name.startswith(incomplete)
     ]
     return [CompletionItem(incomplete, type="file"), *names]  # bash drops items before a file
-
-
-def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return completions: files, and those of a shipped robot after its name, "lx4/traj.csv"."""
-    from click.shell_completion import CompletionItem
-
-    from ...description.shipped import shipped_robots
-
-    robot = shipped_robots().get(incomplete.partition("/")[0])
-    files = [] if robot is None else [*robot.scenes, *filter(None, [robot.trajectory])]
-    words = [f"{robot.name}/{file.name}" for file in files] if robot else []
-    return [CompletionItem(incomplete, type="file"), *map(CompletionItem, words)]
 
 
 def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:

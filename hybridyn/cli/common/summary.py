@@ -29,7 +29,6 @@ class Summary:
         *,
         remarks: Sequence[str],
         engine: Engine,
-        others: bool = False,
     ) -> None:
         """Start an empty summary.
 
@@ -39,7 +38,6 @@ class Summary:
             columns: Names of the columns.
             remarks: Lines at the end of the summary.
             engine: The engine, which counts the samples handed to the general path.
-            others: Whether the largest of the other columns is reported, too.
         """
         from ...streams.departures import Departures
         from ...tables.over_time import Means, Peaks
@@ -52,10 +50,6 @@ class Summary:
         motors = [one for one in motors if one[2] in place]
         self.names, self.units = [one[0] for one in motors], [one[1] for one in motors]
         self.at = [place[one[2]] for one in motors]
-        self._count = len(motors)
-        rest = [i for i in range(len(columns)) if i not in set(self.at)] if others else []
-        self.at += rest
-        self.names += [columns[i] for i in rest]
         self.peaks, self.squares = Peaks(len(self.at)), Means()
         self.timed = True
 
@@ -89,20 +83,12 @@ class Summary:
 
     def _lines(self) -> list[str]:
         rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
-        for i, square in enumerate(self.squares.mean[: self._count]):
+        for i, square in enumerate(self.squares.mean[: len(self.at)]):
+            at = self.peaks.at[i]
+            place = f"{at:.6g} s" if self.timed else f"row {at:.0f}"
             peak = f"{self.peaks.value[i]:.6g}"
-            rows.append([self.names[i], peak, f"{square**0.5:.6g}", self.units[i], self._place(i)])
-        lines = aligned_rows(rows, right=(1, 2)) if self._count else []
-        rest = range(self._count, len(self.at))
-        if rest:
-            worst = max(rest, key=lambda i: abs(self.peaks.value[i]))
-            peak = self.peaks.value[worst]
-            lines.append(f"largest other: {self.names[worst]} {peak:.6g} at {self._place(worst)}")
-        return lines
-
-    def _place(self, column: int) -> str:
-        at = self.peaks.at[column]
-        return f"{at:.6g} s" if self.timed else f"row {at:.0f}"
+            rows.append([self.names[i], peak, f"{square**0.5:.6g}", self.units[i], place])
+        return aligned_rows(rows, right=(1, 2)) if self.at else []
 
 
 def effects_line(effects: Effects) -> list[str]:

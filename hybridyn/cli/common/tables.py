@@ -13,9 +13,9 @@ import click
 from ...streams.memory import keep_freed_memory
 from ...streams.postures import Assemble
 from ...streams.workers import Workers
-from .batch import Batch, several
+from .batch import compute_each, several
 from .figures import Drawing, plot_option
-from .files import check_targets, complete_data, existing_file, result_file
+from .files import check_targets, existing_file, result_file
 from .options import Brief, RobotChoice, RobotCommand
 from .progress import Progress
 from .report import report_file
@@ -116,7 +116,7 @@ def _source(metavar: str, *, own: bool) -> click.Argument:
         metavar=f"[{metavar}]" if own else metavar,
         required=not own,
         callback=callback,
-        shell_complete=complete_data,
+        type=click.Path(),
     )
 
 
@@ -199,8 +199,10 @@ class TableCommand(RobotCommand):
         resume, pool, scheduler = (words.pop(name) for name in ("resume", "pool", "scheduler"))
         report = any(words[name] for name in self.reports)
         if several(words["source"]):
-            batch = Batch(self, words, ".csv" if report else "")
-            return batch.run(pool or ("dask" if scheduler else "loky"), scheduler, resume=resume)
+            return compute_each(
+                self, words, ".csv" if report else "", pool or ("dask" if scheduler else "loky"), scheduler,
+                resume=resume,
+            )  # fmt: skip
         if resume or pool or scheduler:
             raise click.UsageError("--resume, --pool and --scheduler belong to several tables")
         output = next(one for one in self.params if one.name == "output")
