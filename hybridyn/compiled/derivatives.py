@@ -18,7 +18,7 @@ from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
 
 try:
-    from .programs.derivatives.coordinates import check_kinds
+    from .programs.derivatives.coordinates import check_known
     from .programs.derivatives.evaluation import Derivatives, Jacobians
     from .programs.sources import kept, robot_key
 except ModuleNotFoundError as error:
@@ -37,7 +37,6 @@ def idm_jacobian(
     a: ArrayLike,
     *,
     effects: Choice = None,
-    parameters: bool = False,
     coordinates: str = "joints",
 ) -> Jacobians:
     """Compute the derivatives of motor efforts.
@@ -48,21 +47,19 @@ def idm_jacobian(
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
         effects: Effects to include, as for `hybridyn.idm`.
-        parameters: Whether to differentiate over inertial parameters, too.
         coordinates: "joints", or "motors": all joints then follow the motors, so that the loops stay closed.
 
     Returns:
         "q", "v", "a": derivatives of tau over the freedoms of q, over v and over a, shapes
         ([T,] motors, nv), or over positions, rates and accelerations of the motors, shapes
-        ([T,] motors, motors); where asked for, "parameters": derivatives over the ten inertial parameters of
-        each of `robot.bodies.bodies`, shape ([T,] motors, 10 bodies).
+        ([T,] motors, motors). Those over inertial parameters are `hybridyn.regressor`.
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.
         CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return prepared(robot, "idm", effects, parameters, coordinates)(q, v, a)
+    return prepared(robot, "idm", effects, coordinates)(q, v, a)
 
 
 def ddm_jacobian(
@@ -72,7 +69,6 @@ def ddm_jacobian(
     tau: ArrayLike,
     *,
     effects: Choice = None,
-    parameters: bool = False,
     coordinates: str = "joints",
 ) -> Jacobians:
     """Compute the derivatives of accelerations.
@@ -83,29 +79,26 @@ def ddm_jacobian(
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         tau: Motor efforts, shape (motors,) or (T, motors), [N or N m].
         effects: Effects to include, as for `hybridyn.ddm`.
-        parameters: Whether to differentiate over inertial parameters, too.
         coordinates: "joints", or "motors": all joints then follow the motors, so that the loops stay closed.
 
     Returns:
         "q", "v": derivatives of a over the freedoms of q and over v, shape (nv, nv) or (T, nv, nv); "tau":
         derivatives over the efforts, shape ([T,] nv, motors). With motors as coordinates: derivatives of the
         motors' accelerations over positions and rates of the motors and over the efforts, each of shape
-        ([T,] motors, motors). Where asked for, "parameters": derivatives over the ten inertial parameters of
-        each of `robot.bodies.bodies`, shape ([T,] nv, 10 bodies).
+        ([T,] motors, motors).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.
         CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return prepared(robot, "ddm", effects, parameters, coordinates)(q, v, tau)
+    return prepared(robot, "ddm", effects, coordinates)(q, v, tau)
 
 
 def prepared(
     robot: HybridRobot,
     model: str,
     effects: Choice = None,
-    parameters: bool = False,
     coordinates: str = "joints",
 ) -> Derivatives:
     """Return the derivatives of a model, which are kept for the last `KEPT` robots and models.
@@ -113,7 +106,6 @@ def prepared(
     Args:
         model: "idm" or "ddm".
         effects: Effects to include, as for `hybridyn.idm`.
-        parameters: Whether to differentiate over inertial parameters, too.
         coordinates: "joints" or "motors", as for `idm_jacobian`.
 
     Raises:
@@ -121,22 +113,21 @@ def prepared(
         SingularityError: As `Derivatives`.
         CompileError: As `Derivatives`.
     """
-    asked = model, parameters, coordinates
-    if not (type(coordinates) is str and type(parameters) is bool):
-        check_kinds(coordinates, parameters)
+    check_known(coordinates)
+    asked = model, coordinates
     latest = _latest.get(asked) if effects is None else None
     if latest and latest.robot is robot:
         return latest
     with as_compile_error(robot):
         on = choose(robot, effects)
         key = *asked, robot_key(robot, on)
-    make = partial(Derivatives, robot, model, on, parameters=parameters, coordinates=coordinates)
+    make = partial(Derivatives, robot, model, on, coordinates=coordinates)
     found = kept(_prepared, key, make, KEPT)
     if effects is None:
         _latest[asked] = found
     return found
 
 
-_prepared: dict[tuple[str, bool, str, str], Derivatives] = {}
+_prepared: dict[tuple[str, str, str], Derivatives] = {}
 #: The last derivatives of each model with default effects: found without hashing the robot's description.
-_latest: dict[tuple[str, bool, str], Derivatives] = {}
+_latest: dict[tuple[str, str], Derivatives] = {}

@@ -15,7 +15,7 @@ import numpy as np
 from ..compiled.code.library_source import Source, library_source
 from ..compiled.code.rules import compacted
 from ..compiled.code.scalars import GUARD_LIMIT, Scalar
-from ..compiled.equations.arguments.module_arguments import AS_PINOCCHIO, BodyInertias, ModuleArguments
+from ..compiled.equations.arguments.module_arguments import ModuleArguments
 from ..compiled.equations.expressions import unpack
 from ..compiled.equations.request import Request, request
 from ..compiled.failures import as_compile_error, check_agreement
@@ -46,14 +46,20 @@ AGREES = 1e-10
 NAME, COMPARED = "regressor", 8
 
 
+#: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
+AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
+
+
 @dataclass(frozen=True)
-class SharedInertias(BodyInertias):
+class SharedInertias:
     """The standard parameters of bodies as arguments; bodies that share parameters share arguments.
 
     Attributes:
-        parameters: The standard parameters.
+        robot: The robot.
+        parameters: Its standard parameters.
     """
 
+    robot: HybridRobot
     parameters: StandardParameters
 
     @property

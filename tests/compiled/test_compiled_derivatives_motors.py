@@ -144,20 +144,15 @@ def _matrix(twist: np.ndarray) -> np.ndarray:
 def test_what_is_no_coordinate_is_refused(interpreted: None) -> None:
     robot, floating = build_robot(shipped("five_bar")), build_robot(shipped("five_bar"), base="floating")
     rest: Any = robot.home, *np.zeros((2, robot.nv))
-    no_number: Any = ["mass:m1_left_elbow"]
+    moving = build_robot(shipped("five_bar"), base="moving")
     for call, words in (
         (lambda: Derivatives(robot, "idm", coordinates="u"), "derivatives are 'joints' or 'motors', not 'u'"),
         (lambda: idm_jacobian(robot, *rest, coordinates=["motors"]), r"or 'motors', not \['motors'\]"),
         (lambda: ddm_jacobian(robot, *rest, coordinates=["motors"]), r"or 'motors', not \['motors'\]"),
-        (lambda: idm_jacobian(robot, *rest, parameters=no_number), r"or False, not \['mass:m1_left_elbow'\]"),
-        (lambda: ddm_jacobian(robot, *rest, parameters=no_number), r"or False, not \['mass:m1_left_elbow'\]"),
-        (lambda: Derivatives(robot, "idm", coordinates="motors", parameters=True),
-         "derivatives over parameters are not available with coordinates='motors'"),
+        (lambda: Derivatives(moving, "ddm"), "a base that is fixed or floating; the motion of this one is"),
         (lambda: Derivatives(floating, "ddm", coordinates="motors"), "a fixed base; this one is 'floating'"),
     ):  # fmt: skip
         refused(call, hybridyn.ModelError, words)
-    for yes in (1, np.True_):
-        assert Derivatives(robot, "idm", parameters=yes)._parameters is True  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

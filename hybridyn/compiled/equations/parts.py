@@ -104,7 +104,6 @@ def parts_of(
     marks: tuple[str, ...],
     *,
     leg_inertia: bool = True,
-    regroup: bool = True,
     arguments: ModuleArguments | None = None,
 ) -> Parts:
     """Split a module into its core and its groups of legs.
@@ -112,13 +111,12 @@ def parts_of(
     Args:
         marks: Motors and laws on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
-        regroup: Whether base inertial parameters are used.
         arguments: Numbers of the module that are arguments, or None.
     """
     spec = mechanism.spec if arguments is None else arguments.spec
     free = arguments is None or arguments.free
     links, turns, base = _links(spec, leg_inertia, arguments)
-    if regroup and free:
+    if free:
         links, base = regrouped(links)
     closures = [_turned(c, turns) for c in spec.cut_closures]
     held = _held_legs(mechanism) if free else {}

@@ -14,7 +14,7 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from .arguments.module_arguments import BodyInertias, ChosenNumbers, ModuleArguments
+from .arguments.module_arguments import ChosenNumbers, Inertias, ModuleArguments
 from .core import Plan, plan_module
 from .expressions import settled
 from .parts import Parts, parts_of
@@ -22,15 +22,12 @@ from .paths import path_of
 from .rigid import ten_expressions, ten_numbers
 from .states import generic_positions
 
-Arguments = BodyInertias | ChosenNumbers
-
 
 @dataclass(frozen=True)
 class Request:
     """A robot and the effects to compile.
 
     Attributes:
-        regroup: Whether base inertial parameters are used.
         arguments: Numbers that are inputs of the model ("parameters"), or None.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
         compared: Whether guards compare both ends of each loop (`guards.Scale`).
@@ -38,8 +35,7 @@ class Request:
 
     robot: HybridRobot
     on: Effects
-    regroup: bool = True
-    arguments: Arguments | None = None
+    arguments: ChosenNumbers | Inertias | None = None
     dtype: str = "float64"
     compared: bool = True
 
@@ -78,7 +74,6 @@ class Request:
             module.mechanism,
             self.marks(module),
             leg_inertia=self.on.leg_inertia is not None,
-            regroup=self.regroup,
             arguments=arguments,
         )
 
@@ -87,7 +82,8 @@ class Request:
         """A plan for each module, which chooses its pivots; equal modules with equal marks share it."""
         known: dict[tuple[int, tuple[str, ...]], Plan] = {}
         out = []
-        inertias = self.arguments.of_modules if isinstance(self.arguments, BodyInertias) else None
+        given = self.arguments
+        inertias = None if given is None or isinstance(given, ChosenNumbers) else given.of_modules
         for k, module in enumerate(self.robot.modules):
             key = (id(module.mechanism), self.marks(module))
             if key not in known:
@@ -174,8 +170,7 @@ def request(
     robot: HybridRobot,
     effects: Choice,
     *,
-    regroup: bool = True,
-    parameters: bool | Sequence[Slot] = False,
+    parameters: Sequence[Slot] = (),
     dtype: str = "float64",
 ) -> Request:
     """Check that a model with these effects can be compiled, and return the request for it.
@@ -192,9 +187,4 @@ def request(
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
-    arguments: Arguments | None = None
-    if parameters is True:
-        arguments = BodyInertias(robot)
-    elif parameters:
-        arguments = ChosenNumbers(robot, tuple(parameters))
-    return Request(robot, on, regroup, arguments, dtype)
+    return Request(robot, on, ChosenNumbers(robot, tuple(parameters)) if parameters else None, dtype)

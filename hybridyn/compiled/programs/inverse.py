@@ -49,20 +49,6 @@ class InverseCalls(ModuleCalls):
     F_base: Target | None = None
 
 
-@dataclass(frozen=True)
-class Balance:
-    """Calls that compute what is left of the forces.
-
-    Attributes:
-        root: Twist and acceleration of a base whose motion is given, else None.
-        root_calls: The calls that compute them.
-    """
-
-    modules: list[InverseCalls]
-    root: tuple[Source, Source] | None
-    root_calls: list[Call]
-
-
 def inverse_program(request: Request, *, pushed: bool = False) -> Program:
     """Build the program of a robot's inverse model.
 
@@ -88,7 +74,7 @@ def write_inverse_sweeps(request: Request, w: Writer, *, pushed: bool = False) -
     _write_sweeps(request, w, None, pushed=pushed)
 
 
-def write_balance(request: Request, w: Writer, *, motions: bool = False) -> Balance:
+def write_balance(request: Request, w: Writer, *, motions: bool = False) -> list[InverseCalls]:
     """Add the sweeps that compute what is left of the forces along each module's motions, zero for `ddm`.
 
     The inputs are those of the direct model, and its accelerations.
@@ -108,15 +94,12 @@ def _write_sweeps(
     balance: list[Shared] | None,
     motions: bool = False,
     pushed: bool = False,
-) -> Balance:
+) -> list[InverseCalls]:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
-    robot = request.robot
-    start = len(w.steps)
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
-    root_calls = w.calls_from(start)
     sweeps = _Sweeps(request, w, root, balance, motions, pushed)
     modules: list[InverseCalls] = []
-    for k in range(len(robot.modules)):
+    for k in range(len(request.robot.modules)):
         start = len(w.steps)
         modules.append(sweeps.outwards(k, modules))
         modules[k].calls += w.calls_from(start)
@@ -124,7 +107,7 @@ def _write_sweeps(
         start = len(w.steps)
         sweeps.inwards(calls)
         calls.calls += w.calls_from(start)
-    return Balance(modules, root, root_calls)
+    return modules
 
 
 class _Sweeps:

@@ -160,12 +160,12 @@ def unit_base(request: Request, w: Writer) -> None:
 
 def same_structure(request: Request, w: Writer) -> None:
     """Add a guard that rejects arguments with which the robot has another structure."""
-    if request.arguments is None or not request.arguments.decisions:
+    chosen = request.arguments
+    if not isinstance(chosen, ChosenNumbers) or not chosen.decisions:
         return
-    assert isinstance(request.arguments, ChosenNumbers)
-    column, guard = request.arguments.column, decided_alike(request.arguments.decisions)
+    column, guard = chosen.column, decided_alike(chosen.decisions)
     kernel = w.kernel("structure", ca.Function("structure", [column], [guard]), "parameters")
-    w.call(kernel, 1, [w.from_given("parameters", np.arange(request.arguments.size))], [Worst()])
+    w.call(kernel, 1, [w.from_given("parameters", np.arange(chosen.size))], [Worst()])
 
 
 def moving_base(

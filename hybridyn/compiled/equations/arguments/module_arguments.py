@@ -1,6 +1,6 @@
 """Numbers of a robot that are arguments of its models, and the modules' numbers as functions of them.
 
-They are the inertial parameters of all bodies, for derivatives, or chosen numbers of the description.
+They are chosen numbers of the description, or the inertias of bodies.
 """
 
 from __future__ import annotations
@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
 from ....spatial import Index
-from ....structure.module import Module
 from ....structure.module_spec import ModuleSpec
 from ....structure.parameters.slots import Slot
 from ....structure.robot import HybridRobot
@@ -84,41 +83,16 @@ def _parts(value: Any) -> Iterator[Any]:
         yield from _parts(part)
 
 
-#: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
-AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
-
-
-@dataclass(frozen=True)
-class BodyInertias:
-    """Ten inertial parameters of each body of a robot as arguments; equal modules share their code."""
-
-    robot: HybridRobot
+class Inertias(Protocol):
+    """Inertial numbers of the bodies as arguments; equal modules share their code and their symbols."""
 
     @property
     def size(self) -> int:
         """Number of arguments."""
-        return 10 * len(self.robot.bodies.bodies)
 
     @property
-    def decisions(self) -> tuple[Decision, ...]:
-        """Comparisons of arguments that decided the structure: none."""
-        return ()
-
-    @cached_property
     def of_modules(self) -> tuple[ModuleArguments, ...]:
-        """Arguments of each module."""
-        symbols = {
-            id(module.mechanism): ca.SX.sym("parameters", 10 * len(module.mechanism.spec.tree))
-            for module in self.robot.modules
-        }
-        return tuple(self._of(module, symbols[id(module.mechanism)]) for module in self.robot.modules)
-
-    def _of(self, module: Module, column: ca.SX) -> ModuleArguments:
-        """Return the arguments of a module: ten numbers of the bodies of its tree after the cuts."""
-        spec = module.mechanism.spec
-        bodies = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
-        index = np.concatenate([10 * body + AS_PINOCCHIO for body in bodies])
-        return ModuleArguments(column, index, spec, tuple(unpack(column).reshape(-1, 10)), False)
+        """Arguments of each module, which are not `free`."""
 
 
 @dataclass(frozen=True)

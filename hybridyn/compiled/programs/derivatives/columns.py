@@ -18,7 +18,6 @@ from ....spatial import Index, Mask
 from ....structure.robot import HybridRobot
 from ...equations.displacement import position_rate
 from ...equations.expressions import Expression, dot, eye, pack, symbols
-from ...equations.request import Request
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .sweeps import DENSE, PART, Block, Sweep
@@ -52,12 +51,6 @@ def coordinates_of_freedoms(robot: HybridRobot, freedoms: set[int]) -> Coordinat
     q = [k for i in joints for k in range(robot.q_slices[i].start, robot.q_slices[i].stop)]
     v = [k for i in joints for k in range(robot.v_slices[i].start, robot.v_slices[i].stop)]
     return Coordinates(np.array(q, int), np.array(v, int), tuple(robot.kinds[i] for i in joints))
-
-
-def parameters_of(request: Request) -> list[Index]:
-    """Return the indices of each body's ten parameters in the input "parameters", if there is one."""
-    count = 0 if request.arguments is None else request.arguments.size
-    return [np.arange(first, first + 10) for first in range(0, count, 10)]
 
 
 def collect(sweep: Sweep, name: str, index: Index, target: Target, at: Coordinates | None = None) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ....description.names import counted
 from ....errors import ModelError
 from ....linkage.joints import NV
@@ -13,35 +11,33 @@ from ....structure.robot import HybridRobot
 COORDINATES = ("joints", "motors")
 
 
-def check_kinds(coordinates: object, parameters: object) -> None:
-    """Refuse what `idm_jacobian` and `ddm_jacobian` do not know.
+def check_known(coordinates: object) -> None:
+    """Refuse coordinates that are unknown.
 
     Raises:
-        ModelError: The coordinates are unknown, or `parameters` is neither true nor false.
+        ModelError: They are.
     """
     if not isinstance(coordinates, str) or coordinates not in COORDINATES:
         raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
-    if not isinstance(parameters, int | np.bool_):
-        raise ModelError(
-            "parameters of derivatives are True (the ten inertial parameters of each body) or False, not "
-            f"{parameters!r}"
-        )
 
 
-def check_coordinates(robot: HybridRobot, coordinates: str, *, parameters: bool) -> None:
-    """Refuse coordinates that are unknown, or that the robot's derivatives cannot have.
+def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
+    """Refuse coordinates that are unknown, or that the derivatives of a model of a robot cannot have.
 
     Raises:
-        ModelError: They are unknown; or they are "motors", and the base is not fixed, a module has not as
-            many motors with one freedom as freedoms or one that its loops lock, or derivatives over
-            parameters are asked for.
+        ModelError: They are unknown; the base has a prescribed motion, and the model is direct; or they are
+            "motors", and the base is not fixed, or a module has not as many motors with one freedom as
+            freedoms or one that its loops lock.
     """
-    check_kinds(coordinates, parameters)
+    check_known(coordinates)
     if coordinates == "joints":
+        if model == "ddm" and robot.base == "moving":
+            raise ModelError(
+                "derivatives of 'ddm' need a base that is fixed or floating; the motion of this one is "
+                "prescribed. Differentiate 'idm', or load the robot with base='floating'"
+            )
         return
     mend = "Use coordinates='joints'"
-    if parameters:
-        raise ModelError(f"derivatives over parameters are not available with coordinates='motors'. {mend}")
     if robot.base != "fixed":
         raise ModelError(f"derivatives over motors need a fixed base; this one is '{robot.base}'. {mend}")
     for module in robot.modules:

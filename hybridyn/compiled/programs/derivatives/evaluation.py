@@ -81,7 +81,6 @@ class Derivatives:
         model: str,
         effects: Choice = None,
         *,
-        parameters: bool = False,
         coordinates: str = "joints",
     ) -> None:
         """Load the derivatives from the cache, or generate and build them.
@@ -91,12 +90,11 @@ class Derivatives:
         Args:
             model: "idm" or "ddm".
             effects: Effects to include, as for `hybridyn.idm`.
-            parameters: Whether to differentiate over inertial parameters, too.
             coordinates: "joints" or "motors", as for `idm_jacobian`.
 
         Raises:
             ModelError: `model` or `coordinates` is unknown, an effect is not available in compiled models or
-                has no derivative, or the motors are not coordinates of the robot (`check_motors`).
+                has no derivative, or as `check_coordinates`.
             SingularityError: The motors of a module do not determine its motion at any posture.
             CompileError: The derivatives cannot be generated or built.
         """
@@ -107,8 +105,8 @@ class Derivatives:
             raise ModelError(
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
-        check_coordinates(robot, coordinates, parameters=parameters)
-        self.robot, self._model, self._parameters = robot, model, bool(parameters)
+        check_coordinates(robot, model, coordinates)
+        self.robot, self._model = robot, model
         self._motors = coordinates == "motors"
         self._replacement: Replacement | None = None
         with as_compile_error(robot):
@@ -127,7 +125,6 @@ class Derivatives:
         pairs = zip(self._widths.items(), starts, strict=True)
         self._blocks = [(name, slice(a, b), (self._rows, width)) for (name, width), (a, b) in pairs]
         self._at_once = None if self.library is None else self.library.programs[self._name].at_once
-        self._last = (self._numbers,) if parameters else ()
 
     @property
     def _name(self) -> str:
@@ -141,7 +138,7 @@ class Derivatives:
         except CompileError:
             return None
         self._scalar = Scalar("float64", best_lanes())
-        self._key = f"{self._name} {self._parameters} {robot_key(self.robot, self._effects)} {self._scalar!r}"
+        self._key = f"{self._name} {robot_key(self.robot, self._effects)} {self._scalar!r}"
         artifact = self._artifact()
         if known(self._key) is not None or (seconds := _seconds_of(artifact.write())) <= self.patience:
             return loaded(artifact.built)
@@ -186,10 +183,7 @@ class Derivatives:
         except HybridynError:  # it refuses random states: no motor drives a motion
             return
         library = Library(built)
-        known = {"base_acceleration": np.zeros((STATES, 6)), "parameters": self._numbers}
-        inputs = library.programs[self._name].inputs[3:]
-        more = [np.broadcast_to(known[name], (STATES, size)) for name, size in inputs]
-        (value, _, over_v, over_x, *_), guard = library.batch(self._name, q, v, last[1], *more)
+        (value, _, over_v, over_x), guard = library.batch(self._name, q, v, last[1])
         moved, change = ((x[2] - x[0]) / (SPEEDS[2] - SPEEDS[0]) for x in (last, found))
         driven = robot.motor_v if self._motors else np.arange(robot.nv)
         change = change[:, driven] if direct else change
@@ -203,26 +197,13 @@ class Derivatives:
     @cached_property
     def program(self) -> Program:
         """The model and its derivatives as a program."""
-        asked = request(self.robot, self._effects, parameters=self._parameters)
-        return BUILDERS[self._model, self._motors](asked)
+        return BUILDERS[self._model, self._motors](request(self.robot, self._effects))
 
     @cached_property
     def _flat(self) -> ca.Function:
         """The program as one CasADi function."""
         with as_compile_error(self.robot):
             return function_of(self.program)
-
-    @cached_property
-    def casadi(self) -> ca.Function:
-        """The derivatives as a CasADi function with named inputs and outputs, and "guard" last."""
-        columns = [ca.SX.sym(name, size) for name, size in self._inputs.items()]
-        _, *flat, guard = self._flat.call(columns)
-        rows = self._rows
-        blocks = [ca.reshape(x, x.numel() // rows if rows else 0, rows).T for x in flat]
-        names = list(self._inputs)
-        return ca.Function(
-            self._name, columns, [*blocks, guard], names, [*(f"d_{n}" for n in names), "guard"]
-        )
 
     def allocate(self, samples: int | None = None) -> Jacobians:
         """Return arrays for the argument `out` of calls, of one sample or of many.
@@ -248,8 +229,7 @@ class Derivatives:
         """Evaluate at one sample or many.
 
         Args:
-            given: The model's arguments, shapes (n,) or (T, n). The acceleration of a "moving" base is
-                optional and defaults to zero.
+            given: The model's arguments, shapes (n,) or (T, n).
             out: Arrays of `allocate`, which are filled and returned; None returns new arrays.
 
         Raises:
@@ -261,12 +241,12 @@ class Derivatives:
         if out is None:
             if self._at_once is not None:
                 flat = np.empty(self._size)
-                if self._at_once(*given, *self._last, flat) == 0:
+                if self._at_once(*given, flat) == 0:
                     return self._split(flat)
             return self._checked(given, None)
         if not isinstance(out, _Allocated) or out.owner is not self:
             raise TrajectoryError("out must be what `allocate` of the same derivatives returned")
-        if self._at_once is not None and self._at_once(*given, *self._last, out.arrays[0]) == 0:
+        if self._at_once is not None and self._at_once(*given, out.arrays[0]) == 0:
             return out
         return self._checked(given, out)
 
@@ -276,9 +256,7 @@ class Derivatives:
 
     def _checked(self, given: tuple[ArrayLike, ...], filled: _Allocated | None) -> Jacobians:
         """Check the arguments and evaluate."""
-        wanted = {name: size for name, size in self._inputs.items() if name != "parameters"}
-        if len(given) == 3 and "base_acceleration" in wanted:
-            given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
+        wanted = self._inputs
         if len(given) != len(wanted):
             raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
         arguments = named(self.robot, dict(zip(wanted, given, strict=True))).values()
@@ -313,8 +291,6 @@ class Derivatives:
         """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
         samples = len(arrays["q"])
         rows = list(arrays.values())
-        if self._parameters:
-            rows.append(np.tile(self._numbers, (samples, 1)))
         if (library := self.library) is not None:
             return library.batch(self._name, *rows, outs=outs)
         new = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
@@ -322,14 +298,6 @@ class Derivatives:
             for out, found in zip(new, self._flat.call([x[t] for x in rows]), strict=True):
                 out[t] = np.array(found).ravel()
         return new[:-1], new[-1][:, 0]
-
-    @cached_property
-    def _numbers(self) -> Array:
-        """The inertial parameters of the bodies, shape (10 bodies,)."""
-        from ....structure.pinocchio_model import pinocchio_inertia
-
-        bodies = self.robot.bodies.bodies
-        return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in bodies])
 
     def _check_doubtful(
         self, arrays: dict[str, Array], values: Array, guard: Array, doubtful: list[int]

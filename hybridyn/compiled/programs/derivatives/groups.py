@@ -9,16 +9,15 @@ import numpy as np
 from ....spatial import Index
 from ...equations.request import Request
 from ...program import Shared, Source, Target
-from ..inverse import Balance, InverseCalls
+from ..inverse import InverseCalls
 from ..module_calls import read
 from .columns import Coordinates, coordinates_of_freedoms
 
 #: Largest number of motions of modules that are joined: what the lanes of a vector hold.
 JOINED = 8
 
-#: Output of a module: the module's number and the output's. The robot's base is `BASE`.
+#: Output of a module: the module's number and the output's.
 Place = tuple[int, int]
-BASE: Place = (-1, 0)
 
 
 @dataclass(eq=False)
@@ -38,9 +37,9 @@ class Group:
 
     @property
     def base(self) -> Place:
-        """The output that carries it."""
+        """The output that carries it; the number of its module is negative on the robot's base."""
         module = self.modules[0].module
-        return BASE if module.parent < 0 else (module.parent, module.parent_output)
+        return module.parent, module.parent_output
 
     @property
     def mobility(self) -> int:
@@ -79,11 +78,11 @@ class Group:
         return [x for child in self.children[place] for x in child.subtree()]
 
 
-def groups_of(request: Request, balance: Balance) -> list[Group]:
+def groups_of(request: Request, balance: list[InverseCalls]) -> list[Group]:
     """Join modules to groups, outwards; those without motions join any, so that they are alone on a base."""
     members: list[list[InverseCalls]] = []
     of: dict[int, list[InverseCalls]] = {}
-    for calls in balance.modules:
+    for calls in balance:
         below, own = of.get(calls.module.parent), calls.module.mobility
         joined = sum(x.module.mobility for x in below or ())
         if below and (not (own and joined) or own + joined <= JOINED):

@@ -36,10 +36,10 @@ from ...equations.request import Request
 from ...equations.rigid import momentum
 from ...program import Call, Constants, Program, Shared, Source, Target
 from ..direct import DirectCalls, direct_inputs, write_direct_sweeps
-from ..inverse import Balance, InverseCalls, inverse_inputs, write_balance, write_inverse_sweeps
+from ..inverse import InverseCalls, inverse_inputs, write_balance, write_inverse_sweeps
 from ..module_calls import read
 from ..writer import Writer
-from .columns import changes_of_coordinates, collect, coordinates_of, coordinates_of_freedoms, parameters_of
+from .columns import changes_of_coordinates, collect, coordinates_of, coordinates_of_freedoms
 from .groups import JOINED, groups_of
 from .motor_motion import Motions
 from .nodes import Joiner, identity
@@ -48,16 +48,16 @@ from .results import Results, relations_of
 from .sweeps import DENSE, PART, Graph, Reading, Sweep
 
 
-def sum_legs(w: Writer, modules: list[DirectCalls], balance: Balance, start: int) -> list[Call]:
+def sum_legs(w: Writer, modules: list[DirectCalls], balance: list[InverseCalls], start: int) -> list[Call]:
     """Replace the legs' calls of a balance, and return the calls to be differentiated.
 
     Args:
         w: The program under construction.
         modules: Calls of the direct model.
-        balance: The balance; its modules receive the new calls.
+        balance: Calls of the balance, which receive the new ones.
         start: Number of its first step.
     """
-    of = {id(call): calls for calls in balance.modules for call in calls.leg_calls}
+    of = {id(call): calls for calls in balance for call in calls.leg_calls}
     old, out = w.steps[start:], []
     del w.steps[start:]
     for step in old:
@@ -100,8 +100,6 @@ def _sum_platform(w: Writer, direct: DirectCalls, calls: InverseCalls, i: int) -
 def inverse_derivatives(request: Request, *, order: Index | None = None) -> Program:
     """Build the program of tau and its derivatives "d_q", "d_v", "d_a", row by row.
 
-    With parameters as inputs, "d_parameters" is added.
-
     Args:
         request: The robot and its effects.
         order: The motor of each freedom, where each has one and the motors are the coordinates.
@@ -130,8 +128,6 @@ def inverse_derivatives(request: Request, *, order: Index | None = None) -> Prog
         collect(adjoints, "q", at.q, block("q", columns), at)
         for name in ("v", "a"):
             collect(adjoints, name, at.v, block(name, columns))
-    for index in parameters_of(request):
-        collect(adjoints, "parameters", index, block("parameters", index))
     return compacted(w.program())
 
 
@@ -151,7 +147,7 @@ def motor_inverse_derivatives(request: Request) -> Program:
     balance = write_balance(request, w, motions=True)
     steps = w.calls_from(start)
     instead: dict[Shared, Shared] = {}
-    for of, calls in zip(modules, balance.modules, strict=True):
+    for of, calls in zip(modules, balance, strict=True):
         for old, new in ((of.V, calls.V), (of.A, calls.A)):
             instead |= {old[o]: new[o] for o in old}
         assert of.u_dot is not None
@@ -165,15 +161,14 @@ def motor_inverse_derivatives(request: Request) -> Program:
     results = Results(w, dict.fromkeys(("q", "v", "a"), motors), relations)
     for x in relations.values():
         for name, index, reading in x.over_motors():
-            results.add(name, index, [results.caused(x, reading, len(index))])
+            results.add(x, name, index, reading)
     return compacted(w.program())
 
 
 def direct_derivatives(request: Request, *, motors: bool = False) -> Program:
     """Build the program of a and its derivatives "d_q", "d_v", "d_tau", row by row.
 
-    With a moving base "d_base_acceleration" is added, with parameters as inputs "d_parameters". With motors
-    as coordinates the derivatives are those of the motors' accelerations.
+    With motors as coordinates the derivatives are those of the motors' accelerations.
     """
     robot, inputs = request.robot, direct_inputs(request)
     rows = len(robot.motors) if motors else robot.nv
@@ -187,18 +182,9 @@ def direct_derivatives(request: Request, *, motors: bool = False) -> Program:
     groups = [group for group in groups_of(request, balance) if group.mobility or not motors]
     relations = relations_of(w, groups, modules, steps, Motions(w), motors=motors)
     results = Results(w, widths, relations)
-    if balance.root is not None:
-        results.add_base(balance, coordinates_of(robot)[0])
     for x in relations.values():
         for name, index, reading in x.over_motors() if motors else _over_joints(x):
-            results.add(name, index, [results.caused(x, reading, len(index))])
-    for index in parameters_of(request):
-        given = w.from_given("parameters", index)
-        found = {x: x.unit_changes(given) for x in relations.values()}
-        causes = [
-            results.caused(x, reading, len(index)) for x, reading in found.items() if any(reading.pattern)
-        ]
-        results.add("parameters", index, causes)
+            results.add(x, name, index, reading)
     return compacted(w.program())
 
 

@@ -35,14 +35,14 @@ class Cause:
     """What columns of changes cause, one in each lane.
 
     Attributes:
-        group: The group whose inputs they change; None for a base whose motion is given.
+        group: The group whose inputs they change.
         motions: Motions of the group, without those that the wrench on its base causes.
         wrench: Change of the wrench on its base; None if there is none.
         outputs: Changes of acceleration and twist of its outputs; the twist is None where it stays.
         more: Further changes of the group's accelerations.
     """
 
-    group: Group | None
+    group: Group
     motions: Own | None = None
     wrench: Own | None = None
     outputs: dict[Place, tuple[Own | None, Own | None]] = field(default_factory=dict)

@@ -18,16 +18,15 @@ from itertools import groupby
 import numpy as np
 
 from ....spatial import Index
-from ...program import Call, Constants, Each, Shared, Target
+from ...program import Call, Each, Shared
 from ..direct import DirectCalls
-from ..inverse import Balance
 from ..writer import Writer
-from .columns import Coordinates, Term, add_terms, by_columns, changes_of_coordinates, coordinates_of_freedoms
-from .groups import BASE, Group, Place
+from .columns import Term, add_terms, by_columns, coordinates_of_freedoms
+from .groups import Group, Place
 from .motor_motion import Motions, MotorMotion
 from .nodes import Joiner
 from .relations import Cause, Relations
-from .sweeps import Graph, Reading, Sweep
+from .sweeps import Graph, Reading
 
 
 @dataclass
@@ -55,23 +54,14 @@ class Responses:
     def __post_init__(self) -> None:
         """Add all responses."""
         for group in reversed(list(self.relations)):
-            for place in group.children:
-                self._to_motion(group, place)
-        roots = [group for group in self.relations if group.parent is None]
-        if any(self.relations[group].moved[1] for group in roots):
-            self.to_motion[BASE] = {}
-            for group in roots:
-                self._follow(BASE, group)
+            for place, children in group.children.items():
+                self.to_motion[place] = {}
+                for child in children:
+                    self._follow(place, child)
         for group in self.relations:
             self._settle(group)
             for place in group.children:
                 self._to_wrench(group, place)
-
-    def _to_motion(self, group: Group, place: Place) -> None:
-        """Add the responses of what an output carries to its motion."""
-        self.to_motion[place] = {}
-        for child in group.children[place]:
-            self._follow(place, child)
 
     def _follow(self, place: Place, child: Group) -> None:
         """Add the responses of a group and all that it carries to the motion of its base."""
@@ -196,63 +186,27 @@ class Results:
         """
         self._w, self._widths, self._relations = w, widths, relations
         self._responses = Responses(w, relations)
-        self._base: Coordinates | None = None
 
-    def caused(self, x: Relations, reading: Reading, count: int) -> Cause:
-        """Add what columns of a group cause (`Relations.caused`)."""
-        onwards: list[Shared] = []
-        if x.group in self._responses.own:
-            onwards = [by_columns(self._responses.onwards[place], 0, 6) for place in x.group.children]
-        return x.caused(reading, count, onwards)
-
-    def add_base(self, balance: Balance, at: Coordinates) -> None:
-        """Add the columns of a base whose motion is given."""
-        w = self._w
-        self._base = at
-        assert balance.root is not None
-        nodes = Joiner(w.kernels, w.handed).nodes(balance.root_calls)
-        V, A = balance.root
-        for name, given, index in (("q", "q", at.q), ("v", "v", at.v), ("base_acceleration", "a", at.v)):
-            source, units = w.from_given(given, index), Constants(np.eye(6))
-            tangents = Sweep(w, 6)
-            tangents.seed(source, changes_of_coordinates(w, at, units, 6) if name == "q" else units)
-            tangents.forwards(Graph.between(nodes, [source], [A, V]))
-            ends = [w.own(6, len(end.numbers(0))) for end in (A, V)]
-            for end, place in zip((A, V), ends, strict=True):
-                tangents.gather(end.numbers(0), place)
-            columns = np.arange(6) if name == "base_acceleration" else at.v
-            self.add(name, columns, [Cause(None, outputs={BASE: (ends[0], ends[1])})])
-
-    def add(self, name: str, index: Index, causes: Sequence[Cause]) -> None:
-        """Add columns of the derivatives of all groups.
+    def add(self, x: Relations, name: str, index: Index, reading: Reading) -> None:
+        """Add the columns of an input of a group: what it causes in all groups.
 
         Args:
+            x: Relations of the group.
             name: The input.
             index: Indices of the columns in the user input.
-            causes: What the input causes, for each group that reads it.
+            reading: What reads the changes that the columns cause at given motions.
         """
-
-        def place(rows: Index) -> Target:
-            """Return the place of some rows of the columns."""
-            return self._w.result(f"d_{name}", rows * self._widths[name] + index[:, None])
-
-        if self._base is not None:
-            one = name == "base_acceleration"
-            values = np.eye(6) if one else np.zeros((len(index), 6))
-            add_terms(self._w, len(values), 6, [], [Constants(values)], place(self._base.v))
-        for x in self._relations.values():
-            self._add_to(x, len(index), causes, place(x.rows))
-
-    def _add_to(self, x: Relations, count: int, causes: Sequence[Cause], place: Target) -> None:
-        """Add the columns of one group."""
-        terms = [term for cause in causes for term in self._terms(cause, x.group)]
-        own = [cause for cause in causes if cause.group is x.group]
-        motions = [cause.motions for cause in own if cause.motions]
-        more = [cause.more for cause in own if cause.more]
-        if not x.group.mobility:
-            terms, motions = [], []
-        mapped = (x.Psi, x.pattern) if x.pattern is not None and (terms or motions) else None
-        add_terms(self._w, count, len(x.rows), terms, motions, place, mapped, more)
+        w, known, onwards = self._w, self._responses, list[Shared]()
+        if x.group in known.own:
+            onwards = [by_columns(known.onwards[place], 0, 6) for place in x.group.children]
+        cause = x.caused(reading, len(index), onwards)
+        for y in self._relations.values():
+            place = w.result(f"d_{name}", y.rows * self._widths[name] + index[:, None])
+            terms = self._terms(cause, y.group) if y.group.mobility else []
+            motions = [cause.motions] if y is x and cause.motions and y.group.mobility else []
+            more = [cause.more] if y is x and cause.more else []
+            mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
+            add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
 
     def _terms(self, cause: Cause, group: Group) -> list[Term]:
         """Return the motions of a group that a cause in another, or at its own base, brings about."""
@@ -262,7 +216,7 @@ class Results:
                 known = responses.to_motion[output][group]
                 twist = [(by_columns(known, 6, V.size), V)] if V else []
                 return [(by_columns(known, 0, 6), A), *twist]
-        if cause.group is None or cause.wrench is None:
+        if cause.wrench is None:
             return []
         if cause.group is group:
             found = responses.own.get(group)
