@@ -109,14 +109,10 @@ def start(motion: Motion, part: float) -> Start:
 
 def own_flights(at: Start, steps: Steps, model: dict[str, Any]) -> Iterator[Run]:
     """Yield hybridyn's runs, on the general path and with a compiled model as an option."""
-    closed = {"stages": "closed in stages", "steps": "closed after steps", "never": "not closed"}
-    wanted = [(GENERAL, h, projection) for projection in closed for h in steps["rk4"]]
-    wanted += [(COMPILED, h, "stages") for h in steps["compiled"]]  # open postures are the general path's
-    for engine, h, projection in wanted:
-        options = {"method": "rk4", "step": h, "projection": projection} | (
-            model if engine == COMPILED else {}
-        )
-        yield at.run(f"{engine}, rk4, {closed[projection]}", f"step {h:g}", options)
+    for engine, lengths, more in ((GENERAL, steps["rk4"], {}), (COMPILED, steps["compiled"], model)):
+        for h in lengths:
+            options = {"method": "rk4", "step": h} | more
+            yield at.run(f"{engine}, rk4, closed in stages", f"step {h:g}", options)
     for engine, tolerances in ((GENERAL, steps["general"]), (COMPILED, steps["rtol"])):
         for rtol in tolerances:
             options = adaptive(rtol) | (model if engine == COMPILED else {})

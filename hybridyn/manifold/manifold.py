@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..linkage.elimination import least_squares
 from ..linkage.joints import TRANSLATIONS
 from ..linkage.retraction import Retraction
 from ..spatial import Array, slices
@@ -29,9 +28,6 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .loop_rows import LoopRows
 from .module_chart import ModuleChart
-
-#: Closures are close to losing rank if their least singular value is below this part of its generic value.
-CLOSE = 1.0
 
 
 class Manifold:
@@ -66,32 +62,22 @@ class Manifold:
             slides = q.start + TRANSLATIONS.get(kind, 0)
             self.position_unit[q.start : slides] = self.unit[v.start]
 
-    def chart(self, q: Array, v: Array | None = None, *, bound: bool = True) -> Chart:
+    def chart(self, q: Array, v: Array | None = None) -> Chart:
         """Build a chart about a posture.
 
         Args:
             q: Positions, shape (nq,); assembled, or close to it.
             v: Rates, shape (nv,), which select the branch where closures lose rank.
-            bound: False for a chart of the whole tree, without closures.
 
         Raises:
             SingularityError: The rates are on none of the branches that meet at the posture.
         """
-        return Chart(self, q, v, bound)
+        return Chart(self, q, v)
 
     def residual(self, q: Array) -> tuple[float, str]:
         """Compute the largest scaled closure residual of a posture, shape (nq,), and its module's name."""
         each = [(float(np.abs(rows.at(q[m.q_index])[0]).max()), m.name) for m, rows in self.looped]
         return max(each, default=(0.0, ""))
-
-    def pull_back(self, q: Array, v: Array, rate: float) -> Array:
-        """Compute Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
-        out = np.zeros_like(v)
-        for module, rows in self.looped:
-            residual, K = rows.at(q[module.q_index])
-            wanted = -2 * rate * K @ (v[module.v_index] / rows.unit) - rate**2 * residual
-            out[module.v_index] = rows.unit * least_squares(K[None], wanted[None], rank=rows.rank)[0]
-        return out
 
     def opening(self, q: Array, v: Array, *, least: float = 0.0) -> tuple[float, str]:
         """Compute the largest closure rate relative to the joint rates, and the name of its module.
@@ -150,15 +136,13 @@ class Chart:
             rank.
     """
 
-    def __init__(self, manifold: Manifold, q: Array, v: Array | None, bound: bool) -> None:
+    def __init__(self, manifold: Manifold, q: Array, v: Array | None) -> None:
         self._manifold, self.q = manifold, q.copy()
-        looped = manifold.looped if bound else []
-        self._held = [module.v_index for module, _ in looped]
-        prescribed = 6 if manifold.robot.base == "moving" else 0
-        self._free = manifold.free if bound else np.arange(prescribed, manifold.robot.nv)
+        self._held = [module.v_index for module, _ in manifold.looped]
+        self._free = manifold.free
         self._parts = [
             ModuleChart(module, rows, q[module.q_index], None if v is None else v[module.v_index])
-            for module, rows in looped
+            for module, rows in manifold.looped
         ]
         _, *self._at = own = slices([len(self._free), *(p.Z.shape[1] for p in self._parts)])
         self.size = own[-1].stop
@@ -175,11 +159,6 @@ class Chart:
     def at_origin(self, u: Array) -> Array:
         """Compute the rates at the chart's origin, shape (nv,) or (nv, k)."""
         return self._spread(u, [p.Z @ u[at] for p, at in zip(self._parts, self._at, strict=True)])
-
-    @property
-    def close_to_lost_rank(self) -> bool:
-        """Whether the closures are closer to losing rank than at generic postures."""
-        return any(part.pivot < CLOSE * part.module.mechanism.reduction.report.kept for part in self._parts)
 
     @property
     def narrow(self) -> bool:

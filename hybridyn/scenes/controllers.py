@@ -95,6 +95,7 @@ class Pd:
         """Set motors, reference and gains.
 
         Args:
+            robot: The robot.
             reference: The reference motion x_d.
             kp: Stiffness, for all or by motor [N/m or N m/rad].
             kd: Damping, for all or by motor [N s/m or N m s/rad].
@@ -102,20 +103,24 @@ class Pd:
         Raises:
             ModelError: Unknown motors, or negative gains.
         """
-        self._axes, self._reference = MotorAxes.of(robot), reference
+        self._robot, self._axes, self._reference = robot, MotorAxes.of(robot), reference
         self._kp, self._kd = by_motor(robot, "kp", kp), by_motor(robot, "kd", kd)
+
+    def _feedback(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return kp (x_d - x) + kd (x_d' - x') and x_d'', shape (motors,) each."""
+        x, x_dot, x_ddot = self._reference.at(t)
+        return self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns]), x_ddot
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
-        x, x_dot, _ = self._reference.at(t)
-        return self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
+        return self._feedback(t, q, v)[0]
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the control for steps in C."""
         return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd))
 
 
-class ComputedTorque:
+class ComputedTorque(Pd):
     """The inverse model of the accelerations x_d'' + kd (x_d' - x') + kp (x_d - x) of the motors.
 
     Errors decay as in a linear system if the controller's effects are those that act. Joints without a motor
@@ -128,6 +133,7 @@ class ComputedTorque:
         """Set motors, reference, gains and effects.
 
         Args:
+            robot: The robot.
             reference: The reference motion x_d.
             kp: Gain of the position error, for all or by motor [1/s^2].
             kd: Gain of the rate error, for all or by motor [1/s].
@@ -136,15 +142,13 @@ class ComputedTorque:
         Raises:
             ModelError: Unknown motors or effects, or negative gains.
         """
-        self._robot, self._axes, self._reference = robot, MotorAxes.of(robot), reference
-        self._kp, self._kd = by_motor(robot, "kp", kp), by_motor(robot, "kd", kd)
+        super().__init__(robot, reference, kp, kd)
         on = choose(robot, effects)
         self._on = on.only([name for name in on.names if name != "limits"])
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
-        x, x_dot, x_ddot = self._reference.at(t)
-        feedback = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
+        feedback, x_ddot = self._feedback(t, q, v)
         a = np.zeros(self._robot.nv)
         a[self._axes.columns] = x_ddot + feedback
         found = inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,20 +11,12 @@ import numpy as np
 from ..assembly.assemble import assemble
 from ..compiled.library.laws import Pieces
 from ..errors import AssemblyError, ModelError, TrajectoryError
-from ..simulation.dense_output import QUINTIC
+from ..simulation.events import QUINTIC
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from ..tables.columns import read_layout
 from ..tables.opening import open_table
 from ..tables.trajectory import Motion, read_motions
-
-#: Times within a piece at which it is compared with its rows, of its length.
-WITHIN = (0.25, 0.5, 0.75)
-#: Part of the range of four rows by which a motion may pass two: a parabola takes 1/8, four rows a turn 0.21.
-TURNING = 0.25
-#: The same of a motor's whole motion: rounded cells pass each other by less.
-WHOLE = 1e-3
-_log = logging.getLogger("hybridyn")
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,42 +184,10 @@ def _shortest(axes: MotorAxes, step: Array) -> Array:
 def from_table(robot: HybridRobot, path: str) -> Reference:
     """Build a motion from a table of motors, platforms or a mixture, as `hybridyn idm` reads it.
 
-    A kink in the rows, which the smooth motion passes, is logged.
-
     Raises:
         TrajectoryError: The table is wrong, or has no time.
         AssemblyError: A row is out of reach.
     """
-    out = _of_table(robot, path)
-    for name, beyond in zip(robot.motors, _beyond_rows(out).T, strict=True):
-        i = int(np.argmax(beyond))
-        if beyond[i] > 0.0:
-            said = "%s: between its rows at %g s and %g s, the smooth motion of '%s' passes both by %.3g"
-            mend = "; the rows have a kink: round it, or give more rows or rates"
-            _log.warning(said + mend, path, *out.time[i : i + 2], name, beyond[i])
-    return out
-
-
-def _beyond_rows(reference: Reference) -> Array:
-    """Return how far the motion passes both rows around it, shape (T - 1, motors), [m, rad]; else 0.
-
-    A well-sampled motion passes two rows near a turning point by a part of the range of the four rows around.
-    """
-    x, h = reference.x[0], np.diff(reference.time)
-    if not len(h):
-        return np.zeros((0, x.shape[1]))
-    inside = np.array([reference.pieces.at(reference.time[:-1] + part * h)[0] for part in WITHIN])
-    padded = np.pad(x, ((1, 1), (0, 0)), mode="edge")
-    around = np.array([padded[i : i + len(h)] for i in range(4)])
-    beyond = np.maximum(
-        inside.max(axis=0) - around[1:3].max(axis=0), around[1:3].min(axis=0) - inside.min(axis=0)
-    )
-    usual = np.maximum(TURNING * np.ptp(around, axis=0), WHOLE * np.ptp(x, axis=0))
-    return np.where(beyond > usual, beyond, 0.0)
-
-
-def _of_table(robot: HybridRobot, path: str) -> Reference:
-    """Build a motion from a table."""
     from ..compiled.programs.closing.assembling import TableAssembler
 
     axes = MotorAxes.of(robot)

@@ -1,4 +1,6 @@
-"""Read scene files: one TOML file states robot, start, controller, effects and duration of a simulation.
+"""Scene files: their tables and keys, and how they are read.
+
+One TOML file states robot, start, controller, effects and duration of a simulation:
 
     duration = 2.0
     [robot]
@@ -17,11 +19,252 @@ name. A scene is data and runs no code: it may name a Python controller, which t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, FiniteFloat, model_validator
 
 from ..description.shipped import find_robot
-from .scene_tables import CONTROLLERS, Scene
+from ..description.side_cars.tables import EffectTables, Schema, table
+from ..errors import TrajectoryError
+from ..simulation.solver import Solver
 from .toml_source import TomlSource, read_schema
+
+NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+Six = Annotated[list[FiniteFloat], Field(min_length=6, max_length=6)]
+Seven = Annotated[list[FiniteFloat], Field(min_length=7, max_length=7)]
+Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+ByJoint = dict[str, FiniteFloat]
+Gains = NotNegative | dict[str, NotNegative]
+Coordinates = dict[Literal["x", "y", "z", "roll", "pitch", "yaw"], FiniteFloat]
+Poses = dict[str, Seven | Coordinates]
+Twists = dict[str, Six | Coordinates]
+
+
+def exactly_one(table: Schema, *keys: str) -> None:
+    """Check that a table has exactly one of some keys.
+
+    Raises:
+        ValueError: It has none or several; the message names them.
+    """
+    given = [key for key in keys if getattr(table, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"give one of {', '.join(keys)}, not {' and '.join(given) or 'none'}")
+
+
+class RobotTable(Schema):
+    """[robot]: the arguments of `hybridyn.load`."""
+
+    file: str
+    base: Literal["fixed", "moving", "floating"] | None = None
+    gravity: Three | None = None
+    motors: list[str] | None = None
+    xacro: dict[str, str | bool | int | float] = Field(default_factory=dict)
+    package_dirs: list[str] = Field(default_factory=list)
+
+
+class RatesTable(Schema):
+    """[initial.rates]."""
+
+    joints: ByJoint = Field(default_factory=dict)
+    platforms: Twists = Field(default_factory=dict)
+
+
+class InitialTable(Schema):
+    """[initial]: positions of joints and poses of platforms, from which the start is assembled."""
+
+    joints: ByJoint = Field(default_factory=dict)
+    platforms: Poses = Field(default_factory=dict)
+    rates: RatesTable = Field(default_factory=RatesTable)
+    on_reference: bool = False
+    project: bool = False
+
+
+class PointTable(Schema):
+    """[[...points]]: a time, and the posture at rest at that time."""
+
+    time: NotNegative
+    joints: ByJoint = Field(default_factory=dict)
+    platforms: Poses = Field(default_factory=dict)
+
+
+class ReferenceTable(Schema):
+    """A reference motion: a table, or points with quintic motions between them."""
+
+    table: str | None = None
+    points: Annotated[list[PointTable], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> ReferenceTable:
+        exactly_one(self, "table", "points")
+        times = [point.time for point in self.points or ()]
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueError("the times of points must grow")
+        return self
+
+
+class EffortsTable(Schema):
+    """[controller] kind = "efforts": efforts over time, or constant ones."""
+
+    kind: Literal["efforts"]
+    table: str | None = None
+    efforts: ByJoint | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> EffortsTable:
+        exactly_one(self, "table", "efforts")
+        return self
+
+
+class PdTable(Schema):
+    """[controller] kind = "pd": tau = kp (x_d - x) + kd (x_d' - x')."""
+
+    kind: Literal["pd"]
+    kp: Gains
+    kd: Gains
+    reference: ReferenceTable
+
+
+class TorqueTable(Schema):
+    """[controller] kind = "computed_torque": the inverse model of x_d'' + kd (x_d' - x') + kp (x_d - x)."""
+
+    kind: Literal["computed_torque"]
+    kp: Gains
+    kd: Gains
+    reference: ReferenceTable
+    effects: list[str] | None = None
+
+
+class PythonTable(Schema):
+    """[controller] kind = "python": a function in a file beside the scene; see `controllers.from_file`."""
+
+    kind: Literal["python"]
+    file: str
+    function: str = "controller"
+
+
+CONTROLLERS: dict[str, type[Schema]] = {
+    "efforts": EffortsTable, "pd": PdTable, "computed_torque": TorqueTable, "python": PythonTable
+}  # fmt: skip
+
+
+class PayloadTable(Schema):
+    """[[effects.payload]]."""
+
+    link: str
+    mass: NotNegative
+    com: Three = [0.0, 0.0, 0.0]  # noqa: RUF012
+    inertia: Annotated[list[Three], Field(min_length=3, max_length=3)] | None = None
+
+
+class WrenchTable(Schema):
+    """[[effects.wrench]]: constant, or over time from a table."""
+
+    link: str
+    wrench: Six | None = None
+    table: str | None = None
+    frame: Literal["link", "world"] = "link"
+
+    @model_validator(mode="after")
+    def _one(self) -> WrenchTable:
+        exactly_one(self, "wrench", "table")
+        return self
+
+
+#: Keys of the effects that scenes alone may state.
+EFFECTS: dict[str, dict[str, Any]] = {
+    "rotor_inertia": {"inertia": dict[str, NotNegative]},
+    "viscous_friction": {"coefficient": dict[str, NotNegative]},
+    "limits": {"effort": dict[str, Positive] | None},  # where left out, the limits of the robot's files
+    "base_motion": {"table": str},
+}
+Numbers: Any = table(
+    "Numbers", EffectTables, **{name: table(name, **keys) | None for name, keys in EFFECTS.items()}
+)
+
+
+class SceneEffects(Numbers):  # type: ignore[misc]
+    """[effects]: the names of effects, and their numbers; others are not computed."""
+
+    use: str | list[str] = "default"
+    payload: list[PayloadTable] = Field(default_factory=list)
+    wrench: list[WrenchTable] = Field(default_factory=list)
+
+
+class SolverTable(Schema):
+    """[solver]: the fields of `simulation.solver.Solver`."""
+
+    method: Literal["dopri5", "rk4", "implicit", "conserving"] = "dopri5"
+    step: Positive | None = None
+    rtol: Positive = 1e-8
+    atol: Positive = 1e-10
+
+    @model_validator(mode="after")
+    def _fits(self) -> SolverTable:
+        try:
+            Solver(**self.model_dump())
+        except TrajectoryError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+
+class OutputTable(Schema):
+    """[output]: times, columns and file of the result."""
+
+    rate: Positive | None = None
+    columns: Annotated[list[str], Field(min_length=1)] | None = None
+    file: str | None = None
+
+
+class EventTable(Schema):
+    """[[events]]: a joint's position, a coordinate of a link's origin, or a singularity."""
+
+    name: str | None = None
+    joint: str | None = None
+    link: str | None = None
+    singularity: Literal["closures", "motors"] | None = None
+    axis: Literal["x", "y", "z"] = "z"
+    at: FiniteFloat
+    direction: Literal["rising", "falling", "both"] = "both"
+    stop: bool = True
+
+    @model_validator(mode="after")
+    def _one(self) -> EventTable:
+        exactly_one(self, "joint", "link", "singularity")
+        return self
+
+    @property
+    def title(self) -> str:
+        """The name, or else what happens."""
+        if self.name is not None:
+            return self.name
+        if self.singularity is not None:
+            return f"singularity of the {self.singularity}"
+        return f"{self.joint} at {self.at:g}" if self.joint else f"{self.link} at {self.axis} = {self.at:g}"
+
+
+class Scene(Schema):
+    """A whole scene."""
+
+    robot: RobotTable
+    duration: Positive
+    initial: InitialTable = Field(default_factory=InitialTable)
+    motion: ReferenceTable | None = None
+    controller: (
+        Annotated[EffortsTable | PdTable | TorqueTable | PythonTable, Field(discriminator="kind")] | None
+    ) = None
+    effects: SceneEffects = Field(default_factory=SceneEffects)
+    solver: SolverTable = Field(default_factory=SolverTable)
+    output: OutputTable = Field(default_factory=OutputTable)
+    events: list[EventTable] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _either(self) -> Scene:
+        if self.motion is not None and self.controller is not None:
+            raise ValueError("give [motion] or [controller], not both")
+        return self
 
 
 @dataclass(frozen=True)

@@ -12,29 +12,42 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..assembly.assemble import assemble
 from ..description.side_cars.toml_file import Keys
+from ..dynamics.link_motion import link_motions
 from ..effects import Effects, choose, with_effects
+from ..linkage.joints import NV
 from ..loading import load
-from ..simulation.events import Event
+from ..simulation.events import Event, near_singularity
 from ..simulation.motion_law import Effort
 from ..simulation.result import Result
 from ..simulation.run import Progress
-from ..simulation.run_size import check_run_size
-from ..simulation.simulate import simulate
+from ..simulation.simulate import check_run_size, simulate
 from ..spatial import Array
 from ..structure.parameters.xacro import text_of
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
 from . import controllers
 from .effects import check_covers, read_rows, units
-from .events import events
 from .references import Point, Reference, from_points, from_table
-from .scene_file import SceneFile, read_scene
-from .scene_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
-from .start import initial_state
+from .scene_file import (
+    EffortsTable,
+    EventTable,
+    PdTable,
+    PythonTable,
+    ReferenceTable,
+    SceneFile,
+    TorqueTable,
+    read_scene,
+)
 from .toml_source import naming
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
+
+DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
+AXES = ("x", "y", "z")
+#: Largest difference between given rates and those that closed loops allow, relative to the largest rate.
+RATES = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +144,7 @@ def play(
     with naming(source, ("solver",)):
         return simulate(
             ready.robot, ready.q0, ready.v0, (0.0, scene.duration), effort=ready.effort,
-            effects=ready.effects, solver=scene.solver.solver(), events=ready.events,
+            effects=ready.effects, events=ready.events, **scene.solver.model_dump(),
             output_times=ready.output_times, progress=progress, checkpoint=checkpoint, resume=resume,
             compiled=compiled, scene=identity(source),
         )  # fmt: skip
@@ -175,11 +188,6 @@ def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
     steps = scene.duration / scene.solver.step if scene.solver.step and scene.motion is None else 0.0
     with naming(source, ("solver", "step")):
         check_run_size(robot, 0.0, steps, "take longer steps, or a shorter duration")
-    if scene.output.times is not None:
-        late = next((t for t in scene.output.times if t > scene.duration), None)
-        if late is not None:
-            raise source.error(("output", "times"), f"{late:g} s is after the end, {scene.duration:g} s")
-        return np.array(scene.output.times)
     if scene.output.rate is None:
         return None
     rows = np.floor(scene.duration * scene.output.rate * (1 + 1e-12))
@@ -248,3 +256,112 @@ def _effort_table(source: SceneFile, robot: HybridRobot, name: str) -> controlle
     columns = [f"{motor}/effort" for motor in robot.motors]
     rows = read_rows(source, ("controller", "table"), name, columns)
     return controllers.EffortTable(rows[:, 0], rows[:, 1:])
+
+
+def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | None) -> tuple[Array, Array]:
+    """Assemble positions and rates at the start, shapes (nq,), (nv,).
+
+    Args:
+        source: The scene.
+        robot: The robot.
+        reference: The motion that the controller follows, for `on_reference`; or None.
+
+    Raises:
+        HybridynError: The start cannot be assembled, or its rates would open loops.
+    """
+    initial = source.scene.initial
+    for keys, names in ((("joints",), initial.joints), (("rates", "joints"), initial.rates.joints)):
+        for name in names:
+            source.check(("initial", *keys, name), "joint", name, robot.joints)
+    platforms = {key: (pose, initial.rates.platforms.get(key)) for key, pose in initial.platforms.items()}
+    for key in initial.rates.platforms:
+        if key not in platforms:
+            raise source.error(("initial", "rates", "platforms", key), "its pose is not given in [initial]")
+    joints = {
+        name: (position, initial.rates.joints.get(name, 0.0))
+        for name, position in _positions(source, robot).items()
+    }
+    guess = None
+    if initial.on_reference and reference is not None:
+        x, x_dot, _ = reference.at(0.0)
+        joints = {name: (x[i], x_dot[i]) for i, name in enumerate(robot.motors)}
+        guess = reference.guess
+    with naming(source, ("initial",)):
+        if not joints and not platforms:
+            return robot.home.copy(), np.zeros(robot.nv)
+        q, v, _ = assemble(robot, motors=joints, platforms=platforms, guess=guess)
+    if not initial.project:
+        _check_rates(source, robot, v)
+    return q, v
+
+
+def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
+    """Return the given joint positions; where no platform is placed, motors not named stay at home.
+
+    The pose of a moving or floating base does not count as a platform, since it leaves the motors open.
+    """
+    initial = source.scene.initial
+    joints = dict(initial.joints)
+    root = robot.description.root
+    placed = [key for key in initial.platforms if key.partition("@")[0] != root]
+    wanted = {*initial.rates.joints} if placed else {*initial.rates.joints, *robot.motors}
+    for name in robot.joints:
+        if name in wanted and name not in joints and NV[robot.kinds[robot.joint_index[name]]] == 1:
+            joints[name] = float(joint_position(robot, robot.home, name))
+    return joints
+
+
+def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
+    """Check that the given rates keep the loops closed, since `assemble` changes rates that do not."""
+    rates = source.scene.initial.rates.joints
+    at = {name: robot.v_slices[robot.joint_index[name]].start for name in rates}
+    found = {name: float(v[i]) for name, i in at.items()}
+    largest = max((abs(rates[name]) / robot.unit[i] for name, i in at.items()), default=0.0)
+    for name in sorted(rates, key=lambda name: name in robot.motors):  # passive joints first
+        rate = rates[name]
+        if abs(found[name] - rate) > RATES * largest * robot.unit[at[name]]:
+            raise source.error(
+                ("initial", "rates", "joints", name),
+                f"the rates would open loops: {rate:g} for this joint, of which closed loops allow "
+                f"{found[name]:.6g}. Leave passive joints out, or set project = true",
+            )
+
+
+def events(source: SceneFile, robot: HybridRobot) -> tuple[Event, ...]:
+    """Build the events of a scene.
+
+    Raises:
+        ModelError: An unknown joint or link, or a joint with several freedoms.
+    """
+    return tuple(_event(source, robot, i, table) for i, table in enumerate(source.scene.events))
+
+
+def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable) -> Event:
+    if table.singularity is not None:
+        event = near_singularity(robot, table.at, what=table.singularity, terminal=table.stop)
+        return Event(table.title, event.function, -1, table.stop)
+    direction = DIRECTIONS[table.direction]
+    if table.joint is not None:
+        at = _coordinate(source, robot, number, table.joint)
+        return Event(table.title, lambda t, q, v: float(q[at]) - table.at, direction, table.stop)
+    link, axis = str(table.link), AXES.index(table.axis)
+    source.check(("events", number, "link"), "link", link, robot.bodies.place)
+
+    def height(t: float, q: Array, v: Array) -> float:
+        """Compute the coordinate of the link's origin, minus the threshold."""
+        return (
+            float(link_motions(robot, q[None], np.zeros((1, robot.nv)), [link])[link].p[0, axis]) - table.at
+        )
+
+    return Event(table.title, height, direction, table.stop)
+
+
+def _coordinate(source: SceneFile, robot: HybridRobot, number: int, joint: str) -> int:
+    """Return the index of a joint's coordinate in q."""
+    source.check(("events", number, "joint"), "joint", joint, robot.joints)
+    i = robot.joint_index[joint]
+    if robot.kinds[i] not in ("revolute", "prismatic"):
+        raise source.error(
+            ("events", number, "joint"), f"'{joint}' is {robot.kinds[i]}: only revolute and prismatic joints"
+        )
+    return int(robot.q_slices[i].start)

@@ -37,8 +37,8 @@ from ..errors import ModelError, SingularityError
 from ..manifold.manifold import Chart
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array
-from .motion_law import MotionLaw
-from .system import State, StepError, Stepped, System
+from .motion_law import MotionLaw, StepError
+from .system import State, Stepped, System
 
 #: Pinocchio's Data grows with the cube of the number of freedoms: 0.6 GB at 200.
 MOST_FREEDOMS = 250

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
 from ..effects.choice import Choice, choose
-from ..errors import ModelError, TrajectoryError
-from ..spatial import Array
+from ..errors import HybridynError, ModelError, TrajectoryError
+from ..spatial import LARGEST, Array
 from ..structure.robot import HybridRobot
 
 if TYPE_CHECKING:
@@ -31,13 +31,8 @@ BaseMotion = Callable[[float], tuple[Array, Array, Array]]
 CONSERVATIVE = {"gravity", "leg_inertia", "rotor_inertia", "spring"}
 
 
-@runtime_checkable
-class InC(Protocol):
-    """A law of efforts that C can evaluate, such as those of `scenes.controllers`."""
-
-    def in_c(self, compiled: CompiledRobot) -> Law | None:
-        """Return the law for the compiled models of its robot; None if only Python can evaluate it."""
-        ...
+class StepError(HybridynError):
+    """The equations of a step could not be solved; a shorter step may succeed."""
 
 
 class MotionLaw:
@@ -116,7 +111,8 @@ class MotionLaw:
         if self._law is None:
             law = Law.constant(self._effort)
         else:
-            made = self._law.in_c(self._compiled) if isinstance(self._law, InC) else None
+            in_c = getattr(self._law, "in_c", None)  # as those of `scenes.controllers` have
+            made = in_c(self._compiled) if in_c else None
             robot = self.robot
             law = made or Law.function(self._law, (robot.nq, robot.nv, len(robot.motors)))
         limits = self.on.limits
@@ -177,8 +173,13 @@ class MotionLaw:
 
         Raises:
             SingularityError: A force acts on a motion without inertia, or closures lose rank.
+            StepError: They are not finite, or so large that their squares overflow.
         """
-        return self.driven(t, q, v)[0]
+        a = self.driven(t, q, v)[0]
+        far = np.flatnonzero(~(np.abs(a.astype(float)) <= LARGEST).all(axis=1))
+        if len(far):
+            raise StepError(f"at t = {t[far[0]]:g} s the accelerations exceed {LARGEST:.0e}")
+        return a
 
     def driven(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Compute what `accelerations` does, and the efforts within their limits, shape (T, motors)."""

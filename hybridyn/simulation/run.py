@@ -8,16 +8,15 @@ from os import PathLike
 
 import numpy as np
 
-from ..assembly.task import closure_residual
 from ..dynamics.energy import Energy, energy
 from ..errors import AssemblyError, SingularityError
 from ..spatial import Array
 from .conserving import Conserving
-from .dense_output import Between
-from .events import Event, Found, occurrences
-from .result import Counters, Origin, Result, Samples, joined
+from .events import Between, Event, Found, occurrences
+from .motion_law import StepError
+from .result import Counters, Origin, Result, joined
 from .stepping import Leap, Stepper
-from .system import State, StepError, System
+from .system import State, System
 
 #: Number of steps between two checkpoints.
 CHECKPOINT_STEPS = 1000
@@ -36,7 +35,8 @@ class Run:
     ) -> None:  # fmt: skip
         self._system, self._stepper, self._origin = system, stepper, origin
         self._events, self._wanted, self._state = events, wanted, state
-        self._done, self._samples = earlier, Samples()
+        self._done = earlier
+        self._samples: list[tuple[float, Array, Array]] = []
         self._latest = np.nan if earlier is None or not len(earlier.t) else float(earlier.t[-1])
         self._parts: list[dict[str, Array]] = []
         self._progress: Progress | None = None
@@ -53,12 +53,10 @@ class Run:
             self._next += 1
         self._values = [e.function(state.t, state.q, state.v) for e in events]
 
-    def to(
-        self, end: float, progress: Progress | None, checkpoint: str | PathLike[str] | None, *, project: bool
-    ) -> Result:
+    def to(self, end: float, progress: Progress | None, checkpoint: str | PathLike[str] | None) -> Result:
         """Run to the end, or until an event, a failure or an interrupt stops the run."""
         status, message = "finished", ""
-        self._project, self._progress, self._end = project, progress, end
+        self._progress, self._end = progress, end
         most = CHECKPOINT_STEPS
         try:
             while self._stepper.sign * (end - self._state.t) > 0:
@@ -112,7 +110,7 @@ class Run:
     def _between(self, before: State, after: State) -> Between:
         """Return the interpolation of a step."""
         exact = not isinstance(self._stepper.method, Conserving)
-        return Between(self._system, before, after, exact=exact, project=self._project)
+        return Between(self._system, before, after, exact=exact)
 
     def _shown(self, leap: Leap) -> tuple[Leap, BaseException | None]:
         """Show the progress after each step; return the steps up to an interrupt, and that."""
@@ -145,9 +143,9 @@ class Run:
             self._next += 1
 
     def _add(self, t: float, q: Array, v: Array) -> None:
-        self._samples.add(t, q, v)
+        self._samples.append((t, q.copy(), v.copy()))
         self._latest = t
-        if len(self._samples.t) == BLOCK:
+        if len(self._samples) == BLOCK:
             self._complete_block()
             if self._progress is not None:  # many rows in one step: an interrupt does not wait for its end
                 self._progress(self._state.t, self._end)
@@ -194,8 +192,11 @@ class Run:
         """Evaluate the direct model at the pending samples."""
         law = self._system.law
         robot, spent = law.robot, law.evaluations
-        t, q, v = self._samples.arrays(robot)
-        self._samples = Samples()
+        t, q, v = (
+            np.array([row[i] for row in self._samples]).reshape(-1, *shape)
+            for i, shape in enumerate(((), (robot.nq,), (robot.nv,)))
+        )
+        self._samples = []
         # One sample alone is evaluated twice: NumPy adds its terms in another order than those of several,
         # and a run that stopped and went on must have the bits of one run.
         twice = [np.repeat(x, 2, axis=0) if len(t) == 1 else x for x in (t, q, v)]
@@ -203,12 +204,7 @@ class Run:
         if len(t):
             a, tau = (x[: len(t)] for x in law.driven(*twice))
         law.evaluations = spent
-        residual = np.zeros(0)
-        if len(t):
-            closed = self._system.bound
-            x = twice[1]
-            residual = law.closure_residual(x) if closed else np.asarray(closure_residual(robot, x))
-            residual = residual[: len(t)]
+        residual = law.closure_residual(twice[1])[: len(t)] if len(t) else np.zeros(0)
         stored = energy(robot, q, v, effects=law.on) if len(t) else Energy(np.zeros(0), np.zeros(0))
         self._parts.append({
             "t": t, "q": q, "v": v, "a": a, "tau": tau, "kinetic": stored.kinetic,

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -20,14 +23,19 @@ from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
 from .run import Progress, Run
-from .run_size import check_run_size
-from .solver import Solver, SolverOptions, choose_solver
+from .solver import Solver, SolverOptions, solver_of
 from .stepping import Stepper, build_method
 from .system import State, System
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
 
+#: Memory of one number of a row, in samples, result, table and text together [bytes].
+NUMBER_BYTES = 48
+#: Memory of a row besides its numbers, and of a step: list entries and headers of small arrays [bytes].
+ROW_BYTES, STEP_BYTES = 400, 40
+#: File in which Linux states the memory limit of a container.
+CONTAINER = Path("/sys/fs/cgroup/memory.max")
 #: Largest relative change of v0 by projection; away from lost rank the change is as small as v0's residual.
 MOST_RATE_CHANGE = 1e-3
 
@@ -43,7 +51,6 @@ def simulate(
     effects: Choice = None,
     wrenches: Wrenches | Mapping[str, Array] | None = None,
     base_motion: BaseMotion | None = None,
-    solver: Solver | None = None,
     events: Sequence[Event] = (),
     output_times: Sequence[float] | Array | None = None,
     initial_velocity: str = "refuse",
@@ -68,8 +75,6 @@ def simulate(
             that returns such a mapping.
         base_motion: For base="moving", a function of t that returns the root's pose x, y, z, qx, qy, qz, qw,
             its twist and its spatial acceleration, both in its own frame (Pinocchio's).
-        solver: Method, length of steps, tolerances and projection, see `hybridyn.simulation.solver.Solver`;
-            adaptive steps of "dopri5" by default.
         events: Events to detect; they are located on the dense output to rounding.
         output_times: Times of the samples; by default the ends of the steps (or `times`, if more than
             two).
@@ -85,8 +90,8 @@ def simulate(
             method. If the compiled model is not valid at a state, the general path is used.
         scene: Digest of the scene (`hybridyn.scenes.stage.identity`). It is stored in the checkpoint, and a
             run that resumes it must have the same one.
-        **options: Fields of `Solver` as keywords, instead of `solver`: method, step, rtol, atol, projection,
-            baumgarte.
+        **options: Method, length of steps and tolerances: the fields of
+            `hybridyn.simulation.solver.Solver`; adaptive steps of "dopri5" by default.
 
     Returns:
         The motion; `status` and `message` state how it ended. If loops cannot be closed any more, or at a
@@ -100,12 +105,11 @@ def simulate(
             match.
         ModelError: The method does not support this robot.
     """
-    solver = choose_solver(solver, **options)
+    solver = solver_of(options)
     one_of("initial_velocity", initial_velocity, "refuse", "project")
     times, wanted = _sampled(robot, solver, times, output_times)
     law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
-    projection = solver.projection
-    system = System(Manifold(robot), law, projection == "stages", projection == "steps", solver.baumgarte)
+    system = System(Manifold(robot), law)
     origin = Origin(robot.name, solver.method, digest(robot), scene)
     earlier = _earlier(resume, origin, times)
     state = earlier.state if earlier else _start(system, q0, v0, float(times[0]), initial_velocity)
@@ -113,7 +117,7 @@ def simulate(
     if earlier is not None:
         stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
     run = Run(system, stepper, origin, tuple(events), wanted, state, earlier)
-    return run.to(float(times[-1]), progress, checkpoint, project=projection != "never")
+    return run.to(float(times[-1]), progress, checkpoint)
 
 
 def _sampled(
@@ -225,4 +229,33 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
         q, v = manifold.project(q, v)
         if initial_velocity == "refuse":
             _check_projected_rates(manifold, given, v, rest)
-    return State(t, q, v, system.acceleration(t, q, v))
+    return State(t, q, v, law.acceleration(t, q, v))
+
+
+def check_run_size(robot: HybridRobot, rows: float, steps: float, mend: str) -> None:
+    """Check, before a run starts, that its rows and steps fit in memory.
+
+    Args:
+        rows: Number of output samples; may be infinite.
+        steps: Number of fixed steps, 0 for adaptive methods; may be infinite.
+        mend: Advice that ends the message.
+
+    Raises:
+        TrajectoryError: The run needs more memory than is available.
+    """
+    numbers = 1 + robot.nq + 2 * robot.nv + len(robot.motors) + 4
+    needed = rows * (ROW_BYTES + numbers * NUMBER_BYTES) + steps * STEP_BYTES
+    if not needed <= (there := memory()):
+        counts = [f"{rows:.3g} rows"] * bool(rows) + [f"{steps:.3g} steps"] * bool(steps)
+        raise TrajectoryError(
+            f"{' and '.join(counts)} need {needed / 1e9:.2g} GB of memory, and there are {there / 1e9:.2g} "
+            f"GB: {mend}"
+        )
+
+
+def memory() -> float:
+    """Return the memory of this machine, or of its container where that is less [bytes]."""
+    own = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    with contextlib.suppress(OSError, ValueError):  # no such file, or "max"
+        own = min(own, float(CONTAINER.read_text()))
+    return own

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -12,14 +11,12 @@ from ..errors import AssemblyError
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array, Index
 from .conserving import Conserving
-from .explicit import DOPRI5, RK4, Explicit
-from .implicit import Implicit
+from .motion_law import StepError
 from .result import Counters
+from .runge_kutta import DOPRI5, RK4, Explicit, Implicit
 from .solver import Solver
-from .system import State, StepError, Stepped, System
+from .system import State, Stepped, System
 
-#: Relative residual of closures and their rates above which a step's result is projected.
-DRIFT = 1e-11
 #: Shortest step, relative to the largest time of the run.
 SHORTEST = 1e-13
 #: Distance to the end of the run, in steps, below which a grid point counts as the end.
@@ -33,15 +30,10 @@ SPLITS = 8
 AHEAD, AHEAD_CALLING = 256, 16
 
 
-class Method(Protocol):
-    """A method that advances a state by one step."""
-
-    def step(self, system: System, state: State, h: float) -> Stepped:
-        """Advance by h."""
-        ...
+Method = Explicit | Implicit | Conserving
 
 
-def build_method(method: str, system: System) -> Explicit | Implicit | Conserving:
+def build_method(method: str, system: System) -> Method:
     """Build the method of a name."""
     if method == "conserving":
         return Conserving(system.law)
@@ -124,8 +116,6 @@ class Stepper:
             self._ahead = self._in_c(state)
         if self._ahead is None:
             stepped = self._fixed(state) if self._solver.fixed else self._chosen(state)
-            if self._solver.projection == "steps":
-                stepped = self._projected(stepped)
             self.counters.iterations += stepped.iterations
             at = stepped.state
             self._ahead = Leap(
@@ -210,7 +200,7 @@ class Stepper:
         """Take one step; on the general path if the compiled path has just refused it.
 
         Raises:
-            AssemblyError: As in `Method.step`, like StepError.
+            AssemblyError, StepError: Those of the method.
         """
         refused, self._refused = self._refused, None
         again = refused is not None and refused[0] is state and refused[1] == h
@@ -261,15 +251,6 @@ class Stepper:
         )
         worst = float(max(of_q, of_v))
         return worst if np.isfinite(worst) else np.inf
-
-    def _projected(self, stepped: Stepped) -> Stepped:
-        """Project position and velocity on the closures where they deviate by more than `DRIFT`."""
-        manifold, state = self._system.manifold, stepped.state
-        if manifold.residual(state.q)[0] <= DRIFT and manifold.opening(state.q, state.v)[0] <= DRIFT:
-            return stepped
-        self.counters.projections += 1
-        q, v = manifold.project(state.q, state.v)
-        return replace(stepped, state=State(state.t, q, v, self._system.acceleration(state.t, q, v)))
 
     def _first(self, state: State) -> float:
         """Estimate the length of the first step from rates and accelerations."""

@@ -5,25 +5,23 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ..errors import HybridynError
 from ..manifold.manifold import Chart, Manifold, Posture
 from ..manifold.module_chart import AmbiguousBranchError
-from ..spatial import LARGEST, Array
-from .motion_law import MotionLaw
+from ..spatial import Array
+from .motion_law import MotionLaw, StepError
 
 if TYPE_CHECKING:
     from ..compiled.library.steps import JointChart
 
+#: Coordinates of the manifold about a posture: of the tangent space there, or of the compiled path.
+Coordinates: TypeAlias = "Chart | JointChart"
+
 #: Largest difference between rates and their prediction, relative to speed, where another branch is near.
 TURN = 0.3
-
-
-class StepError(HybridynError):
-    """The equations of a step could not be solved; a shorter step may succeed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,37 +60,6 @@ class Stepped:
     pivot: float
 
 
-class Coordinates(Protocol):
-    """Coordinates of the manifold about a posture: a `Chart`, or one of the compiled path."""
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates."""
-        ...
-
-    @property
-    def narrow(self) -> bool:
-        """Whether another branch may be near the posture that `lift` returned last."""
-        ...
-
-    @property
-    def pivot(self) -> float:
-        """Distance of the closures from losing rank: their least pivot."""
-        ...
-
-    def independent(self, x: Array) -> Array:
-        """Return the independent part of rates, accelerations or displacements."""
-        ...
-
-    def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Compute posture and rates at coordinates and velocities."""
-        ...
-
-    def rates(self, u: Array) -> Array:
-        """Compute the rates of u at the posture that `lift` returned last."""
-        ...
-
-
 @dataclass(frozen=True)
 class System:
     """The integrated system.
@@ -100,48 +67,15 @@ class System:
     Attributes:
         manifold: The manifold of assembled postures.
         law: The accelerations.
-        bound: Whether every stage is assembled; if not, closures drift within a step.
-        guarded: Whether stages are assembled, even if `bound` is False, when closures are close to losing
-            rank, because drift leads to another branch there.
-        baumgarte: Rate of Baumgarte's stabilisation [1/s], or None.
     """
 
     manifold: Manifold
     law: MotionLaw
-    bound: bool = True
-    guarded: bool = True
-    baumgarte: float | None = None
-
-    def acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Compute the accelerations at one state, shape (nv,)."""
-        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
-        return out
-
-    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Compute the accelerations at many states, with Baumgarte's stabilisation if set, shape (T, nv).
-
-        Raises:
-            StepError: They are not finite, or so large that their squares overflow.
-        """
-        a = self.law.accelerations(t, q, v)
-        far = np.flatnonzero(~(np.abs(a.astype(float)) <= LARGEST).all(axis=1))
-        if len(far):
-            raise StepError(f"at t = {t[far[0]]:g} s the accelerations exceed {LARGEST:.0e}")
-        if self.baumgarte is not None:
-            a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
-        return a
-
-    def chart(self, state: State) -> Chart:
-        """Build the chart of a step."""
-        chart = self.manifold.chart(state.q, state.v, bound=self.bound or self.guarded)
-        if self.bound or (self.guarded and chart.close_to_lost_rank):
-            return chart
-        return self.manifold.chart(state.q, bound=False)
 
     def joint_chart(self, state: State) -> JointChart | None:
         """Return the compiled path's chart for a step, or None where there is none."""
         steps = self.law.steps
-        return None if steps is None or not self.bound else steps.chart(state.q)
+        return None if steps is None else steps.chart(state.q)
 
     def lift(self, state: State, xi: Array, v: Array) -> tuple[Array, Array] | None:
         """Close the loops on the compiled path from a displacement of a state, with the independent rates.
@@ -149,7 +83,7 @@ class System:
         Returns:
             Positions and rates, shapes (nq,), (nv,), or None if the general path must close them.
         """
-        steps = self.law.steps if self.bound else None
+        steps = self.law.steps
         lifted = None if steps is None else steps.lift(state.q, xi, v)
         return None if lifted is None else (lifted[0][0], lifted[0][2])
 
@@ -193,7 +127,7 @@ class System:
 
     def rates(self, chart: Coordinates, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
         """Compute y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
-        a = self.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
+        a = self.law.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
         pull = self.manifold.retraction.pull
         y_dot = np.array([chart.independent(pull(p.xi, p.v)) for p in postures])
         return y_dot, chart.independent(a.T).T, a
@@ -208,7 +142,7 @@ def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates]
     if (chart := system.joint_chart(state)) is not None:
         with contextlib.suppress(AmbiguousBranchError):
             return step(chart)
-    return step(system.chart(state))
+    return step(system.manifold.chart(state.q, state.v))
 
 
 def weighted(weights: Array, k: list[Array]) -> Array:

@@ -15,8 +15,8 @@ from hybridyn.scenes import controllers
 from hybridyn.scenes.prescribed import follow_motion
 from hybridyn.scenes.references import Point, Reference, from_points
 from hybridyn.simulation import stepping
-from hybridyn.simulation.explicit import RK4, Explicit
 from hybridyn.simulation.result import Result
+from hybridyn.simulation.runge_kutta import RK4, Explicit
 from tests.comparing import close_to, refused, same_bits
 
 SOLVED = 1e-12  # two solutions of the loops and of the inertia, relative

@@ -102,15 +102,6 @@ def test_postures_out_of_reach_name_the_module() -> None:
     refused(lambda: chart.lift(np.array([30.0, 20.0]), np.zeros(2)), AssemblyError, words, module=module)
 
 
-def test_baumgarte_pulls_back() -> None:
-    robot = build_robot(shipped("five_bar"))
-    manifold, rng = Manifold(robot), np.random.default_rng(5)
-    q, v = robot.home + 1e-3 * rng.normal(size=robot.nq), rng.normal(size=robot.nv)
-    a = manifold.pull_back(q, v, 7.0)
-    residual, K = manifold.looped[0][1].at(q)
-    close_to(K @ (a / manifold.unit), -14 * K @ (v / manifold.unit) - 49 * residual, 1e-3)  # redundant rows
-
-
 # -------------------------------------------------------------------- moves on joints
 
 ALL = ("revolute", "continuous", "prismatic", "spherical", "planar", "floating")

@@ -14,7 +14,7 @@ import hybridyn
 from docs.extensions import tolerances
 from hybridyn.description import Description
 from hybridyn.description.side_cars.tables import ModelFile, keys_at
-from hybridyn.scenes import scene_tables as scenes
+from hybridyn.scenes import scene_file as scenes
 from hybridyn.scenes.stage import play, stage
 from hybridyn.studies.cost.points import Point
 from hybridyn.studies.sweep.evaluation import STATUSES

@@ -1,7 +1,6 @@
 """Scenes as they run: every shipped one, power balance under all effects, resuming, prescribed motions."""
 
 import tracemalloc
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import hybridyn
 from hybridyn.scenes.effects import units
 from hybridyn.scenes.scene_file import SceneFile, read_scene
 from hybridyn.scenes.stage import Stage, identity, play, stage
-from hybridyn.simulation.run_size import NUMBER_BYTES, ROW_BYTES
+from hybridyn.simulation.simulate import NUMBER_BYTES, ROW_BYTES
 from hybridyn.simulation.table import columns_of, rows_of
 from tests import ROOT
 from tests.comparing import refused
@@ -179,42 +178,13 @@ def test_numbers_of_the_scene_replace_those_of_the_robot(tmp_path: Path) -> None
 def test_a_prescribed_motion_takes_the_inverse_models_efforts(tmp_path: Path) -> None:
     (tmp_path / "traj.csv").symlink_to(ROOT / "models/five_bar/traj.csv")
     text = '[motion]\ntable = "traj.csv"\n[effects]\nuse = "model"\n'
-    ready = stage(written(tmp_path, text + "[output]\ntimes = [0.0, 0.0421, 0.2]\n"))
+    ready = stage(written(tmp_path, text + "[output]\nrate = 23.75\n"))
     result = play(ready)
-    assert (result.status, result.method, list(result.t)) == ("finished", "prescribed", [0.0, 0.0421, 0.2])
+    assert (result.status, result.method) == ("finished", "prescribed")
+    assert result.t == pytest.approx(np.arange(5) / 23.75)
     found = hybridyn.ddm(ready.robot, result.q, result.v, result.tau, effects="model")
     assert found == pytest.approx(result.a, abs=1e-8 * np.abs(result.a).max())
     refused(lambda: play(ready, resume=result), hybridyn.HybridynError, "nothing to resume")
-
-
-@pytest.mark.parametrize(
-    ("position", "noted"),
-    [
-        (lambda t: 0.4 * np.minimum(t / 0.05, 1.0), True),  # a ramp that ends: the spline passes its rows
-        (lambda t: 0.4 * np.sin(2.0 * np.pi * t / 0.11), False),  # eleven rows a turn
-        (lambda t: np.round(0.4 * np.sin(3.0 * t) ** 4, 4), False),
-    ],
-)
-def test_a_kink_in_a_table_is_noted(
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-    position: Callable[[np.ndarray], np.ndarray],
-    noted: bool,
-) -> None:
-    time = np.linspace(0.0, 0.2, 21)
-    rows = np.column_stack([time, position(time), 0.0 * time])
-    np.savetxt(
-        tmp_path / "kink.csv", rows, delimiter=",", comments="",
-        header="time,m1_left_drive/position,m1_right_drive/position",
-    )  # fmt: skip
-    play(stage(written(tmp_path, '[motion]\ntable = "kink.csv"\n')))
-    found = [record.getMessage() for record in caplog.records if "kink" in record.getMessage()]
-    assert bool(found) == noted
-    if noted:
-        assert (
-            "kink.csv: between its rows at 0.06 s and 0.07 s, the smooth motion of 'm1_left_drive'"
-            in found[0]
-        )
 
 
 def to_point(folder: Path, samples: int) -> Stage:

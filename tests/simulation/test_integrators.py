@@ -13,9 +13,8 @@ from hybridyn.assembly.task import closure_residual
 from hybridyn.effects import Damper, Spring
 from hybridyn.errors import AssemblyError
 from hybridyn.simulation.conserving import Conserving
-from hybridyn.simulation.explicit import DOPRI5, RK4
-from hybridyn.simulation.implicit import Implicit
 from hybridyn.simulation.result import Result
+from hybridyn.simulation.runge_kutta import DOPRI5, RK4, Implicit
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, FiniteFloat, model_validator
 
 from ...description.side_cars.tables import Schema
-from ...scenes.scene_tables import RobotTable, exactly_one
+from ...scenes.scene_file import RobotTable, exactly_one
 
 #: Names of parameters, tasks and measures: they are columns of the table, and names in expressions.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
