@@ -1,11 +1,13 @@
 """Robots and states that move freely, for the tests of time integration."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from hybridyn import load
+from hybridyn.effects import BaseMotion
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.simulation.result import Result
@@ -44,6 +46,11 @@ def begin(of: Swing, **acting: object) -> tuple[System, State]:
     robot, q, v = of
     law = MotionLaw(robot, **acting)  # type: ignore[arg-type]
     return System(Manifold(robot), law), State(0.0, q, v, law.acceleration(0.0, q.copy(), v.copy()))
+
+
+def still_base(pose: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)) -> BaseMotion:
+    """Return the motion of a prescribed base that rests."""
+    return BaseMotion(np.arange(6.0), np.tile(pose, (6, 1)))
 
 
 def chain(folder: Path, bodies: str, joints: str, **options: object) -> HybridRobot:

@@ -25,6 +25,7 @@ from tests.generated_judge import judge
 from tests.oracle import Base, Oracle
 from tests.samples import fuzz, slow
 from tests.strategies import clear_rank, for_all, mechanisms, one_freedom
+from tests.swings import still_base
 from tests.waiting import outcome
 from tests.written_out import Interpreted
 
@@ -83,10 +84,11 @@ def judged(robot: hybridyn.HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.nd
 
 def simulated(robot: hybridyn.HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
     """Take some steps; loops stay closed."""
-    moving = {"base_motion": at_rest} if robot.base == "moving" else {}
+    moving = {}
     if robot.base == "moving":
         q, v = q.copy(), v.copy()
         q[:, :7], v[:, :6] = [0, 0, 0, 0, 0, 0, 1], 0.0
+        moving["effects"] = ["default", still_base()]
     result = hybridyn.simulate(
         robot, q[0], v[0], (0, STEPS * STEP), method="rk4", step=STEP, initial_velocity="project", **moving
     )
@@ -94,10 +96,6 @@ def simulated(robot: hybridyn.HybridRobot, q: np.ndarray, v: np.ndarray, tau: np
     assert result.residual.max() <= CLOSED, case
     if result.status == "finished":
         assert len(result.t) == STEPS + 1, case
-
-
-def at_rest(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.array([0.0, 0, 0, 0, 0, 0, 1]), np.zeros(6), np.zeros(6)
 
 
 @pytest.mark.parametrize("what", ["models", "compile"])

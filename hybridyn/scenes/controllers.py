@@ -37,15 +37,10 @@ def by_motor(robot: HybridRobot, what: str, numbers: Gains) -> Array:
         ModelError: An unknown motor, one without a number, or a number that is negative or not finite.
     """
     if isinstance(numbers, Mapping):
-        for name in numbers:
-            if name not in robot.motors:
-                raise ModelError(
-                    f"{what}: there is no motor '{name}'{did_you_mean(name, robot.motors)}", element=name
-                )
+        out = constant(robot, numbers, what)
         absent = [name for name in robot.motors if name not in numbers]
         if absent:
             raise ModelError(f"{what}: motor '{absent[0]}' has no number", element=absent[0])
-        out = np.array([float(numbers[name]) for name in robot.motors])
     else:
         out = np.full(len(robot.motors), float(numbers))
     if not (np.isfinite(out).all() and (out >= 0).all()):
@@ -177,16 +172,18 @@ class ComputedTorque(Pd):
         return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), self._programs.at)
 
 
-def constant(robot: HybridRobot, efforts: Mapping[str, float]) -> Array:
+def constant(robot: HybridRobot, numbers: Mapping[str, float], what: str = "efforts") -> Array:
     """Return constant efforts by motor as an array, zero where not named, shape (motors,).
 
     Raises:
         ModelError: An unknown motor.
     """
-    for name in efforts:
+    for name in numbers:
         if name not in robot.motors:
-            raise ModelError(f"there is no motor '{name}'{did_you_mean(name, robot.motors)}", element=name)
-    return np.array([float(efforts.get(name, 0.0)) for name in robot.motors])
+            raise ModelError(
+                f"{what}: there is no motor '{name}'{did_you_mean(name, robot.motors)}", element=name
+            )
+    return np.array([float(numbers.get(name, 0.0)) for name in robot.motors])
 
 
 def from_file(robot: HybridRobot, path: str, function: str) -> Effort:

@@ -1,11 +1,16 @@
-"""Build the effects that a scene names, with the scene's own numbers or the robot's."""
+"""Build the effects that a scene names, with the scene's own numbers or the robot's, and its events."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..dynamics.link_motion import link_motions
 from ..effects import UNITS, BaseMotion, Payload, Wrench
 from ..effects.choice import listed_units
+from ..simulation.events import Event, near_singularity
 from ..spatial import Array
 from ..tables.opening import read_columns
 from ..tables.signals import POSE, WRENCH
@@ -14,8 +19,10 @@ from .toml_source import naming
 if TYPE_CHECKING:
     from ..description.side_cars.toml_file import Keys
     from ..structure.robot import HybridRobot
-    from .scene_file import SceneFile
+    from .scene_file import EventTable, SceneFile
 
+DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
+AXES = ("x", "y", "z")
 LISTS = ("payload", "wrench", "base_motion", "use")
 
 
@@ -35,7 +42,7 @@ def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
     for name, values in own.items():
         _check_names(source, robot, name, values)
         found.append(_made(source, ("effects", name), UNITS[name], values))
-    return found + _payloads(source, robot) + _wrenches(source, robot) + _base(source, robot)
+    return found + _on_links(source, robot) + _base(source, robot)
 
 
 def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]) -> Any:
@@ -54,25 +61,19 @@ def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[
             source.check(("effects", name, key, entry), what, entry, known)
 
 
-def _payloads(source: SceneFile, robot: HybridRobot) -> list[Any]:
+def _on_links(source: SceneFile, robot: HybridRobot) -> list[Any]:
+    """Build the payloads and wrenches of a scene."""
     out = []
-    for i, table in enumerate(source.scene.effects.payload):
-        source.check(("effects", "payload", i, "link"), "link", table.link, robot.bodies.place)
-        values = table.model_dump(exclude_none=True)
-        out.append(_made(source, ("effects", "payload", i), Payload, values))
-    return out
-
-
-def _wrenches(source: SceneFile, robot: HybridRobot) -> list[Any]:
-    out = []
-    for i, table in enumerate(source.scene.effects.wrench):
-        source.check(("effects", "wrench", i, "link"), "link", table.link, robot.bodies.place)
-        values: dict[str, Any] = {"link": table.link, "frame": table.frame, "wrench": table.wrench}
-        if table.table is not None:
-            rows = read_rows(source, ("effects", "wrench", i, "table"), table.table,
-                             [f"{table.link}/wrench/{part}" for part in WRENCH])  # fmt: skip
-            values |= {"time": rows[:, 0], "wrench": rows[:, 1:]}
-        out.append(_made(source, ("effects", "wrench", i), Wrench, values))
+    for name, kind in (("payload", Payload), ("wrench", Wrench)):
+        for i, table in enumerate(getattr(source.scene.effects, name)):
+            keys = ("effects", name, i)
+            source.check((*keys, "link"), "link", table.link, robot.bodies.place)
+            values = table.model_dump(exclude_none=True)
+            if "table" in values:
+                columns = [f"{table.link}/wrench/{part}" for part in WRENCH]
+                rows = read_rows(source, (*keys, "table"), values.pop("table"), columns)
+                values |= {"time": rows[:, 0], "wrench": rows[:, 1:]}
+            out.append(_made(source, keys, kind, values))
     return out
 
 
@@ -112,3 +113,44 @@ def check_covers(source: SceneFile, keys: Keys, time: Array) -> None:
             f"the table runs from {time[0]:g} s to {time[-1]:g} s, the scene from 0 to "
             f"{source.scene.duration:g} s",
         )
+
+
+def events(source: SceneFile, robot: HybridRobot) -> tuple[Event, ...]:
+    """Build the events of a scene.
+
+    Raises:
+        ModelError: An unknown joint or link, or a joint with several freedoms.
+    """
+    return tuple(_event(source, robot, i, table) for i, table in enumerate(source.scene.events))
+
+
+def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable) -> Event:
+    if table.singularity is not None:
+        event = near_singularity(robot, table.at, what=table.singularity, terminal=table.stop)
+        return replace(event, name=table.title)
+    direction = DIRECTIONS[table.direction]
+    if table.joint is not None:
+        source.check(("events", number, "joint"), "joint", table.joint, robot.joints)
+        i = robot.joint_index[table.joint]
+        if robot.kinds[i] not in ("revolute", "prismatic"):
+            raise source.error(
+                ("events", number, "joint"),
+                f"'{table.joint}' is {robot.kinds[i]}: only revolute and prismatic joints",
+            )
+        at = int(robot.q_slices[i].start)
+        return Event(
+            table.title,
+            lambda t, q, v: float(q[at]) - table.at,
+            direction,
+            table.stop,
+        )
+    link, axis = str(table.link), AXES.index(table.axis)
+    source.check(("events", number, "link"), "link", link, robot.bodies.place)
+
+    def height(t: float, q: Array, v: Array) -> float:
+        """Compute the coordinate of the link's origin, minus the threshold."""
+        return (
+            float(link_motions(robot, q[None], np.zeros((1, robot.nv)), [link])[link].p[0, axis]) - table.at
+        )
+
+    return Event(table.title, height, direction, table.stop)

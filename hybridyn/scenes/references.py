@@ -1,22 +1,34 @@
-"""Reference motions of the motors as functions of time: from a table, or from point to point."""
+"""Reference motions of the motors over time, from a table or from point to point; and their efforts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..assembly.assemble import assemble
+from ..assembly.task import closure_residual
 from ..compiled.library.laws import Pieces
+from ..dynamics.energy import energy
+from ..dynamics.inverse import idm
+from ..effects import Effects
 from ..errors import AssemblyError, ModelError, TrajectoryError
 from ..simulation.events import QUINTIC
+from ..simulation.result import Counters, Origin, Result
+from ..simulation.system import State
 from ..spatial import Array, Index, Mask
+from ..streams.efforts import samples_counted_from
+from ..streams.one_pass import rows_at_once
 from ..structure.robot import HybridRobot
 from ..tables.columns import read_layout
 from ..tables.opening import open_table
 from ..tables.trajectory import Motion, read_motions
+
+if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +57,8 @@ class MotorAxes:
             if robot.v_slices[i].stop - robot.v_slices[i].start != 1:
                 raise ModelError(f"motor '{name}' has several freedoms: no controller is made for it")
         return MotorAxes(
-            np.array([robot.q_slices[i].start for i in numbers], dtype=int),
-            np.array([robot.v_slices[i].start for i in numbers], dtype=int),
+            robot.motor_q,
+            robot.motor_v,
             np.array([robot.kinds[i] == "continuous" for i in numbers], dtype=bool),
         )
 
@@ -59,9 +71,11 @@ class MotorAxes:
 
     def error(self, desired: Array, q: Array) -> Array:
         """Compute the position errors x_d - x, shape (motors,); for continuous joints in [-pi, pi)."""
-        out = desired - self.positions(q)
-        out[self.turns] = (out[self.turns] + np.pi) % (2 * np.pi) - np.pi
-        return out
+        return self.shortest(desired - self.positions(q))
+
+    def shortest(self, step: Array) -> Array:
+        """Reduce steps of continuous joints to [-pi, pi)."""
+        return np.where(self.turns, (step + np.pi) % (2 * np.pi) - np.pi, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +170,7 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
             error.within(f"the point at {point.time:g} s")
             raise
         times.append(point.time)
-        rows.append(row if not rows else rows[-1] + _shortest(axes, row - rows[-1]))
+        rows.append(row if not rows else rows[-1] + axes.shortest(row - rows[-1]))
     x = np.zeros((3, len(rows), len(robot.motors)))
     x[0] = rows
     return Reference(np.array(times), x, True, start)
@@ -174,11 +188,6 @@ def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tup
     out[axes.at] = np.where(axes.turns, np.cos(row), row)
     out[axes.at[axes.turns] + 1] = np.sin(row[axes.turns])
     return out, row
-
-
-def _shortest(axes: MotorAxes, step: Array) -> Array:
-    """Reduce the steps of continuous joints to [-pi, pi)."""
-    return np.where(axes.turns, (step + np.pi) % (2 * np.pi) - np.pi, step)
 
 
 def from_table(robot: HybridRobot, path: str) -> Reference:
@@ -220,3 +229,69 @@ def read_motion(robot: HybridRobot, path: str) -> Motion:
             base=robot.base if posed else "fixed", file=table.file,
         )  # fmt: skip
         return Motion.joined([*read_motions(table, layout)])
+
+
+def follow_motion(
+    robot: HybridRobot,
+    reference: Reference,
+    times: Array,
+    effects: Effects,
+    guess: Array,
+    compiled: CompiledRobot | None = None,
+) -> Result:
+    """Compute the motion of a robot whose motors follow a reference exactly, and the efforts, block by block.
+
+    Args:
+        robot: The robot; its motors must determine its posture.
+        reference: The motion of the motors.
+        times: Times of the samples, shape (T,), [s].
+        effects: The effects that are computed.
+        guess: Posture near the start, shape (nq,).
+        compiled: The robot's compiled models with these effects; None for the general path.
+
+    Raises:
+        AssemblyError: A posture is out of reach, or motors do not determine the motion.
+        ActuationError: A passive motion would need an effort.
+    """
+    rows = rows_at_once(robot)
+    blocks: list[tuple[Array, ...]] = []
+    for first in range(0, len(times), rows):
+        with samples_counted_from(first):
+            posture, *found = _block(robot, reference, times[first : first + rows], effects, guess, compiled)
+        guess = posture[-1]
+        blocks.append(tuple(found))
+    q, v, a, tau, kinetic, potential, residual = map(np.concatenate, zip(*blocks, strict=True))
+    return Result(
+        origin=Origin(robot.name, "prescribed"), t=times, q=q, v=v, a=a, tau=tau, kinetic=kinetic,
+        potential=potential, residual=residual, pivot=np.zeros(0), events=(), status="finished", message="",
+        counters=Counters(), state=State(float(times[-1]), q[-1], v[-1], a[-1]), next_step=0.0, on_grid=0,
+        start=float(times[0]),
+    )  # fmt: skip
+
+
+def _block(
+    robot: HybridRobot,
+    reference: Reference,
+    times: Array,
+    effects: Effects,
+    guess: Array,
+    compiled: CompiledRobot | None,
+) -> tuple[Array, ...]:
+    """Compute some samples.
+
+    Returns:
+        The assembled positions, shape (T, nq); those with a prescribed base's pose, rates, accelerations,
+        efforts, kinetic and potential energy, and residuals.
+    """
+    x = reference.rows(times)
+    motors = {name: tuple(level[:, i] for level in x) for i, name in enumerate(robot.motors)}
+    close = partial(assemble, robot) if compiled is None else compiled.assemble
+    closed, v, a = close(motors=motors, guess=guess)
+    q = closed
+    if effects.base is not None:
+        q, v, a = effects.base.into(robot, times, q, v, a)
+    model = partial(idm, robot, effects=effects, time=times) if compiled is None else compiled.idm
+    tau = model(q, v, a)
+    stored = energy(robot, q, v, effects=effects)
+    residual = np.asarray(closure_residual(robot, q))
+    return closed, q, v, a, tau, stored.kinetic, stored.potential, residual

@@ -28,7 +28,7 @@ from pydantic import Field, FiniteFloat, model_validator
 from ..description.shipped import find_robot
 from ..description.side_cars.tables import EffectTables, Schema, table
 from ..errors import TrajectoryError
-from ..simulation.solver import Solver
+from ..simulation.stepping import Solver
 from .toml_source import TomlSource, read_schema
 
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -194,7 +194,7 @@ class SceneEffects(Numbers):  # type: ignore[misc]
 
 
 class SolverTable(Schema):
-    """[solver]: the fields of `simulation.solver.Solver`."""
+    """[solver]: the fields of `simulation.stepping.Solver`."""
 
     method: Literal["dopri5", "rk4", "implicit", "conserving"] = "dopri5"
     step: Positive | None = None

@@ -14,11 +14,10 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..description.side_cars.toml_file import Keys
-from ..dynamics.link_motion import link_motions
 from ..effects import Effects, choose, with_effects
 from ..linkage.joints import NV
 from ..loading import load
-from ..simulation.events import Event, near_singularity
+from ..simulation.events import Event
 from ..simulation.motion_law import Effort
 from ..simulation.result import Result
 from ..simulation.run import Progress
@@ -27,11 +26,10 @@ from ..spatial import Array
 from ..structure.parameters.xacro import text_of
 from ..structure.robot import HybridRobot, joint_position
 from . import controllers
-from .effects import check_covers, read_rows, units
-from .references import Point, Reference, from_points, from_table
+from .effects import check_covers, events, read_rows, units
+from .references import Point, Reference, follow_motion, from_points, from_table
 from .scene_file import (
     EffortsTable,
-    EventTable,
     PdTable,
     PythonTable,
     ReferenceTable,
@@ -44,8 +42,6 @@ from .toml_source import naming
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
 
-DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
-AXES = ("x", "y", "z")
 #: Largest difference between given rates and those that closed loops allow, relative to the largest rate.
 RATES = 1e-6
 
@@ -134,8 +130,6 @@ def play(
     """
     scene, source = ready.source.scene, ready.source
     if ready.motion is not None:
-        from .prescribed import follow_motion
-
         if resume is not None:
             raise source.error(("motion",), "nothing is integrated, so there is nothing to resume")
         times = np.array([0.0, scene.duration]) if ready.output_times is None else ready.output_times
@@ -226,7 +220,9 @@ def _effort(
         if isinstance(table, EffortsTable):
             if table.efforts is not None:
                 return controllers.constant(robot, table.efforts), None
-            return _effort_table(source, robot, str(table.table)), None
+            columns = [f"{motor}/effort" for motor in robot.motors]
+            rows = read_rows(source, ("controller", "table"), str(table.table), columns)
+            return controllers.EffortTable(rows[:, 0], rows[:, 1:]), None
         if isinstance(table, PdTable):
             reference = _reference(source, ("controller", "reference"), table.reference, robot, start)
             return controllers.Pd(robot, reference, table.kp, table.kd), reference
@@ -250,12 +246,6 @@ def _python(source: SceneFile, robot: HybridRobot, table: PythonTable, allow: bo
             "allow_python=True",
         )
     return controllers.from_file(robot, source.beside(table.file), table.function)
-
-
-def _effort_table(source: SceneFile, robot: HybridRobot, name: str) -> controllers.EffortTable:
-    columns = [f"{motor}/effort" for motor in robot.motors]
-    rows = read_rows(source, ("controller", "table"), name, columns)
-    return controllers.EffortTable(rows[:, 0], rows[:, 1:])
 
 
 def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | None) -> tuple[Array, Array]:
@@ -325,43 +315,3 @@ def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
                 f"the rates would open loops: {rate:g} for this joint, of which closed loops allow "
                 f"{found[name]:.6g}. Leave passive joints out, or set project = true",
             )
-
-
-def events(source: SceneFile, robot: HybridRobot) -> tuple[Event, ...]:
-    """Build the events of a scene.
-
-    Raises:
-        ModelError: An unknown joint or link, or a joint with several freedoms.
-    """
-    return tuple(_event(source, robot, i, table) for i, table in enumerate(source.scene.events))
-
-
-def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable) -> Event:
-    if table.singularity is not None:
-        event = near_singularity(robot, table.at, what=table.singularity, terminal=table.stop)
-        return Event(table.title, event.function, -1, table.stop)
-    direction = DIRECTIONS[table.direction]
-    if table.joint is not None:
-        at = _coordinate(source, robot, number, table.joint)
-        return Event(table.title, lambda t, q, v: float(q[at]) - table.at, direction, table.stop)
-    link, axis = str(table.link), AXES.index(table.axis)
-    source.check(("events", number, "link"), "link", link, robot.bodies.place)
-
-    def height(t: float, q: Array, v: Array) -> float:
-        """Compute the coordinate of the link's origin, minus the threshold."""
-        return (
-            float(link_motions(robot, q[None], np.zeros((1, robot.nv)), [link])[link].p[0, axis]) - table.at
-        )
-
-    return Event(table.title, height, direction, table.stop)
-
-
-def _coordinate(source: SceneFile, robot: HybridRobot, number: int, joint: str) -> int:
-    """Return the index of a joint's coordinate in q."""
-    source.check(("events", number, "joint"), "joint", joint, robot.joints)
-    i = robot.joint_index[joint]
-    if robot.kinds[i] not in ("revolute", "prismatic"):
-        raise source.error(
-            ("events", number, "joint"), f"'{joint}' is {robot.kinds[i]}: only revolute and prismatic joints"
-        )
-    return int(robot.q_slices[i].start)

@@ -100,8 +100,6 @@ class _Attempt:
 class Conserving:
     """The energy-conserving method, with Pinocchio's data of one robot."""
 
-    order = 2
-
     def __init__(self, law: MotionLaw) -> None:
         """Build the model of the robot's energy from the effects: gravity, leg inertia, rotors, springs.
 

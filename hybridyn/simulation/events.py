@@ -17,6 +17,7 @@ import numpy as np
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..structure.samples import one_of
 from .system import State, System
 
 #: Bisections of one step: its length over 2^52 is rounding.
@@ -41,7 +42,11 @@ QUINTIC = np.array(
 
 
 class Between:
-    """Interpolation of the states within one step."""
+    """Interpolation of the states within one step.
+
+    Attributes:
+        end: End of the step [s].
+    """
 
     def __init__(self, system: System, before: State, after: State, *, exact: bool) -> None:
         """Set the ends of the step.
@@ -52,19 +57,17 @@ class Between:
             exact: True where both ends carry the direct model's accelerations.
         """
         self._system, self._before, self._after = system, before, after
-        self._exact = exact
-
-    @property
-    def end(self) -> float:
-        """End of the step [s]."""
-        return self._after.t
+        self._exact, self.end = exact, after.t
 
     @cached_property
     def _ends(self) -> Array:
         """Value, first and second rate of xi at both ends, times powers of h, shape (6, nv)."""
         retraction = self._system.manifold.retraction
         h = self._after.t - self._before.t
-        a0, a1 = (self._acceleration(s) for s in (self._before, self._after))
+        a0, a1 = self._before.a, self._after.a
+        if not self._exact:
+            law, ends = self._system.law, (self._before, self._after)
+            a0, a1 = (law.acceleration(end.t, end.q.copy(), end.v.copy()) for end in ends)
         moved = h * (self._before.v + self._after.v) / 2
         xi = retraction.unwound(retraction.difference(self._before.q, self._after.q), moved)
         rate = retraction.pull(xi, self._after.v)
@@ -80,11 +83,6 @@ class Between:
         pull = manifold.retraction.pull
         size = RATE_DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
         return (pull(xi + size * rate, v) - pull(xi - size * rate, v)) / (2 * size)
-
-    def _acceleration(self, state: State) -> Array:
-        if self._exact:
-            return state.a
-        return self._system.law.acceleration(state.t, state.q.copy(), state.v.copy())
 
     def at(self, t: float) -> tuple[Array, Array]:
         """Compute positions and rates at a time, shapes (nq,), (nv,).
@@ -103,8 +101,9 @@ class Between:
         q = manifold.retraction.move(self._before.q, xi)
         v = manifold.retraction.push(xi, QUINTIC @ rates @ self._ends / h)
         if manifold.looped:
-            lifted = self._system.lift(self._before, xi, v)
-            q, v = manifold.project(q, v) if lifted is None else lifted
+            steps = self._system.law.steps  # the compiled path, unless the general one must close them
+            lifted = None if steps is None else steps.lift(self._before.q, xi, v)
+            q, v = manifold.project(q, v) if lifted is None else (lifted[0][0], lifted[0][2])
         self._system.law.place_base(t, q, v)
         return q, v
 
@@ -234,6 +233,5 @@ def near_singularity(
         s = np.linalg.svd(rows, compute_uv=False)
         return float(s[-1] / s[0]) - threshold if len(s) and s[0] > 0 else 1.0
 
-    if what not in ("closures", "motors"):
-        raise ValueError(f"what must be 'closures' or 'motors', not {what!r}")
+    one_of("what", what, "closures", "motors")
     return Event(f"singularity of the {what}", closures if what == "closures" else motors, -1, terminal)

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 Effort = Callable[[float, Array, Array], Array]
 Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]
-BaseMotion = Callable[[float], tuple[Array, Array, Array]]
 
 #: Effects that store energy without dissipating any, besides inertia and velocity.
 CONSERVATIVE = {"gravity", "leg_inertia", "rotor_inertia", "spring"}
@@ -48,11 +47,10 @@ class MotionLaw:
         robot: HybridRobot,
         effort: Effort | Array | None = None,
         wrenches: Wrenches | Mapping[str, Array] | None = None,
-        base_motion: BaseMotion | None = None,
         effects: Choice = None,
         compiled: CompiledRobot | None = None,
     ) -> None:
-        """Collect efforts, wrenches, base motion and effects; see `simulate` for the arguments.
+        """Collect efforts, wrenches and effects; see `simulate` for the arguments.
 
         Raises:
             ModelError: Effects that are unknown, lack numbers or contradict each other; no inertia;
@@ -64,14 +62,13 @@ class MotionLaw:
         self.on = choose(robot, effects)
         if self.on.inertia is None:
             raise ModelError("nothing moves without the effect 'inertia'", element="inertia")
-        self._wrenches, self._base, self._compiled = wrenches, base_motion, compiled
+        self._wrenches, self._compiled = wrenches, compiled
         if compiled is not None:
             self._check_compiled(compiled)
-        moves = (base_motion is not None) + (self.on.base is not None)
-        if moves != (robot.base == "moving"):
+        if (self.on.base is not None) != (robot.base == "moving"):
             raise TrajectoryError(
-                f"the base of '{robot.name}' is '{robot.base}', and {moves} motions of it are given: a base "
-                "that is 'moving' needs one (base_motion, or the effect 'base_motion'), another none"
+                f"the base of '{robot.name}' is '{robot.base}': a base that is 'moving' needs the effect "
+                "'base_motion' (`hybridyn.effects.BaseMotion`), another must not have it"
             )
         self._law = effort if callable(effort) else None
         self._effort = np.zeros(len(robot.motors))
@@ -152,13 +149,9 @@ class MotionLaw:
 
     def place_base(self, t: float, q: Array, v: Array) -> Array:
         """Write a prescribed base's pose and twist into q and v; return its acceleration, shape (6,)."""
-        if self.on.base is not None:
-            pose, twist, acceleration = (x[0] for x in self.on.base.at(np.array([t])))
-        elif self._base is not None:
-            pose, twist, acceleration = (np.asarray(x, dtype=float) for x in self._base(t))
-        else:
+        if self.on.base is None:
             return np.zeros(6)
-        q[:7], v[:6] = pose, twist
+        q[:7], v[:6], acceleration = (x[0] for x in self.on.base.at(np.array([t])))
         return np.asarray(acceleration)
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import struct
@@ -10,7 +11,7 @@ import sys
 import tokenize
 import zipfile
 import zlib
-from dataclasses import asdict, astuple, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from os import PathLike
 from typing import Any
 
@@ -107,11 +108,6 @@ class Result:
     start: float
 
     @property
-    def robot(self) -> str:
-        """Name of the robot."""
-        return self.origin.robot
-
-    @property
     def method(self) -> str:
         """The method."""
         return self.origin.method
@@ -127,18 +123,16 @@ class Result:
         Raises:
             OSError: The file cannot be written (no space, no such folder); no partial file is left.
         """
-        data: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
-        data["format"] = np.array(FORMAT)
-        data["texts"] = np.array([*astuple(self.origin), self.status, self.message])
-        data["counters"] = np.array(list(asdict(self.counters).values()))
-        data["state_t"], data["state_q"], data["state_v"], data["state_a"] = (
-            np.asarray(x) for x in (self.state.t, self.state.q, self.state.v, self.state.a)
-        )
-        data["going_on"] = np.array([self.next_step, float(self.on_grid), self.start])
-        data["event_names"] = np.array([e.name for e in self.events], dtype=str)
-        data["event_t"] = np.array([e.t for e in self.events])
-        data["event_q"] = np.array([e.q for e in self.events]).reshape(-1, self.q.shape[1])
-        data["event_v"] = np.array([e.v for e in self.events]).reshape(-1, self.v.shape[1])
+        said = {
+            "format": FORMAT, "origin": asdict(self.origin), "status": self.status, "message": self.message,
+            "counters": asdict(self.counters), "next_step": self.next_step, "on_grid": self.on_grid,
+            "start": self.start, "events": [event.name for event in self.events],
+        }  # fmt: skip
+        data: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS} | {"said": json.dumps(said)}
+        for name in _STATE:
+            data[f"state_{name}"] = getattr(self.state, name)
+        for name in _STATE[:3]:
+            data[f"event_{name}"] = [getattr(event, name) for event in self.events]
         with appearing(path) as draft, draft.open("wb") as file:
             np.savez(file, **data)
 
@@ -154,8 +148,6 @@ class Result:
         try:
             with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
                 data = {name: file[name] for name in file.files}
-            if int(data.get("format", np.array(0))) != FORMAT:
-                raise TrajectoryError("not a result of a simulation, or of another version", file=str(path))
             out = Result._from(data)
         except (ValueError, TypeError, OSError, EOFError, LookupError, SyntaxError, MemoryError, RuntimeError,
                 tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
@@ -170,19 +162,17 @@ class Result:
     @staticmethod
     def _from(data: dict[str, Array]) -> Result:
         """Build a result from the arrays that `save` wrote."""
-        *origin, status, message = (str(x) for x in data["texts"])
-        events = tuple(
-            Found(str(name), float(t), q, v)
-            for name, t, q, v in zip(*(data[f"event_{x}"] for x in ("names", "t", "q", "v")), strict=True)
-        )
-        state = State(float(data["state_t"]), data["state_q"], data["state_v"], data["state_a"])
-        step, on_grid, start = (float(x) for x in data["going_on"])
-        arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS}
-        return Result(
-            origin=Origin(*origin), **arrays, events=events, status=status, message=message,
-            counters=Counters(*(int(x) for x in data["counters"])), state=state, next_step=step,
-            on_grid=int(on_grid), start=start,
-        )  # fmt: skip
+        said = json.loads(str(data["said"]))
+        if said.pop("format") != FORMAT:
+            raise ValueError("of another version")
+        t, *state = (data[f"state_{name}"] for name in _STATE)
+        found = zip(said.pop("events"), *(data[f"event_{name}"] for name in _STATE[:3]), strict=True)
+        arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS} | said
+        return Result(**arrays | {
+            "origin": Origin(**said["origin"]), "counters": Counters(**said["counters"]),
+            "state": State(float(t), *state),
+            "events": tuple(Found(name, float(t), q, v) for name, t, q, v in found),
+        })  # fmt: skip
 
 
 def digest(robot: HybridRobot) -> str:
@@ -193,6 +183,7 @@ def digest(robot: HybridRobot) -> str:
     return hashlib.sha256(said.encode()).hexdigest()
 
 
+_STATE = [f.name for f in fields(State)]
 _ARRAYS = [f.name for f in fields(Result) if f.type == "Array"]
 
 

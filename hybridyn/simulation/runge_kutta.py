@@ -47,13 +47,11 @@ class Explicit:
     """An explicit Runge-Kutta method.
 
     Attributes:
-        order: Order of the method.
         A: Stage weights, shape (stages, stages).
         b: Weights of the result.
         e: Weights of the error estimate over the stages and one more at the result, or None.
     """
 
-    order: int
     A: Array
     b: Array
     e: Array | None
@@ -142,9 +140,8 @@ def _rows(*rows: list[float]) -> Array:
     return out
 
 
-RK4 = Explicit(4, _rows([], [1 / 2], [0, 1 / 2], [0, 0, 1]), np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]), None)
+RK4 = Explicit(_rows([], [1 / 2], [0, 1 / 2], [0, 0, 1]), np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]), None)
 DOPRI5 = Explicit(
-    5,
     _rows(
         [], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9],
         [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
@@ -161,8 +158,6 @@ class Implicit:
     Each step computes one Jacobian by differences, with all columns in one batch of the direct model.
     """
 
-    order = 3
-    _late = (1 + GAMMA) / 2
     A = np.array(
         [
             [GAMMA, 0.0, 0.0],

@@ -20,11 +20,10 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of
 from ..threads import one_thread
 from .events import Event
-from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
+from .motion_law import Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
 from .run import Progress, Run
-from .solver import Solver, SolverOptions, solver_of
-from .stepping import Stepper, build_method
+from .stepping import Solver, SolverOptions, Stepper, build_method, solver_of
 from .system import State, System
 
 if TYPE_CHECKING:
@@ -50,7 +49,6 @@ def simulate(
     effort: Effort | Array | None = None,
     effects: Choice = None,
     wrenches: Wrenches | Mapping[str, Array] | None = None,
-    base_motion: BaseMotion | None = None,
     events: Sequence[Event] = (),
     output_times: Sequence[float] | Array | None = None,
     initial_velocity: str = "refuse",
@@ -73,8 +71,6 @@ def simulate(
         effects: As in `ddm`; tables over time are evaluated at the simulated time.
         wrenches: For each link a wrench ON it, shape (6,), [N, N m], in its frame, or a function of (t, q, v)
             that returns such a mapping.
-        base_motion: For base="moving", a function of t that returns the root's pose x, y, z, qx, qy, qz, qw,
-            its twist and its spatial acceleration, both in its own frame (Pinocchio's).
         events: Events to detect; they are located on the dense output to rounding.
         output_times: Times of the samples; by default the ends of the steps (or `times`, if more than
             two).
@@ -91,7 +87,7 @@ def simulate(
         scene: Digest of the scene (`hybridyn.scenes.stage.identity`). It is stored in the checkpoint, and a
             run that resumes it must have the same one.
         **options: Method, length of steps and tolerances: the fields of
-            `hybridyn.simulation.solver.Solver`; adaptive steps of "dopri5" by default.
+            `hybridyn.simulation.stepping.Solver`; adaptive steps of "dopri5" by default.
 
     Returns:
         The motion; `status` and `message` state how it ended. If loops cannot be closed any more, or at a
@@ -108,7 +104,7 @@ def simulate(
     solver = solver_of(options)
     one_of("initial_velocity", initial_velocity, "refuse", "project")
     times, wanted = _sampled(robot, solver, times, output_times)
-    law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
+    law = MotionLaw(robot, effort, wrenches, effects, compiled)
     system = System(Manifold(robot), law)
     origin = Origin(robot.name, solver.method, digest(robot), scene)
     earlier = _earlier(resume, origin, times)
@@ -136,28 +132,33 @@ def _sampled(
 
 
 def _earlier(resume: Result | str | PathLike[str] | None, origin: Origin, times: Array) -> Result | None:
-    """Return the run to continue, from its file if that is given, after checking it."""
-    named = isinstance(resume, str | PathLike)
+    """Return the run to continue, from its file if that is given.
+
+    Raises:
+        TrajectoryError: It is of another robot, method or scene, or ended before this run's start.
+    """
+    file = str(resume) if isinstance(resume, str | PathLike) else None
     earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
-    if earlier is not None:
-        _check_resumed(earlier, origin, times, str(resume) if named else None)
-    return earlier
-
-
-def _check_resumed(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:
-    """Check that an earlier run is of the same robot, method and scene, and ended after this run's start."""
+    if earlier is None:
+        return None
     there = earlier.origin
-    if (there.robot, there.method) != (origin.robot, origin.method):
-        message = f"resume: that run was of '{there.robot}' by '{there.method}'"
-    elif there.digest != origin.digest:
-        message = f"resume: that run was of a robot '{there.robot}' with other numbers"
-    elif there.scene != origin.scene:
-        message = "was not begun with this scene as it stands now" if origin.scene else "is of a scene"
-    elif (earlier.state.t - times[0]) * (times[-1] - times[0]) < 0:
-        message = f"resume: that run reached t = {earlier.state.t:g} s, before the start, {times[0]:g} s"
-    else:
-        return
-    raise TrajectoryError(message, file=file)
+    backwards = (earlier.state.t - times[0]) * (times[-1] - times[0]) < 0
+    of_scene = "was not begun with this scene as it stands now" if origin.scene else "is of a scene"
+    for wrong, message in (
+        (
+            (there.robot, there.method) != (origin.robot, origin.method),
+            f"resume: that run was of '{there.robot}' by '{there.method}'",
+        ),
+        (
+            there.digest != origin.digest,
+            f"resume: that run was of a robot '{there.robot}' with other numbers",
+        ),
+        (there.scene != origin.scene, of_scene),
+        (backwards, f"resume: that run reached t = {earlier.state.t:g} s, before the start, {times[0]:g} s"),
+    ):
+        if wrong:
+            raise TrajectoryError(message, file=file)
+    return earlier
 
 
 def _times(times: Sequence[float] | Array, name: str) -> Array:

@@ -72,21 +72,6 @@ class System:
     manifold: Manifold
     law: MotionLaw
 
-    def joint_chart(self, state: State) -> JointChart | None:
-        """Return the compiled path's chart for a step, or None where there is none."""
-        steps = self.law.steps
-        return None if steps is None else steps.chart(state.q)
-
-    def lift(self, state: State, xi: Array, v: Array) -> tuple[Array, Array] | None:
-        """Close the loops on the compiled path from a displacement of a state, with the independent rates.
-
-        Returns:
-            Positions and rates, shapes (nq,), (nv,), or None if the general path must close them.
-        """
-        steps = self.law.steps
-        lifted = None if steps is None else steps.lift(state.q, xi, v)
-        return None if lifted is None else (lifted[0][0], lifted[0][2])
-
     def posture(
         self, chart: Coordinates, t: float, y: Array, u: Array, start: State | None = None
     ) -> Posture:
@@ -110,20 +95,15 @@ class System:
         else:
             h = t - start.t
             p = chart.lift(y, u, h * start.v + h * h / 2 * start.a)
-            if chart.narrow:
-                self._check_prediction(p.v, start.v + h * start.a, t)
+            predicted, unit = start.v + h * start.a, self.manifold.unit
+            off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (p.v - predicted, predicted))
+            if off > TURN * size and chart.narrow:
+                raise AmbiguousBranchError(
+                    f"at t = {t:g} s, next to postures where closures lose rank, the motion turns away from "
+                    "where it was heading: that is another branch, or the step is too long"
+                )
         self.law.place_base(t, p.q, p.v)
         return p
-
-    def _check_prediction(self, v: Array, predicted: Array, t: float) -> None:
-        """Check that rates are near their prediction."""
-        unit = self.manifold.unit
-        off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (v - predicted, predicted))
-        if off > TURN * size:
-            raise AmbiguousBranchError(
-                f"at t = {t:g} s, next to postures where closures lose rank, the motion turns away from "
-                "where it was heading: that is another branch, or the step is too long"
-            )
 
     def rates(self, chart: Coordinates, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
         """Compute y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
@@ -139,7 +119,7 @@ def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates]
     Raises:
         AssemblyError, StepError: What `step` raises in the chart of the tangent space.
     """
-    if (chart := system.joint_chart(state)) is not None:
+    if system.law.steps is not None and (chart := system.law.steps.chart(state.q)) is not None:
         with contextlib.suppress(AmbiguousBranchError):
             return step(chart)
     return step(system.manifold.chart(state.q, state.v))

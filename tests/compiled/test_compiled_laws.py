@@ -12,8 +12,7 @@ from hybridyn.compiled.library.steps import Steps, Taken
 from hybridyn.compiled.programs.control import closing_of_motors
 from hybridyn.effects import Limits
 from hybridyn.scenes import controllers
-from hybridyn.scenes.prescribed import follow_motion
-from hybridyn.scenes.references import Point, Reference, from_points
+from hybridyn.scenes.references import Point, Reference, follow_motion, from_points
 from hybridyn.simulation import stepping
 from hybridyn.simulation.result import Result
 from hybridyn.simulation.runge_kutta import RK4, Explicit

@@ -16,7 +16,7 @@ from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.robot_texts import door, save
 from tests.samples import slow
-from tests.swings import Swing, begin, chain, equal_bits, hinge, rod, swing
+from tests.swings import Swing, begin, chain, equal_bits, hinge, rod, still_base, swing
 
 KEPT = 1e-9  # of the peak kinetic energy, the project's claim over 1e5 steps
 SHORT = 2e-11  # the same over up to 2,000 steps
@@ -130,11 +130,11 @@ def test_a_body_at_rest_stays(tmp_path: Path) -> None:
 def test_what_it_refuses(tmp_path: Path) -> None:
     robot = swing("five_bar")[0]
     moving = build_robot(robot.description, base="moving")
-    rest = (np.array([0, 0, 0, 0, 0, 0, 1.0]), np.zeros(6), np.zeros(6))
+    rest = still_base()
     pushed = {"effects": ["default", Damper({"turn": 0.0})]}
     massless = chain(tmp_path, '<link name="arm"/>', hinge("turn", "base", "arm"))
     system, state = begin((massless, np.zeros(1), np.ones(1)), **pushed)
-    law = MotionLaw(moving, base_motion=lambda t: rest)
+    law = MotionLaw(moving, effects=["default", rest])
     refused(lambda: Conserving(law), ModelError, "prescribed base")
     refused(lambda: Conserving(system.law).step(system, state, 0.1), SingularityError, "no inertia")
 

@@ -23,7 +23,7 @@ from tests.generated import Case
 from tests.generated_judge import condition, natural_acceleration
 from tests.samples import fuzz, slow, some
 from tests.strategies import for_all, mechanisms
-from tests.swings import begin, chain, equal_bits, hinge, rod, swing
+from tests.swings import begin, chain, equal_bits, hinge, rod, still_base, swing
 
 #: Time span by robot, so that errors of the coarsest step are small and those of the finest above rounding.
 SPANS = {"five_bar": 0.12, "gough_stewart": 0.08, "serial_all:fixed": 0.06}
@@ -116,8 +116,7 @@ def moved(
     (q, v, _, tau), more = state, {}
     if case.base == "moving":
         v = case.oracle.project_velocity(q, np.concatenate([np.zeros(6), v[6:]]))
-        pose, rest = q[:7].copy(), np.zeros(6)
-        more = {"base_motion": lambda t: (pose, rest, rest)}
+        more = {"effects": ["default", still_base(q[:7])]}
     return hybridyn.simulate(
         robot, q, v, (0.0, steps * STEP), method="rk4", step=STEP, effort=tau, **more, **options
     )  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.robot_texts import door, save
-from tests.swings import chain, equal_bits, hinge, rod, swing
+from tests.swings import chain, equal_bits, hinge, rod, still_base, swing
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate
@@ -106,14 +106,14 @@ def test_a_prescribed_base_carries_the_robot() -> None:
     )
     table = BaseMotion(t, pose)
     q0, v0 = robot.home.copy(), np.zeros(robot.nv)
-    by_effect = simulate(robot, q0, v0, (0, 0.1), effects=["default", table])
-    by_call = simulate(
-        robot, q0, v0, (0, 0.1), base_motion=lambda t: tuple(x[0] for x in table.at(np.array([t])))
+    result = simulate(robot, q0, v0, (0, 0.1), effects=["default", table])
+    assert result.residual.max() <= CLOSED
+    assert result.q[-1, 2] == pytest.approx(0.05 * 0.1, rel=1e-6)
+    refused(
+        lambda: simulate(robot, q0, v0, (0, 0.1)),
+        TrajectoryError,
+        "is 'moving': a base that is 'moving' needs",
     )
-    assert by_effect.residual.max() <= CLOSED
-    assert np.abs(by_effect.q[-1] - by_call.q[-1]).max() < 1e-12
-    assert by_effect.q[-1, 2] == pytest.approx(0.05 * 0.1, rel=1e-6)
-    refused(lambda: simulate(robot, q0, v0, (0, 0.1)), TrajectoryError, "is 'moving', and 0 motions")
 
 
 @pytest.mark.parametrize("options", [
@@ -249,7 +249,7 @@ def test_velocities_that_open_the_loops() -> None:
     ({"times": (0.0, 1.0, 0.5)}, "all rise or all fall"),
     ({"effort": np.zeros(3)}, "effort must be 2"),
     ({"effort": lambda t, q, v: np.zeros(1)}, "expected 2 finite"),
-    ({"base_motion": lambda t: None}, "is 'fixed', and 1 motions"),
+    ({"effects": ["default", still_base()]}, "is 'fixed'"),
 ])  # fmt: skip
 def test_wrong_arguments(options: dict[str, object], message: str) -> None:
     robot, q, v = swing("five_bar")
