@@ -34,8 +34,6 @@ NEARLY_CLOSED = 1e-3
 FINEST = 4096
 #: The same if Newton does not converge at the end of the step.
 COARSEST = 16
-#: What is said where polygons prove that loops cannot close.
-LACKING = "a loop lacks {:.2g} m in any posture"
 
 
 def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool = False) -> Array:
@@ -61,8 +59,6 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
     q = np.empty((len(task.known), task.problem.tree.nq))
     starts = T * np.arange(len(guess))
     q[starts] = _first_postures(task, guess, starts, strict)
-    if keep_branch and len(guess) == 1:
-        _check_reach(task, q[0])
     last, chunk = 0, T
     while last < T - 1:
         stop = min(T, last + 1 + chunk)
@@ -94,15 +90,12 @@ def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Ar
     it is the posture that Newton finds from the guess, or from seeded restarts about it.
     """
     tree = task.problem.tree
-    result = task.solve(guess, starts)
+    result = _solved(task, guess, starts)
     loops = replace(task.problem, targets=())
     strict = strict and bool(np.abs(loops.residual(guess, starts)).max(initial=0.0) <= NEARLY_CLOSED)
     if strict or task.closed(result).all():
         return _on_branch_of(task, guess, result, starts, strict)
     _only_alone(guess)
-    lacking = float(shortfall(task, guess, starts)[0])
-    if lacking:
-        raise _unreachable(task, result, 0, lacking)
     rng = np.random.default_rng(2010)
     best, iterations = result, result.iterations
     for spread, count in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
@@ -155,6 +148,8 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
 def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) -> AssemblyError:
     """Build the error for a sample that no start closes, from the best of several starts.
 
+    The row that is named is the one that is most open there.
+
     Args:
         lacking: Length that a loop lacks in any posture [m], zero if it is not known to.
     """
@@ -165,42 +160,39 @@ def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) 
     else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     if lacking:
-        why += f" ({LACKING.format(lacking)})"
-    error = _open(task, result.q[at], sample, f"{why} after {result.iterations} iterations")
-    error.residual, error.iterations = best, result.iterations
-    return error
-
-
-def _open(task: Task, q: Array, sample: int, why: str) -> AssemblyError:
-    """Build the error for a sample whose loops do not close; it names the row that is most open at q."""
-    rows = task.problem.residual(q[None], np.array([min(sample, len(task.known) - 1)]))[0]
+        why += f" (a loop lacks {lacking:.2g} m in any posture)"
+    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
     return AssemblyError(
-        f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why}. The target is out of "
-        "reach, or contradicts another one; move it, or give a better guess",
+        f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why} after "
+        f"{result.iterations} iterations. The target is out of reach, or contradicts another one; move it, "
+        "or give a better guess",
         module=task.module,
         leg=worst,
+        residual=best,
+        iterations=result.iterations,
         sample=sample,
     )
 
 
-def _check_reach(task: Task, q: Array) -> None:
-    """Refuse a trajectory with a sample that no posture closes, as far as polygons prove it.
-
-    Args:
-        q: Any posture, shape (nq,).
+def _solved(task: Task, starts: Array, samples: Index) -> Closed:
+    """Close the loops of samples from starts.
 
     Raises:
-        AssemblyError: There is one.
+        AssemblyError: Newton's method stalls, and polygons prove that no posture closes a sample of the task.
     """
-    samples = np.arange(len(task.known))
-    for some in (samples[::STRIDE], samples):  # all of them are asked where one of a few lacks length
-        lacking = shortfall(task, np.tile(q, (len(some), 1)), some)
-        if not lacking.any():
-            return
-    first = int(np.argmax(lacking > 0.0))
-    end = task.with_known(q[None], samples[first : first + 1])[0]
-    raise _open(task, end, first, LACKING.format(lacking[first]))
+    result = task.solve(starts, samples, impatient=True)
+    if task.closed(result).all():
+        return result
+    lacking = shortfall(task, starts, samples)
+    if not lacking.any():
+        return task.solve(starts, samples)
+    first = samples[:1]
+    if len(samples) > 1:  # the first of the whole task is named
+        lacking = shortfall(task, np.tile(starts[:1], (len(task.known), 1)), np.arange(len(task.known)))
+        first = np.flatnonzero(lacking > 0.0)[:1]
+        result, lacking = task.solve(starts[:1], first, impatient=True), lacking[first]
+    raise _unreachable(task, result, int(first[0]), float(lacking[0]))
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
@@ -221,7 +213,7 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     for have, todo in ((coarse[:1], coarse[1:]), (coarse, every[every % STRIDE > 0])):
         if len(todo):
             guess = tree.integrate(*_interpolated(task, q, have, todo))
-            result = task.solve(guess, samples[:, todo].ravel())
+            result = _solved(task, guess, samples[:, todo].ravel())
             q[:, todo] = result.q.reshape(K, -1, tree.nq)
             good[:, todo] = task.closed(result).reshape(K, -1)
     return q, good
@@ -299,19 +291,19 @@ def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Arra
     Returns:
         The last posture on the branch, shape (nq,), and whether it is that of the next sample.
     """
-    there = task.solve(q[None], np.array([sample + 1]))
-    shortest = 1 / (FINEST if finest or task.closed(there)[0] else COARSEST)
-    done, step = 0.0, 0.25
+    start, done, step, longer = q, 0.0, 0.25, 2
     while done < 1.0:
         step = min(step, 1.0 - done)
         way = task.between(sample, np.array([done, done + step]))
         result = way.solve(q[None], np.array([1]))
         if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
-            q, done, step = result.q[0], done + step, 2 * step
-        elif step <= shortest:
+            q, done, step, longer = result.q[0], done + step, longer * step, 2
+            continue
+        if step <= 1 / COARSEST and not finest:
+            finest = bool(task.closed(task.solve(start[None], np.array([sample + 1])))[0])
+        if step <= 1 / (FINEST if finest else COARSEST):
             return q, False
-        else:
-            step /= 2
+        step, longer = step / 2, 1  # two steps in a row have this length
     return q, True
 
 
