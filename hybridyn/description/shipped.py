@@ -17,9 +17,6 @@ from ..errors import ModelError
 PACKAGE = Path(__file__).parents[1]
 ENDINGS = (".urdf.xacro", ".urdf")
 BARE_NAME = re.compile(r"[A-Za-z]\w*")
-OPENING_COMMENT = r"(?s)<!--\s*(.*?)\s*-->"
-#: Number of characters at the start of a file in which its first comment is searched.
-OPENING = 4000
 
 
 class ShippedRobot(NamedTuple):
@@ -61,17 +58,15 @@ def data_folder() -> Path | None:
 
 @lru_cache(maxsize=1)
 def shipped_robots() -> dict[str, ShippedRobot]:
-    """Return the shipped robots by name: first those of the README, then the benchmark mechanisms."""
+    """Return the shipped robots by name, in the order of their list."""
     import tomllib  # imported late: a robot given by its file needs no list of names
 
     folder = data_folder()
     if folder is None:
         return {}
     stated = tomllib.loads((folder / "models" / "robots.toml").read_text(encoding="utf-8"))
-    own, others = (_robot_files(folder / "urdf" / place) for place in ("", "benchmarks"))
-    order = [*(name for name in stated if name in own), *sorted(own.keys() - stated.keys())]
-    files = {name: own[name] for name in order} | {name: others[name] for name in others if name not in own}
-    return {name: _record(folder, name, file, stated.get(name, {})) for name, file in files.items()}
+    found = ((name, shipped_file(name), facts) for name, facts in stated.items())
+    return {name: _record(folder, name, file, facts) for name, file, facts in found if file is not None}
 
 
 def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> str:
@@ -142,31 +137,18 @@ def shown(file: Path) -> str:
         return str(file)
 
 
-def _robot_files(folder: Path) -> dict[str, Path]:
-    """Return the robot files of a folder by name."""
-    files = (file for file in sorted(folder.glob("*")) if file.is_file() and file.name.endswith(ENDINGS))
-    return {file.name.partition(".")[0]: file for file in files}
-
-
 def _record(folder: Path, name: str, file: Path, facts: dict[str, Any]) -> ShippedRobot:
-    """Build the record of a robot from its catalogue entry, else `what` from the file's first comment."""
+    """Build the record of a robot from its catalogue entry."""
     home = folder / "models" / name
     if not home.is_dir():
         home = folder / "models" / "benchmarks" / name
     return ShippedRobot(
         name=name,
         file=file,
-        what=facts.get("what") or _first_sentence(file),
+        what=facts.get("what", ""),
         modules=facts.get("modules"),
         motors=facts.get("motors"),
         source=facts.get("source", ""),
         trajectory=home / "traj.csv" if (home / "traj.csv").is_file() else None,
         scenes=tuple(sorted(path for path in home.glob("*.toml") if path.name != "model.toml")),
     )
-
-
-def _first_sentence(file: Path) -> str:
-    with open(file, encoding="utf-8") as text:
-        comment = re.search(OPENING_COMMENT, text.read(OPENING))
-    words = " ".join(comment[1].split()) if comment else ""
-    return re.split(r"(?<=[.:])\s", words)[0].rstrip(".:")

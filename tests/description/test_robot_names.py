@@ -20,6 +20,8 @@ PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial
 def test_every_file_of_a_robot_is_in_the_catalogue() -> None:
     files = {path.name.partition(".")[0] for path in (ROOT / "urdf").glob("*.urdf*")}
     assert set(main_names()) == files
+    others = {path.name.partition(".")[0] for path in (ROOT / "urdf" / "benchmarks").glob("*.urdf*")}
+    assert set(shipped_robots()) == files | others
     for name in main_names():
         robot = shipped_robots()[name]
         assert robot.trajectory is not None
@@ -99,9 +101,10 @@ def test_without_data_the_list_says_so(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_benchmark_mechanisms_are_listed_apart(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file in urdf/benchmarks is found by its name; its first comment says what it is."""
-    text = '<!-- A link\n that rests. Not more. --><robot name="rest"><link name="a"/></robot>'
-    save_all(elsewhere, {"urdf/benchmarks/rest.urdf": text, "models/robots.toml": ""})
+    """A file in urdf/benchmarks is found by its name; the list of robots says what it is."""
+    text = '<robot name="rest"><link name="a"/></robot>'
+    stated = '[rest]\nwhat = "A link that rests"\n'
+    save_all(elsewhere, {"urdf/benchmarks/rest.urdf": text, "models/robots.toml": stated})
     assert hybridyn.load("rest").name == "rest"
     last = call(capsys, "--robots").out.splitlines()[-2:]
     assert last == ["benchmark mechanisms:", "rest  A link that rests"]

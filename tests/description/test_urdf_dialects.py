@@ -275,7 +275,7 @@ def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
         (lambda text: text + "    - axis: [0, 0, 1]\n", "at least 6 items"),
         (
             lambda text: text + "    - axis: [0, 0, .nan, 0, 0, 0]\n",
-            "axis.2': Input should be a valid number",
+            "axis.2': Input should be a finite number",
         ),
         (lambda text: text, "constraint_axes': Input should be a valid list"),
         (lambda _: "submechanisms: []", "submechanisms': List should have at least 1 item"),

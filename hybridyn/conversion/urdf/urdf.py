@@ -1,7 +1,7 @@
 """Write a URDF: links, joints, closures, couplings, transmissions; what it cannot say goes to files beside.
 
-Closures are `<loop>`; couplings are `<mimic>`, or `<coupling>` where no joint can follow another. Plain URDF
-readers take the spanning tree and skip `<loop>` and `<coupling>`.
+Closures are `<loop>`; couplings are `<mimic>`, or stand in the model file where no joint can follow another.
+Plain URDF readers take the spanning tree and skip `<loop>`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from ...description.placement import turned
 from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
 from ...description.shape_files import SIZES, Shape
 from ...description.side_cars.model_toml import model_file
-from ...description.urdf.loops import terms_between
 from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
 from ..numerals import Content, angles_of, document, numerals
 from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits, followers_of, rows_of
@@ -25,16 +24,13 @@ def write_urdf(request: Request, losses: Losses) -> Written:
     """Write a robot as URDF."""
     d = request.description
     loops = [_loop(closure, losses) for closure in d.closures]
-    above: dict[str, Joint | None] = {d.root: None} | {joint.child: joint for joint in d.joints}
-    gears = {coupling.name: gear for coupling in d.couplings if (gear := _gear(coupling, d, above))}
-    mimics, left = followers_of((c for c in d.couplings if c.name not in gears), losses)
+    mimics, left = followers_of(d.couplings, losses)
     _add_losses(d, losses)
     content = {
         "@name": d.name,
         "link": [_link(link, request.shapes) for link in d.links],
         "joint": [_joint(joint, joint.name in d.endless_gears, mimics.get(joint.name)) for joint in d.joints],
         "loop": loops,
-        "coupling": [*gears.values()],
         "transmission": [
             {
                 "@name": f"{motor}_transmission", "type": "transmission_interface/SimpleTransmission",
@@ -127,25 +123,6 @@ def _loop(closure: Closure, losses: Losses) -> Content:
     }
 
 
-def _gear(coupling: Coupling, d: Description, above: dict[str, Joint | None]) -> Content | None:
-    """Return the `<coupling>` with the same terms, or None."""
-    if coupling.offset or coupling.name == coupling.terms[0][0]:
-        return None
-    terms = dict(coupling.terms)
-    ends = [joint.child for name in terms for joint in d.joints if joint.name == name]
-    for link_a, link_b in ((link_a, link_b) for link_b in ends for link_a in (*ends, d.root)):
-        signs = {joint.name: sign for joint, sign in terms_between(link_a, link_b, above)}
-        gears = {
-            sign: {sign * terms.get(name, 0) for name in signs if signs[name] == sign} for sign in (1, -1)
-        }
-        if signs.keys() == terms.keys() and len(gears[-1]) == 1 and len(gears[1]) <= 1:
-            (unit,) = gears[-1]
-            ratio = gears[1].pop() / unit if gears[1] else 1.0
-            links = {"predecessor": {"@link": link_a}, "successor": {"@link": link_b}}
-            return {"@name": coupling.name, **links, "ratio": {"@value": ratio}}
-    return None
-
-
 def _add_losses(d: Description, losses: Losses) -> None:
     for joint in d.joints:
         add_limits(joint, losses, LIMITS if joint.kind == "spherical" else LIMITS[:2])
@@ -166,8 +143,8 @@ def _beside(d: Description, couplings: list[Coupling]) -> tuple[tuple[str, ...],
     notes, effects = [], [name for name, _ in d.effects]
     model = model_file(d, motors=not d.motors, home=True, couplings=couplings, effects=effects)
     files = {".model.toml": model} if model else {}
-    if d.closures or d.couplings:
-        notes.append("<loop> and <coupling> are read by hybridyn; most other URDF readers skip them")
+    if d.closures:
+        notes.append("<loop> is read by hybridyn; most other URDF readers skip it")
     if balls := [joint.name for joint in d.joints if joint.kind == "spherical"]:
         notes.append("ball joints are hinges in the URDF, which the .yaml beside it makes balls again")
         types = json.dumps(["SPHERICAL"] * len(balls))

@@ -25,9 +25,6 @@ from ..records import Joint, Link, MotorStatement, RobotFile
 from .tables import Schema
 from .yaml_file import Place, YamlFile, checked, read_yaml
 
-#: Keys of early side-cars, which named frames by a pattern.
-OLD_KEYS = ("name_closedloop", "closed_loop_number", "name_spherical")
-
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 AXES = {"X": np.array([1.0, 0.0, 0.0]), "Y": np.array([0.0, 1.0, 0.0]), "Z": np.array([0.0, 0.0, 1.0])}
 
@@ -49,7 +46,7 @@ def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
         ModelError: The text is not strict YAML, a key resembles `closed_loop`, or a key, name or type is
             wrong; the message names file, line and column.
     """
-    own = {*SideCar.model_fields, *OLD_KEYS} - {"type"}
+    own = {*SideCar.model_fields} - {"type"}
     if any(key.encode() in text for key in own):
         document = read_yaml(text, file)
         if isinstance(document.data, dict):
@@ -57,19 +54,12 @@ def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
     words = re.findall(r"^\s*[\"']?([A-Za-z_]+)[\"']?\s*:", text.decode("utf-8", "replace"), re.MULTILINE)
     if misspelt := [word for word in words if closest(word, ["closed_loop"])]:
         raise ModelError(f"unknown key '{misspelt[0]}' (did you mean 'closed_loop'?)", file=file)
-    robot.notes.append(
-        f"{file} is not a side-car (no key {listed(sorted(own - {*OLD_KEYS}))}) and was not read"
-    )
+    robot.notes.append(f"{file} is not a side-car (no key {listed(sorted(own))}) and was not read")
     return None
 
 
 def _apply(robot: RobotFile, document: YamlFile) -> None:
     """Add the closures and motors of a side-car to the robot, and retype its joints."""
-    for key in OLD_KEYS:
-        if key in document.data:
-            raise document.error(
-                (key,), "an early form that is not read; list the frame pairs in closed_loop"
-            )
     side_car = checked(document, SideCar)
     _retype(robot, side_car, document)
     _close(robot, side_car, document)

@@ -1,9 +1,8 @@
-"""Read strict YAML, and the line of each value: YAML 1.2 numbers, no duplicate keys or tags, few aliases."""
+"""Read strict YAML, and the line of each value: no duplicate keys, no tags, few aliases."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,14 +19,8 @@ LARGEST_YAML = 2**20
 #: Most values that a document may expand to; aliases of aliases grow without bound.
 MOST_VALUES = 100_000
 
-#: Values of scalars by the ends of their tags.
-_SCALARS: dict[str, Callable[[str], Any]] = {
-    "null": lambda _: None,
-    "bool": lambda text: text.lower() == "true",
-    "int": int,
-    "float": float,
-    "str": str,
-}
+#: Ends of the tags of scalars that are read.
+SCALARS = ("null", "bool", "int", "float", "str")
 
 Place = tuple[str | int, ...]
 
@@ -67,21 +60,6 @@ class YamlFile:
         return ModelError(f"{where}: {message}", file=self.file, line=line, element=key or None)
 
 
-class _Loader(yaml.SafeLoader):
-    """SafeLoader with the plain scalars of YAML 1.2: `1e-10` is a number, `1:30`, `yes` and `012` are not."""
-
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
-
-
-for _tag, _pattern, _first in (
-    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
-    ("int", r"[-+]?[0-9]+", list("-+0123456789")),
-    ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
-):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
-
-
 def read_yaml(text: bytes, file: str) -> YamlFile:
     """Read a YAML document.
 
@@ -93,8 +71,9 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
         raise ModelError(f"is larger than {LARGEST_YAML // 2**20} MiB", file=file)
     document = YamlFile(file)
     try:
-        node = yaml.compose(text.decode("utf-8"), Loader=_Loader)
-        document.data = None if node is None else _value(document, node, ())
+        loader = yaml.SafeLoader(text.decode("utf-8"))
+        node = loader.get_single_node()
+        document.data = None if node is None else _value(document, loader, node, ())
     except UnicodeDecodeError as error:
         raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
     except yaml.MarkedYAMLError as error:
@@ -120,14 +99,14 @@ def checked(document: YamlFile, schema: Any) -> Any:
         raise document.error(*first_problem(error, schema)) from None
 
 
-def _value(document: YamlFile, node: yaml.Node, place: Place) -> Any:
+def _value(document: YamlFile, loader: yaml.SafeLoader, node: yaml.Node, place: Place) -> Any:
     """Return the node at a place as a plain value, and record line and column of all that it holds."""
     document.mark(place, node)
     if len(document.lines) > MOST_VALUES:
         raise document.error(place, f"more than {MOST_VALUES} values; are aliases nested?")
     kind = node.tag.removeprefix("tag:yaml.org,2002:")
     if isinstance(node, yaml.SequenceNode) and kind == "seq":
-        return [_value(document, child, (*place, index)) for index, child in enumerate(node.value)]
+        return [_value(document, loader, child, (*place, index)) for index, child in enumerate(node.value)]
     if isinstance(node, yaml.MappingNode) and kind == "map":
         values: dict[str, Any] = {}
         for key, value in node.value:
@@ -137,8 +116,8 @@ def _value(document: YamlFile, node: yaml.Node, place: Place) -> Any:
             if not plain or name in values:
                 problem = "the key is stated twice" if plain else "a key must be a plain word"
                 raise document.error((*place, name), problem)
-            values[name] = _value(document, value, (*place, name))
+            values[name] = _value(document, loader, value, (*place, name))
         return values
-    if isinstance(node, yaml.ScalarNode) and kind in _SCALARS:
-        return _SCALARS[kind](str(node.value))
+    if isinstance(node, yaml.ScalarNode) and kind in SCALARS:
+        return loader.construct_object(node)  # type: ignore[no-untyped-call]
     raise document.error(place, f"tag '{node.tag}' is not allowed")
