@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import ValidationError
 
-from ..description.names import did_you_mean, listed
+from ..description.names import did_you_mean
 from ..description.reading import read_bytes
-from ..description.side_cars.tables import Schema, schemas_in
+from ..description.side_cars.tables import Kinds, Schema, first_problem
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError
 
 Whole = TypeVar("Whole", bound=Schema)
-#: Schemas of the tables whose key `kind` says which they are, by kind.
-Kinds = Mapping[str, type[Schema]]
 
 
 @dataclass(frozen=True)
@@ -71,53 +69,9 @@ def read_schema(path: str | Path, schema: type[Whole], kinds: Kinds) -> tuple[To
     try:
         return TomlSource(file, text), schema.model_validate(content)
     except ValidationError as error:
-        keys, message = _problem(error, schema, content, kinds)
+        keys, message = first_problem(error, schema, content, kinds)
         key = ".".join(str(part) for part in keys)
         line = line_of(text, keys)
         raise ModelError(
             f"'{key}': {message}" if key else message, file=file, line=line, element=key
         ) from None
-
-
-def _problem(
-    error: ValidationError, schema: type[Schema], content: dict[str, Any], kinds: Kinds
-) -> tuple[Keys, str]:
-    """Return keys and text of the most specific problem: an unknown key, else the most deeply nested one."""
-    found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
-    keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
-    if problem["type"] == "extra_forbidden":
-        known = _keys_at(schema, keys[:-1], content, kinds)
-        return keys, f"unknown key{did_you_mean(str(keys[-1]), known)}; known: {listed(known)}"
-    if problem["type"] in ("union_tag_invalid", "union_tag_not_found"):
-        given = str(problem.get("ctx", {}).get("tag", ""))
-        return (*keys, "kind"), f"must be one of {listed(kinds)}{did_you_mean(given, kinds)}"
-    if problem["type"] == "missing":
-        return keys, "is missing"
-    if problem["type"] == "string_pattern_mismatch":
-        return keys, "a name has letters, digits and underscores, and begins with no digit"
-    return keys, problem["msg"].removeprefix("Value error, ").replace("Input should", "should")
-
-
-def _keys(place: Keys, content: Any, kind: str) -> Keys:
-    """Return the keys of a problem as they are in the file, without pydantic's marks of alternatives."""
-    out: list[str | int] = []
-    for i, part in enumerate(place):
-        inside = isinstance(content, dict) and part in content
-        if inside or (isinstance(content, list) and isinstance(part, int) and part < len(content)):
-            content = content[part]
-            out.append(part)
-        elif kind == "missing" and i == len(place) - 1:
-            out.append(part)
-    return tuple(out)
-
-
-def _keys_at(schema: type[Schema], place: Keys, content: Any, kinds: Kinds) -> list[str]:
-    """Return the keys known in the table at a place of the content."""
-    table = schema
-    for part in place:
-        content = content[part]
-        if isinstance(part, str) and part in table.model_fields:
-            inner = schemas_in(table.model_fields[part].annotation)
-            kind = content.get("kind") if len(inner) > 1 and isinstance(content, dict) else None
-            table = kinds.get(str(kind), inner[0]) if inner else table
-    return [*table.model_fields]

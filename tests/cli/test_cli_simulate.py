@@ -184,7 +184,7 @@ def test_standard_output_and_mistakes(run, scene: Path) -> None:
     scene.write_text(SCENE.replace("efforts = {", "effort = {"))
     said = run("simulate", scene, status=1)
     assert said.err.startswith(
-        f"error: {scene}:8: 'controller.effort': unknown key (did you mean 'efforts'?)"
+        f"error: {scene}:8: 'controller.effort': unknown key 'effort' (did you mean 'efforts'?)"
     )
     scene.write_text(
         SCENE.replace('kind = "efforts"', 'kind = "python"\nfile = "law.py"').replace("efforts = {", "#")

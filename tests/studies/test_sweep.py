@@ -498,7 +498,7 @@ def test_postures_out_of_reach_are_counted(folder: Path) -> None:
         (
             "method = 'grid'",
             "methd = 'grid'",
-            r"study.toml:4: 'designs.methd': unknown key \(did you mean 'method'",
+            r"study.toml:4: 'designs.methd': unknown key 'methd' \(did you mean 'method'",
         ),
         ("values = [0.5, 1.5]", "range = [2.0, 1.0], steps = 3", "the range from 2 to 1 is empty"),
         ("values = [0.5, 1.5]", "normal = [1.0, 0.1]", "parameter 'length': a grid needs"),

@@ -18,8 +18,7 @@ from ..placement import inverse, placement_from, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, JointKind, RobotFile
 from ..urdf.xml_node import Node
 from .elements import Notes, numbers
-from .library import Library
-from .models import Item, Models
+from .models import Item, Library, Models
 from .stated import AXES, Stated, read_joints, read_link
 
 #: Gravity of a world that states none [m/s^2].

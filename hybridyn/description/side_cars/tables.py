@@ -14,6 +14,7 @@ objects. pydantic's errors become one-line messages: the problem, its key, and t
 from __future__ import annotations
 
 import typing
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, create_model
@@ -114,29 +115,64 @@ def checked(text: bytes, file: str) -> dict[str, Any]:
     try:
         return dict(ModelFile.model_validate(content).stated())
     except ValidationError as error:
-        place, message = first_problem(error, ModelFile)
+        place, message = first_problem(error, ModelFile, content)
         keys = tuple(str(part) for part in place)
         key = ".".join(keys)
         raise ModelError(f"'{key}': {message}", file=file, line=line_of(plain, keys), element=key) from None
 
 
-def first_problem(error: ValidationError, schema: type[Schema]) -> tuple[Keys, str]:
-    """Return the place (keys and indices) and the message of the first problem that pydantic found."""
-    problem = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
-    place = tuple(problem["loc"])
-    if problem["type"] == "extra_forbidden":
-        names, key = keys_at(schema, place[:-1]), str(place[-1])
-        return place, f"unknown key '{key}'{did_you_mean(key, names)}; known: {listed(names)}"
-    if problem["type"] == "missing":
-        return place, f"'{place[-1]}' is missing"
-    return place, problem["msg"].removeprefix("Value error, ")
+#: Schemas of the tables whose key `kind` says which they are, by kind.
+Kinds = Mapping[str, type[Schema]]
 
 
-def keys_at(schema: type[Schema], place: Keys) -> list[str]:
-    """Return the keys that are known in the table at a place of a schema."""
+def first_problem(
+    error: ValidationError, schema: type[Schema], content: Any, kinds: Kinds | None = None
+) -> tuple[Keys, str]:
+    """Return keys and text of the most specific problem: an unknown key, else the most deeply nested one.
+
+    Args:
+        error: What pydantic found.
+        schema: The schema of the file.
+        content: The content of the file.
+        kinds: As `Kinds`, where the schema has such tables.
+    """
+    found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
+    keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
+    kind, text = problem["type"], problem["msg"].removeprefix("Value error, ")
+    if kind == "extra_forbidden":
+        known = _keys_at(schema, keys[:-1], content, kinds or {})
+        text = f"unknown key '{keys[-1]}'{did_you_mean(str(keys[-1]), known)}; known: {listed(known)}"
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        given = str(problem.get("ctx", {}).get("tag", ""))
+        return (*keys, "kind"), f"must be one of {listed(kinds or ())}{did_you_mean(given, kinds or ())}"
+    elif kind == "missing":
+        text = f"'{keys[-1]}' is missing"
+    elif kind == "string_pattern_mismatch":
+        text = "a name has letters, digits and underscores, and begins with no digit"
+    return keys, text.replace("Input should", "should")
+
+
+def _keys(place: Keys, content: Any, kind: str) -> Keys:
+    """Return the keys of a problem as they are in the file, without pydantic's marks of alternatives."""
+    out: list[str | int] = []
+    for i, part in enumerate(place):
+        inside = isinstance(content, dict) and part in content
+        if inside or (isinstance(content, list) and isinstance(part, int) and part < len(content)):
+            content = content[part]
+            out.append(part)
+        elif kind == "missing" and i == len(place) - 1:
+            out.append(part)
+    return tuple(out)
+
+
+def _keys_at(schema: type[Schema], place: Keys, content: Any, kinds: Kinds) -> list[str]:
+    """Return the keys known in the table at a place of the content."""
     for part in place:
-        if part in schema.model_fields:
-            schema = next(iter(schemas_in(schema.model_fields[str(part)].annotation)), schema)
+        content = content[part]
+        if isinstance(part, str) and part in schema.model_fields:
+            inner = schemas_in(schema.model_fields[part].annotation)
+            kind = content.get("kind") if len(inner) > 1 and isinstance(content, dict) else None
+            schema = kinds.get(str(kind), inner[0]) if inner else schema
     return [*schema.model_fields]
 
 

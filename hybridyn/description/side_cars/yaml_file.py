@@ -96,7 +96,7 @@ def checked(document: YamlFile, schema: Any) -> Any:
     try:
         return schema.model_validate(document.data)
     except ValidationError as error:
-        raise document.error(*first_problem(error, schema)) from None
+        raise document.error(*first_problem(error, schema, document.data)) from None
 
 
 def _value(document: YamlFile, loader: yaml.SafeLoader, node: yaml.Node, place: Place) -> Any:
@@ -119,5 +119,5 @@ def _value(document: YamlFile, loader: yaml.SafeLoader, node: yaml.Node, place: 
             values[name] = _value(document, loader, value, (*place, name))
         return values
     if isinstance(node, yaml.ScalarNode) and kind in SCALARS:
-        return loader.construct_object(node)  # type: ignore[no-untyped-call]
+        return loader.construct_object(node)
     raise document.error(place, f"tag '{node.tag}' is not allowed")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...description.mjcf.document import Document, mesh_folder
-from ...description.sdf.library import Library
+from ...description.sdf.models import Library
 from ...description.shape_files import MeshFiles, MissingMeshError
 from ...description.urdf.xml_node import Node
 from ...errors import ModelError
