@@ -166,6 +166,13 @@ READ: dict[str, tuple[str, dict[str, object]]] = {
         )
         for first, expected in enumerate((0.1, 0.2, 0.3))
     },
+    "damping of Newton is per degree, and joints that add mobility are joints": (
+        usda(
+            body("a", "bool newton:jointsAddMobility = true"),
+            joint("Revolute", "j", "", "a", "float newton:damping = 0.25"),
+        ),
+        {"joints": [{"damping": about(45 / np.pi)}]},
+    ),
     "damping of MuJoCo knows no degrees": (
         hinge("double mjc:damping = 3", meters=0.1), {"joints": [{"damping": about(0.03)}]},
     ),
@@ -181,6 +188,13 @@ def test_what_is_read(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (
+            usda(
+                body("a", "bool newton:jointsAddMobility = true"),
+                *(joint("Revolute", name, "", "a", schemas=JOINT) for name in "xy"),
+            ),
+            "</robot/x>: 'newton:jointsAddMobility' = True is not read where several joints join two bodies",
+        ),
         (mimic(2), "</robot/j_b>: couples this joint otherwise for PhysX than for Newton; keep one"),
         (
             hinge("double mjc:frictionloss = 1", kind="Spherical", schemas=JOINT),

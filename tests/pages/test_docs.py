@@ -13,7 +13,7 @@ import pytest
 import hybridyn
 from docs.extensions import tolerances
 from hybridyn.description import Description
-from hybridyn.description.side_cars.tables import ModelFile, keys_at
+from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.scenes import scene_file as scenes
 from hybridyn.scenes.stage import play, stage
 from hybridyn.studies.cost.points import Point
@@ -174,7 +174,7 @@ OF_SWEEPS = {
 #: Words that a page names, and the marks of which one stands before each.
 NAMED: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "scenes.md": (
-        OF_SCENES | {key for effect in OF_EFFECTS for key in keys_at(ModelFile, ("effects", effect))},
+        OF_SCENES | {key for effect in OF_EFFECTS for key in EFFECTS[effect]},
         ("`", "effects.", "[", "{ ", "\n"),
     ),
     "sweeps.md": (

@@ -85,6 +85,14 @@ def read_joints(stage: Stage, bound: Collection[str], notes: list[str]) -> list[
         if len(joint.limits) == len(AXES):
             notes.append(f"<{joint.prim.path}> locks no axis: it is not read")
     joints = [joint for joint in joints if len(joint.limits) < len(AXES)]
+    pairs = Counter(frozenset(joint.ends) for joint in joints if not joint.closes)
+    if any(prim.flag("newton:jointsAddMobility", False) for prim in stage.prims.values()):
+        for joint in joints:
+            if pairs[frozenset(joint.ends)] > 1 and not joint.closes:
+                raise joint.prim.error(
+                    "'newton:jointsAddMobility' = True is not read where several joints join two bodies: "
+                    "write bodies between them"
+                )
     depths: dict[str, int] = {}
     for body, joint_to, before in outwards([WORLD, *roots_of(stage, joints)], joints):
         depths[body] = 0 if joint_to is None else depths[before] + 1

@@ -47,6 +47,7 @@ NUMBERS = (
     ("friction", "newton:friction", "effort"),
     ("friction", "mjc:frictionloss", "effort"),
     ("damping", "physxJointAxis:{}:viscousFrictionCoefficient", "effort at speed"),
+    ("damping", "newton:damping", "effort at speed"),
     ("damping", "mjc:damping", "effort at one radian or metre a second"),
 )
 
@@ -89,12 +90,11 @@ NEUTRAL: dict[str, tuple[tuple[float, ...], str]] = {
     "physxRigidBody:enableGyroscopicForces": ((1,), "set it to true"),
     "physxRigidBody:lockedPosAxis": ((0,), "set it to 0, and write a joint"),
     "physxRigidBody:lockedRotAxis": ((0,), "set it to 0, and write a joint"),
-    "newton:jointsAddMobility": ((0,), "set it to false, and write bodies between the joints"),
     "newton:inertia": ((), "author physics:diagonalInertia"),
     "newton:massModel": ((), "author physics:diagonalInertia"),
     **dict.fromkeys(
         (
-            "newton:damping", "newton:springStiffness", "newton:springDamping", "newton:stiffness",
+            "newton:springStiffness", "newton:springDamping", "newton:stiffness",
             "mjc:stiffness", "mjc:springdamper", "mjc:gravcomp",
         ),
         ((0,), "set it to 0; springs may stand in model.toml"),
@@ -132,8 +132,9 @@ READ = (
     "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
     "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
     "physics:velocity", "physics:angularVelocity", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
-    "newton:mimic", "newton:armature", "newton:friction", "mjc:armature", "mjc:damping", "mjc:frictionloss",
-    "mjc:coef", "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
+    "newton:mimic", "newton:jointsAddMobility", "newton:damping", "newton:armature", "newton:friction",
+    "mjc:armature", "mjc:damping", "mjc:frictionloss", "mjc:coef",
+    "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
     "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",
 )  # fmt: skip
