@@ -49,8 +49,6 @@ COLOURS = {
     "viscous_friction": "#e07b00",
     "coulomb_friction": "#c22f1f",
     "loky": "#0b4f9e",
-    "dask": "#e07b00",
-    "ray": "#3f8f4f",
 }
 #: Shades of the compiled model's colour, by the number of threads.
 THREADS = {1: "#6f9fd8", 2: "#2f6fc0", 4: "#062c5a"}

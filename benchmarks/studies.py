@@ -8,7 +8,6 @@ which a busy machine shows little.
 from __future__ import annotations
 
 import tempfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +22,6 @@ from hybridyn.studies.cost.models import Trajectory, study_models
 #: Robots whose files state more effects than those that are on by default.
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
 
-#: Engines, the package that each needs, and its numbers of processes; one process of loky is the program.
-ENGINES = (("loky", "joblib", (1, 2)), ("dask", "distributed", (1, 2)), ("ray", "ray", (1, 2)))
 #: Postures of a design; a table with fewer rows takes longer, because steps between its rows are divided.
 POSTURES = (81, 4001)
 STUDY = """[robot]
@@ -57,15 +54,12 @@ def effects(case: str, rows: int | None = None) -> list[Row]:
 
 
 def sweeps(few: int, many: int) -> list[Row]:
-    """Sweep few and many designs with few and many postures in one process, then many by the engines."""
-    runs = [("loky", 1, designs, postures) for designs in (few, many) for postures in POSTURES]
-    for engine, package, workers in ENGINES:
-        if find_spec(package):
-            runs += [(engine, n, many, POSTURES[0]) for n in workers if (engine, n) != ("loky", 1)]
-    return [run(*one) for one in runs]
+    """Sweep few and many designs with few and many postures in one process, then many in two."""
+    runs = [(1, designs, postures) for designs in (few, many) for postures in POSTURES]
+    return [run(*one) for one in (*runs, (2, many, POSTURES[0]))]
 
 
-def run(engine: str, workers: int, designs: int, postures: int) -> Row:
+def run(workers: int, designs: int, postures: int) -> Row:
     """Run a sweep in a program of its own.
 
     Raises:
@@ -79,7 +73,7 @@ def run(engine: str, workers: int, designs: int, postures: int) -> Row:
         rows = np.column_stack([t, -0.15 + 0.3 * s, -0.48 + 0.96 * (s * (1 - s)) ** 2])
         header = "time,m1_tool/pose/x,m1_tool/pose/z"
         np.savetxt(Path(place, "pick.csv"), rows, "%.6f", ",", header=header, comments="")
-        words = f"sweep --engine general study.toml -o out --pool {engine} --jobs {workers} --format csv"
+        words = f"sweep --engine general study.toml -o out --jobs {workers}"
         processor, wall, _ = spent(["-m", "hybridyn", *words.split()], cwd=place)
-    row = Row("five_bar", "sweep", engine, at=designs, batch=postures, threads=workers)
+    row = Row("five_bar", "sweep", "loky", at=designs, batch=postures, threads=workers)
     return row._replace(seconds=processor, value=wall, unit="s by the clock")

@@ -69,8 +69,8 @@ differ from differences of its own `constraintDynamics`, which agree with the or
 """
 
 SWEEPS = """\
-Sweeps of the five-bar by the general path (`--no-compile`). Processor times are those of all child
-processes; Ray's are not among them. With one process, loky computes in the program itself.
+Sweeps of the five-bar by the general path (`--engine general`). Processor times are those of all child
+processes. With one process, loky computes in the program itself.
 """
 
 MODULES = """\

@@ -12,8 +12,8 @@ import pytest
 MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
     "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
-    "sensitivity": "SALib", "gpu": "warp", "identify": "clarabel",
-    "ray": "ray", "search": "optuna",
+    "gpu": "warp", "identify": "clarabel",
+    "search": "optuna",
 }  # fmt: skip
 
 

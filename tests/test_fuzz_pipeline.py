@@ -213,8 +213,7 @@ PARAMETERS = (
     "rod = { scale_inertia = 'rod', range = [0.5, 2.0], steps = 2 }\n",
 )
 METHODS = ("method = 'grid'\n", "method = 'sobol'\ncount = 4\n", "method = 'random'\ncount = 4\nseed = 3\n",
-           "method = 'latin_hypercube'\ncount = 5\n", "method = 'morris'\ncount = 2\n",
-           "method = 'saltelli'\ncount = 2\n")  # fmt: skip
+           "method = 'latin_hypercube'\ncount = 5\n")  # fmt: skip
 TASKS = (
     "trajectory = 'swing.csv'\nmeasure = { top = 'peak_effort', rms = 'rms_effort' }\n",
     "trajectory = 'swing.csv'\neffects = ['default', 'viscous_friction']\n"

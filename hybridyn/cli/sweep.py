@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import click
@@ -11,13 +10,11 @@ from ..errors import HybridynError
 from .common.engine import takes_engine
 from .common.figures import plot_option, save_chart
 from .common.progress import Progress
-from .common.tables import jobs_option, pool_options
+from .common.tables import jobs_option, resume_option
 from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..studies.sweep.best import Best
-    from ..studies.sweep.pools import PoolName
-    from ..studies.sweep.sensitivity import Index
     from ..studies.sweep.sweep import Swept
 
 #: Designs of the Pareto front that are printed; the others are counted.
@@ -29,13 +26,12 @@ MOST_PRINTED = 50
     params=[
         plot_option("every measure over every parameter", page=True),
         jobs_option("one per core"),
-        *pool_options(""),
+        resume_option(""),
     ],
     short_help="Evaluate many designs of a robot, and find the best.",
 )
 @click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
 @click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
-@click.option("--format", type=click.Choice(["parquet", "csv"]), help="Format of the shards.")
 @click.option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files.")
 @takes_engine
 @click.option(
@@ -50,47 +46,38 @@ MOST_PRINTED = 50
 @click.option(
     "--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Number of designs to print."
 )
-@click.option("--sensitivity", is_flag=True, help="Print the Sobol or Morris indices of the parameters.")
 def command(
     study: str | None,
     output: str,
-    pool: PoolName | None,
-    scheduler: str | None,
     jobs: int | None,
     resume: bool,
-    format: str | None,
     allow_python: bool,
     engine: str | None,
     best: str | None,
     where: str | None,
     top: int,
-    sensitivity: bool,
     plot: str | None,
 ) -> int:
     """Evaluate the designs of STUDY (a TOML file), and find the best.
 
     A study names a robot, parameters with their values, tasks, and what is measured; docs/sweeps.md explains
     its keys. The results are written to FOLDER, one file (shard) per second of work; a shard is complete or
-    does not exist. The rows are the same, bit for bit, for every pool and number of processes. Designs
+    does not exist. The rows are the same, bit for bit, for every number of processes. Designs
     that do not load, and postures that are out of reach or singular, are counted and listed. Without STUDY,
     --best and --plot use the results of an earlier run:
 
     hybridyn sweep -o results --best "peak_effort" --where "reach > 0.2"
     """
-    if study is None and best is None and plot is None and not sensitivity:
-        raise click.UsageError(
-            "give a STUDY to evaluate, or --best, --sensitivity or --plot to ask earlier results"
-        )
+    if study is None and best is None and plot is None:
+        raise click.UsageError("give a STUDY to evaluate, or --best or --plot to ask earlier results")
     if where is not None and best is None and plot is None:
         raise click.UsageError("--where belongs to --best or --plot")
     if study is not None:
-        _run(study, output, pool, scheduler, jobs, resume, allow_python, format, engine)
+        _run(study, output, jobs, resume, allow_python, engine)
     if best is not None:
         from ..studies.sweep.best import find_best
 
         click.echo("\n".join(_table(find_best(output, best, where, top))))
-    if sensitivity:
-        click.echo("\n".join(_indices(output)))
     if plot is not None:
         from ..figures.sweep import chart_of_sweep
 
@@ -99,9 +86,8 @@ def command(
 
 
 def _run(
-    study: str, output: str, pool: PoolName | None, scheduler: str | None, jobs: int | None, resume: bool,
-    allow_python: bool, format: str | None, engine: str | None,
-) -> None:  # fmt: skip
+    study: str, output: str, jobs: int | None, resume: bool, allow_python: bool, engine: str | None
+) -> None:
     """Evaluate a study, and print what became of its designs."""
     from ..studies.sweep.sweep import sweep
 
@@ -116,9 +102,8 @@ def _run(
                 bar.show(state.now, state.now / open_before)
 
             state = sweep(
-                study, output, pool=pool or "loky", jobs=jobs, scheduler=scheduler,
-                resume=resume, allow_python=allow_python, format=format, compiled=engine != "general",
-                progress=show,
+                study, output, jobs=jobs, resume=resume, allow_python=allow_python,
+                compiled=engine != "general", progress=show,
             )  # fmt: skip
     except BaseException:
         if states:
@@ -138,8 +123,6 @@ def _summary(state: Swept, output: str, engine: str | None) -> list[str]:
     lines = [f"{counted(state.done, 'design')} in '{output}', {state.now:,} evaluated now"]
     statuses = sorted(state.statuses, key=lambda status: (status != "ok", status))
     lines += [f"  {status}: {state.statuses[status]:,}" for status in statuses]
-    if state.unreachable or state.singular:
-        lines.append(f"postures out of reach: {state.unreachable:,}; singular: {state.singular:,}")
     if state.compiled:
         lines.append(f"by compiled models: {state.compiled:,}")
         lines.append(
@@ -154,11 +137,7 @@ def _summary(state: Swept, output: str, engine: str | None) -> list[str]:
             f"a worker process died {counted(state.restarts, 'time')}; its designs were evaluated again"
         )
     if state.now:
-        share = state.work / (state.seconds * max(state.workers, 1)) if state.seconds > 0 else 1.0
-        lines.append(
-            f"{state.work / state.now * 1e3:.3g} ms per design, {counted(state.workers, 'worker')} busy "
-            f"{share:.0%}, wall time {state.seconds:.2f} s"
-        )
+        lines.append(f"{state.work / state.now * 1e3:.3g} ms per design, wall time {state.seconds:.2f} s")
     return lines
 
 
@@ -175,24 +154,3 @@ def _table(found: Best) -> list[str]:
             aligned = aligned_rows([list(found.columns), *cells], right=range(len(found.columns)))
             lines += [f"  {line}" for line in aligned]
     return lines
-
-
-def _indices(output: str) -> list[str]:
-    """Return the sensitivity indices as aligned text: a row per measure, a column per parameter."""
-    from ..studies.sweep.sensitivity import KINDS, sensitivity
-
-    found = sensitivity(output)
-    parameters = list(dict.fromkeys(one.parameter for one in found))
-    rows = []
-    for kind in dict.fromkeys(one.kind for one in found):
-        rows.append([KINDS[kind], *parameters])
-        for measure in dict.fromkeys(one.measure for one in found):
-            cells = [_index(one) for one in found if (one.measure, one.kind) == (measure, kind)]
-            rows.append([measure, *cells])
-    return aligned_rows(rows, right=range(1, len(rows[0])))
-
-
-def _index(one: Index) -> str:
-    """Return an index with its bound: parts of the variance with two decimals, others with three digits."""
-    digits = ".2f" if one.kind in ("first", "total") else ".3g"
-    return f"{one.value:{digits}}" + ("" if math.isnan(one.bound) else f" ± {one.bound:{digits}}")

@@ -1,7 +1,6 @@
 """Commands over a folder or a glob of tables: shards, errors that name the table, and lost processes."""
 
 import os
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +35,7 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         times[name] = times.get(name, 0) - 1
         return times[name] >= 0
 
-    monkeypatch.setattr("hybridyn.studies.sweep.pools.open_pool", lambda *_: nullcontext(pool_here(deaths)))
+    monkeypatch.setattr("hybridyn.studies.sweep.pools.open_pool", lambda *_: pool_here(deaths))
     return times
 
 
@@ -102,9 +101,8 @@ def test_a_table_that_ends_every_process_is_named(place: Path, lost: dict[str, i
         (["in", "-o", "out"], 2, "'in/*.parquet' matches no table; others by a glob: 'in/*.csv'"),
         (["in/*.csv", "-o", "in"], 2, "'in/t0.csv', the shard of 'in/t0.csv', would replace a table"),
         (["**/*.csv", "-o", "out"], 2, "'out/t0.csv', the shard of 'in/t0.csv', would replace that of 'a/"),
-        (["swing.csv", "--resume"], 2, "--resume, --pool and --scheduler belong to several tables"),
+        (["swing.csv", "--resume"], 2, "--resume belongs to several tables"),
         (["in/*.csv", "-o", "out", "--plot", "x.png"], 2, "--plot belongs to a single table"),
-        (["in/*.csv", "-o", "out", "--scheduler", "x"], 1, "'x' is no address of a scheduler"),
         (["swing.csv", "-o", "out"], 2, "a result file ends in .csv or .parquet"),
     ],
 )  # fmt: skip
@@ -115,12 +113,11 @@ def test_wrong_words_are_one_line(place: Path, run: Any, words: list[str], statu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pool", ["loky", "dask"])
-def test_other_processes_write_the_same_bits(place: Path, run: Any, pool: str) -> None:
-    polars = needs("dask" if pool == "dask" else "sweep") and needs("io")
+def test_other_processes_write_the_same_bits(place: Path, run: Any) -> None:
+    polars = needs("sweep") and needs("io")
     for path in place.glob("in/t[013].csv"):
         polars.read_csv(path).write_parquet(path.with_suffix(".parquet"))
-    run("idm", "pendulum.urdf", "in", "-o", "out", "--pool", pool, "-j", "2")
+    run("idm", "pendulum.urdf", "in", "-o", "out", "-j", "2")
     for path in sorted(place.glob("in/*.parquet")):
         run("idm", "pendulum.urdf", path, "-o", "one.parquet", "-q")
         assert polars.read_parquet("one.parquet").equals(polars.read_parquet(f"out/{path.name}"))

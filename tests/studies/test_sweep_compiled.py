@@ -97,7 +97,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
     folder: Path, here: Any
 ) -> None:
-    state = hybridyn.sweep(written("method = 'grid'", SCALES), "out", format="csv")
+    state = hybridyn.sweep(written("method = 'grid'", SCALES), "out")
     assert "every joint" in state.why_general
     assert (state.compiled, state.statuses) == (0, {"ok": 6})
     assert not about_of("out").compiled
@@ -112,22 +112,22 @@ def test_models_in_the_cache_are_used_however_long_they_took_to_build(
     study = five_bar_in(folder)
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
     monkeypatch.setattr(compiled_designs, "OF_WRITING", np.inf)
-    state = hybridyn.sweep(study, "slow", format="csv", jobs=1)
+    state = hybridyn.sweep(study, "slow", jobs=1)
     assert (state.compiled, state.why_general) == (0, "")
     monkeypatch.setattr(compiled_designs, "OF_WRITING", 0)
-    assert hybridyn.sweep(study, "built", format="csv", jobs=1).compiled
+    assert hybridyn.sweep(study, "built", jobs=1).compiled
     compiled_chunks._kept.clear()
     monkeypatch.setattr(compiled_designs, "OF_WRITING", 1e6)
-    assert hybridyn.sweep(study, "again", format="csv", jobs=1).compiled
+    assert hybridyn.sweep(study, "again", jobs=1).compiled
 
 
 def both_ways(study: Path) -> Swept:
     """Return a sweep by compiled models; the general path has the same rows."""
     needs("compiled")
-    state = hybridyn.sweep(study, "compiled", format="csv")
+    state = hybridyn.sweep(study, "compiled")
     assert state.why_general == ""
     assert 0 < state.difference <= SAME
-    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
+    general = hybridyn.sweep(study, "general", compiled=False)
     assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
     ours, theirs = rows_of("compiled"), rows_of("general")
     for name in ("design", "status", "unreachable", "singular", "message"):
@@ -140,7 +140,7 @@ def both_ways(study: Path) -> Swept:
 def in_one_chunk(study: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """Return the rows of a sweep that is not divided, to their last bits."""
     monkeypatch.setattr(sweeping, "MOST_IN_CHUNK", 16)
-    hybridyn.sweep(study, "whole", format="csv")
+    hybridyn.sweep(study, "whole")
     return bits_of("whole")
 
 
@@ -172,14 +172,14 @@ def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided
     whole = in_one_chunk(study, monkeypatch)
     for file in sorted(Path("compiled").glob("designs-*"))[::2]:
         file.unlink()
-    resumed = hybridyn.sweep(study, "compiled", format="csv", resume=True)
+    resumed = hybridyn.sweep(study, "compiled", resume=True)
     assert 0 < resumed.now < 16
     assert bits_of("compiled") == whole
 
     monkeypatch.setattr(compiled_chunks, "CompiledDesigns", refuse)
     next(Path("compiled").glob("designs-*")).unlink()
     refused(
-        lambda: hybridyn.sweep(study, "compiled", format="csv", resume=True),
+        lambda: hybridyn.sweep(study, "compiled", resume=True),
         hybridyn.HybridynError,
         r"are of compiled models.*: no C compiler$",
     )
@@ -233,7 +233,7 @@ def test_models_that_differ_are_refused(folder: Path, here: Any, monkeypatch: py
     study = five_bar_in(folder)
     monkeypatch.setattr(compiled_designs, "EQUAL", 0.0)
     refused(
-        lambda: hybridyn.sweep(study, "out", format="csv"),
+        lambda: hybridyn.sweep(study, "out"),
         hybridyn.HybridynError,
         r"design \d+, task 'swing': compiled .* differ by",
     )

@@ -66,7 +66,7 @@ def test_a_study_names_the_unit(tmp_path: Path) -> None:
     """Each number is the peak of the one motor with its unit."""
     needs("sweep")
     measure = "{ force = 'peak_effort[N]', torque = 'peak_effort[N m]', rise = 'peak_speed[m/s]' }"
-    hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", format="csv", jobs=1)
+    hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", jobs=1)
     (rows,) = read_shards(str(tmp_path / "out"))
     for i, mass in enumerate((1.0, 2.0)):
         robot = hybridyn.load(tmp_path / "arm.urdf").with_parameters({"mass:tool": mass})

@@ -10,7 +10,6 @@ import json
 import os
 import time
 import warnings
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -27,7 +26,6 @@ from .text import counted
 
 if TYPE_CHECKING:
     from ...structure.robot import HybridRobot
-    from ...studies.sweep.pools import PoolName
     from .tables import TableCommand
 
 #: The file that says what the shards of a folder are: a digest of the command, then for each table that was
@@ -58,10 +56,7 @@ def several(word: str) -> bool:
     return os.path.isdir(word) or (glob.has_magic(word) and not os.path.exists(word))
 
 
-def compute_each(
-    command: TableCommand, options: dict[str, Any], ending: str, pool: PoolName, scheduler: str | None,
-    *, resume: bool,
-) -> int:  # fmt: skip
+def compute_each(command: TableCommand, options: dict[str, Any], ending: str, *, resume: bool) -> int:
     """Compute every table that has no shard, and return the exit status.
 
     Args:
@@ -70,26 +65,19 @@ def compute_each(
         ending: Ending of the shards; "" takes that of the table.
 
     Raises:
-        HybridynError: No table is found, the robot does not load, the folder has other results, or the
-            scheduler does not answer.
+        HybridynError: No table is found, the robot does not load, or the folder has other results.
         OSError: The disk is full; the shards so far are complete.
     """
-    from ...studies.sweep.pools import check_pool, open_pool
+    from ...studies.sweep.pools import open_pool
 
     started = time.perf_counter()
     for name in ("plot", "reactions"):
         if options.get(name):
             raise click.UsageError(f"--{name} belongs to a single table")
-    check_pool(pool, scheduler)
-    load: RobotChoice = options["load"]
-    load()  # a robot that does not load is one error, and not one for each table
+    options["load"]()  # a robot that does not load is one error, and not one for each table
     assert command.callback is not None
     module, outcomes = command.callback.__module__, list[Outcome]()
     identity = _identity(module, options)
-    if scheduler is not None and options["output"]:  # the processes have other working folders
-        folders = tuple(map(os.path.abspath, load.package_dirs))
-        options |= {name: os.path.abspath(options[name]) for name in ("source", "output")}
-        options["load"] = replace(load, robot=os.path.abspath(load.robot), package_dirs=folders)
     shards, folder = _shards(options["source"], options["output"], ending), Path(options["output"])
     with locked(folder):
         left = _begin(folder, identity, shards, resume=resume)
@@ -99,8 +87,8 @@ def compute_each(
         ]
         try:
             if left:
-                with open_pool(pool, options["jobs"], scheduler) as processes, Progress("tables") as bar:
-                    for outcome in processes.run(compute, tasks, lost):
+                with Progress("tables") as bar:
+                    for outcome in open_pool(options["jobs"]).run(compute, tasks, lost):
                         outcomes.append(outcome)
                         source = outcome.source
                         if outcome.error:

@@ -130,19 +130,9 @@ def jobs_option(default: str) -> Brief:
     )
 
 
-def pool_options(of: str) -> tuple[click.Option, ...]:
-    """Return the options of other processes. `of`: the beginning of their help."""
-    return (
-        click.Option(["--resume"], is_flag=True, help=f"{of} Continue an earlier run.".lstrip()),
-        click.Option(
-            ["--pool"],
-            type=click.Choice(["loky", "dask", "ray"]),
-            help=f"{of} What runs the processes.  [default: loky]".lstrip(),
-        ),
-        click.Option(
-            ["--scheduler"], metavar="ADDRESS", help=f"{of} A running cluster of Dask or Ray.".lstrip()
-        ),
-    )
+def resume_option(of: str) -> click.Option:
+    """Return the option `--resume`. `of`: the beginning of its help."""
+    return click.Option(["--resume"], is_flag=True, help=f"{of} Continue an earlier run.".lstrip())
 
 
 def _table_options(plot: str) -> tuple[click.Option, ...]:
@@ -161,7 +151,7 @@ def _table_options(plot: str) -> tuple[click.Option, ...]:
         plot_option(plot, page=True),
         click.Option(["-q", "--quiet"], is_flag=True, help="No summary."),
         jobs_option("1; one per core for long tables"),
-        *pool_options("Several tables:"),
+        resume_option("Several tables:"),
     )
 
 
@@ -196,15 +186,12 @@ class TableCommand(RobotCommand):
 
     def run(self, words: dict[str, Any]) -> Any:
         """Call the function, once for each table."""
-        resume, pool, scheduler = (words.pop(name) for name in ("resume", "pool", "scheduler"))
+        resume = words.pop("resume")
         report = any(words[name] for name in self.reports)
         if several(words["source"]):
-            return compute_each(
-                self, words, ".csv" if report else "", pool or ("dask" if scheduler else "loky"), scheduler,
-                resume=resume,
-            )  # fmt: skip
-        if resume or pool or scheduler:
-            raise click.UsageError("--resume, --pool and --scheduler belong to several tables")
+            return compute_each(self, words, ".csv" if report else "", resume=resume)
+        if resume:
+            raise click.UsageError("--resume belongs to several tables")
         output = next(one for one in self.params if one.name == "output")
         (report_file if report else result_file)(click.get_current_context(), output, words["output"])
         return self.one(words)

@@ -2,6 +2,6 @@
 
 Read `study_tables`, `study_file` and `reading` (the study), `designs` (values of the parameters), `variants`
 (the robot of a design), `following` (a trajectory), `columns` and `measures` (what is measured), `evaluation`
-(designs to rows), `shards` (rows on disk), `pools` and `clusters` (other processes), `sweep` (all of it),
-`expressions`, `best` and `sensitivity` (questions).
+(designs to rows), `shards` (rows on disk), `pools` (other processes), `sweep` (all of it), `expressions` and
+`best` (questions).
 """

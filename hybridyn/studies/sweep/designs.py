@@ -7,7 +7,6 @@ from scipy.special import ndtri
 
 from ...spatial import Array, Index
 from ...tables.opening import read_columns
-from .salib import draw
 from .study_file import StudyFile
 from .study_tables import MOST_DESIGNS, ParameterTable
 
@@ -18,8 +17,7 @@ LEAST = 2.0**-53
 class Designs:
     """The designs of a study, numbered from 0.
 
-    A table, a Latin hypercube, and designs in blocks are kept in memory, 8 bytes per number; others are drawn
-    when asked for.
+    A table and a Latin hypercube are kept in memory, 8 bytes per number; others are drawn when asked for.
 
     Attributes:
         names: Names of the parameters.
@@ -31,7 +29,6 @@ class Designs:
 
         Raises:
             ModelError: A grid is too large.
-            HybridynError: SALib is missing.
             TrajectoryError: The table is wrong, or a parameter has no column.
         """
         self.source, self.parameters = source, source.study.parameters
@@ -48,9 +45,6 @@ class Designs:
             self.count = len(self._all)
         else:
             self.count = source.study.designs.count or 0
-        if self.method in ("saltelli", "morris"):
-            self._all = draw(self.method, len(self.names), self.count, self.seed)
-            self.count = len(self._all)
         if self.method == "latin_hypercube":
             from scipy.stats import qmc  # imported where it is needed: it takes a second
 

@@ -1,32 +1,23 @@
-"""Other processes: any executor of `concurrent.futures` (loky, Dask, Ray), with one rule for deaths."""
+"""Other processes: any executor of `concurrent.futures` (loky, Dask's), with one rule for deaths."""
 
 from __future__ import annotations
 
-import contextlib
 import os
-import re
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from itertools import islice
-from typing import Any, Literal
+from typing import Any
 
 from ...errors import HybridynError, install_advice
 
-PoolName = Literal["loky", "dask", "ray"]
-#: The package of each pool, and the extra that brings it.
-PACKAGES = {"loky": ("joblib", "sweep"), "dask": ("distributed", "dask"), "ray": ("ray", "ray")}
-#: Address of a scheduler by pool, and an example.
-ADDRESSES = {
-    "dask": (re.compile(r"(tcp|tls|ucx|wss?)://\S+:\d+(/\S*)?"), "tcp://host:8786"),
-    "ray": (re.compile(r"(ray://)?[^\s:/]+:\d+|auto"), "host:6379"),
-}
 #: Tasks per process that are given in advance.
 AHEAD = 2
 #: Times that a task may end its process before it counts as lost.
 MOST_DEATHS = 2
+#: Name of Dask's error for a process that ended; those of `concurrent.futures` are `BrokenExecutor`.
+OF_DASK = "KilledWorker"
 
 Task = tuple[Any, ...]
 
@@ -38,13 +29,11 @@ class Pool:
     Attributes:
         workers: Their number.
         start: Returns the executor; after the death of a process, another one where that is needed.
-        died: Errors of tasks whose process is gone.
         deaths: Times that a process died.
     """
 
     workers: int
     start: Callable[[], Executor]
-    died: tuple[type[BaseException], ...] = (BrokenExecutor,)
     deaths: int = 0
 
     def run(
@@ -91,7 +80,9 @@ class Pool:
                     result = future.result()
                     given.remove(tasks.pop(future))
                     yield result
-        except self.died:
+        except Exception as error:
+            if not isinstance(error, BrokenExecutor) and type(error).__name__ != OF_DASK:
+                raise
             self.deaths += 1
             return False
         finally:
@@ -105,60 +96,30 @@ class ThisProcess(Executor):
     def submit(self, function: Callable[..., Any], /, *task: Any, **words: Any) -> Future[Any]:
         """Call a function at once."""
         future: Future[Any] = Future()
-        try:
-            future.set_result(function(*task, **words))
-        except Exception as error:
-            future.set_exception(error)
+        future.set_result(function(*task, **words))
         return future
 
 
-@contextlib.contextmanager
-def open_pool(pool: PoolName, jobs: int | None, scheduler: str | None) -> Iterator[Pool]:
-    """Start processes, or connect to a cluster.
+def open_pool(jobs: int | None = None, executor: Callable[[], Executor] | None = None) -> Pool:
+    """Return processes: those of an executor, or loky's on this machine.
 
     Args:
-        pool: "loky", "dask" or "ray".
-        jobs: Number of processes; one per core by default. A cluster has its own number.
-        scheduler: Address of a running cluster: of Dask, "tcp://host:8786", or of Ray, "host:6379".
+        jobs: Their number; one per core by default.
+        executor: Returns an executor; called again after the death of a process.
 
     Raises:
-        HybridynError: A package is missing, or the scheduler does not answer.
+        HybridynError: joblib, which brings loky, is missing.
     """
-    check_pool(pool, scheduler)
-    name, extra = PACKAGES[pool]
-    try:
-        import_module(name)
-    except ImportError:
-        raise HybridynError(f"this needs {name}: {install_advice(extra)}") from None
     jobs = jobs or cores()
-    if pool == "loky":
+    if executor is not None or jobs == 1:
+        return Pool(jobs, executor or ThisProcess)
+    try:
         from joblib.externals.loky import get_reusable_executor
-
-        # Processes that began in another folder are started anew.
-        words: Any = {"max_workers": jobs, "initializer": os.chdir, "initargs": (os.getcwd(),)}
-        yield Pool(jobs, ThisProcess if jobs == 1 else partial(get_reusable_executor, **words))
-        return
-    from . import clusters
-
-    with (clusters.open_dask if pool == "dask" else clusters.open_ray)(jobs, scheduler) as cluster:
-        yield Pool(*cluster)
-
-
-def check_pool(pool: str, scheduler: str | None) -> None:
-    """Check the choice of processes before any work is done.
-
-    Raises:
-        HybridynError: There is no such pool, or the scheduler's address is wrong.
-    """
-    if pool not in PACKAGES:
-        raise HybridynError(f"there is no pool '{pool}'; the pools are {', '.join(PACKAGES)}")
-    if scheduler is None:
-        return
-    if pool not in ADDRESSES:
-        raise HybridynError("a scheduler belongs to the pool 'dask' or 'ray'")
-    form, example = ADDRESSES[pool]
-    if not form.fullmatch(scheduler):
-        raise HybridynError(f"'{scheduler}' is no address of a scheduler, like {example}")
+    except ImportError:
+        raise HybridynError(f"this needs joblib: {install_advice('sweep')}") from None
+    # Processes that began in another folder are started anew.
+    words: Any = {"max_workers": jobs, "initializer": os.chdir, "initargs": (os.getcwd(),)}
+    return Pool(jobs, partial(get_reusable_executor, **words))
 
 
 def cores() -> int:

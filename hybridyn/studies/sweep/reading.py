@@ -1,16 +1,23 @@
-"""Read study files, and check what can be checked without loading the robot."""
+"""Read study files, check what can be checked without loading the robot, and tell studies apart."""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import json
 from pathlib import Path
 
+from ...description.reading import read_bytes
 from ...description.side_cars.toml_file import Keys
-from ...errors import ModelError
+from ...description.urdf.robot_folders import recorded
+from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
+from .designs import Designs
 from .measures import check_word
 from .playing import Player
 from .study_file import PYTHON, StudyFile, python_of
 from .study_tables import Study
+from .variants import Variants
 
 #: Columns that every table of results has.
 FIXED_COLUMNS = ("design", "status", "unreachable", "singular", "message")
@@ -58,3 +65,23 @@ def _check(source: StudyFile, allow_python: bool) -> None:
         raise ModelError(
             f"'{twice[0]}' would be two columns of the table: choose another name", file=source.file
         )
+
+
+def identity(source: StudyFile, designs: Designs) -> str:
+    """Compute a digest of a study and of all files that it reads; meshes are no part of it.
+
+    These are the files that the study names, functions in Python among them, those that the robot's file
+    includes for the first design, and `model.toml` and other files beside it.
+
+    Raises:
+        ModelError: A file that the study names cannot be read.
+    """
+    said = source.study.model_dump_json(exclude={"designs": {"check"}})
+    digest = hashlib.sha256(said.encode())
+    for path in source.files:
+        digest.update(read_bytes(path))
+    variants = Variants(source)
+    with recorded() as files, contextlib.suppress(HybridynError):  # the files of a robot that does not load
+        variants.description(variants.named(designs.values(0, 1)[0]))
+    digest.update(json.dumps([files[path] for path in sorted(files)]).encode())
+    return digest.hexdigest()

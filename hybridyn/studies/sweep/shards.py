@@ -26,7 +26,7 @@ from .evaluation import Row
 
 #: The file that says of which study the shards are.
 ABOUT = "sweep.json"
-_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})(?:-[0-9a-f]+)?\.(parquet|csv)")
+_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})-[0-9a-f]+\.parquet")
 
 Columns = dict[str, Any]
 
@@ -41,8 +41,6 @@ class About:
         designs: Number of designs.
         parameters: Columns of the parameters.
         measures: Columns of the measures.
-        format: Format of the shards, "parquet" or "csv".
-        method: How the designs were drawn.
         compiled: Whether compiled models evaluate designs.
         units: Units of measures, as far as known.
     """
@@ -52,8 +50,6 @@ class About:
     designs: int
     parameters: list[str]
     measures: list[str]
-    format: str
-    method: str = ""
     compiled: bool = False
     units: dict[str, str] = field(default_factory=dict)
 
@@ -81,7 +77,7 @@ class Shards:
 
         Args:
             folder: The folder, which exists.
-            about: What the shards belong to. The format of shards that exist is kept.
+            about: What the shards belong to.
             resume: Whether to continue from shards that exist.
 
         Raises:
@@ -128,9 +124,10 @@ class Shards:
             name: list(values)
             for name, values in zip(self.about.columns, zip(*map(_cells, rows), strict=True), strict=True)
         }
-        made = _text(columns, self.about.format)
-        seal = _seal(self.about, made)
-        _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}-{seal}.{self.about.format}", made)
+        out = io.BytesIO()
+        load_polars("a shard").DataFrame(columns, schema=_schema(columns)).write_parquet(out)
+        seal = _seal(self.about, out.getvalue())
+        _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}-{seal}.parquet", out.getvalue())
         self._done.append((start, stop))
 
 
@@ -170,7 +167,7 @@ def read_shards(folder: str | Path, columns: Iterable[str] | None = None) -> Ite
             if start < after:
                 raise ValueError(f"the shard before it has design {start}, too")
             after = stop
-            yield _read(file, content, wanted, about.columns)
+            yield _read(file, content, wanted)
         except (OSError, ValueError, KeyError) as error:
             raise HybridynError(
                 f"{file}: is no result of this sweep ({error}): remove it, and continue with resume=True"
@@ -212,22 +209,11 @@ def _write(file: Path, content: bytes) -> None:
         draft.unlink(missing_ok=True)
 
 
-def _text(columns: Columns, format: str) -> bytes:
-    """Return a shard's bytes."""
-    out, frame = io.BytesIO(), load_polars("a shard").DataFrame(columns, schema=_schema(columns))
-    frame.write_parquet(out) if format == "parquet" else frame.write_csv(out)
-    return out.getvalue()
-
-
-def _read(file: Path, content: bytes, wanted: Sequence[str], every: Sequence[str]) -> Columns:
-    """Return columns of a shard's bytes; `every` one that it has."""
+def _read(file: Path, content: bytes, wanted: list[str]) -> Columns:
+    """Return columns of a shard's bytes."""
     polars = load_polars(str(file))
     try:
-        if file.suffix == ".parquet":
-            frame = polars.read_parquet(content, columns=list(wanted))
-        else:
-            frame = polars.read_csv(content, schema=_schema(every))
-        frame = frame.select(list(wanted)).fill_null(math.nan)
+        frame = polars.read_parquet(content, columns=wanted).select(wanted).fill_null(math.nan)
     except polars.exceptions.PolarsError as error:
         raise ValueError(str(error)) from error
     return {

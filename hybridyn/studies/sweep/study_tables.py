@@ -13,9 +13,9 @@ from ...scenes.scene_file import RobotTable, exactly_one
 #: Names of parameters, tasks and measures: they are columns of the table, and names in expressions.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-Method = Literal["grid", "latin_hypercube", "sobol", "random", "table", "saltelli", "morris"]
-#: Methods that take a number of designs, or of blocks of designs.
-COUNTED = ("latin_hypercube", "sobol", "random", "saltelli", "morris")
+Method = Literal["grid", "latin_hypercube", "sobol", "random", "table"]
+#: Methods that take a number of designs.
+COUNTED = ("latin_hypercube", "sobol", "random")
 #: Largest number of designs of a study.
 MOST_DESIGNS = 10**9
 
@@ -126,8 +126,6 @@ class Study(Schema):
                 raise ValueError(f"parameter '{name}': its values are those of the table")
             if self.designs.method == "grid" and not (one.values or one.steps):
                 raise ValueError(f"parameter '{name}': a grid needs 'values', or a 'range' with 'steps'")
-            if self.designs.method == "morris" and one.range is None:
-                raise ValueError(f"parameter '{name}': Morris's method needs a 'range'")
         return self
 
 
