@@ -13,9 +13,8 @@ from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
-from .asking import asked_for
 from .code.scalars import Scalar
-from .equations.arguments.coefficients import at_robot
+from .equations.coefficients import at_robot
 from .failures import as_compile_error
 from .library.building import best_lanes, find_compiler
 from .library.cache import Built, known
@@ -23,7 +22,7 @@ from .library.calls import Library, loaded
 from .library.current import Replacement, check_bits, receive, run_in_turn
 from .model import CompiledRobot
 from .programs.designs import designs_to_verify
-from .programs.sources import MODELS, Artifact, library_key, library_of
+from .programs.sources import MODELS, Artifact, asked_for, library_key, library_of
 from .verifying import verify, warn_of_handed_over
 
 #: Models that a quick build may begin with, the default first.

@@ -18,8 +18,7 @@ from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
 
 try:
-    from .programs.derivatives.coordinates import check_known
-    from .programs.derivatives.evaluation import Derivatives, Jacobians
+    from .programs.derivatives.evaluation import Derivatives, Jacobians, check_known
     from .programs.sources import kept, robot_key
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error

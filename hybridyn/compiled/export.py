@@ -14,8 +14,8 @@ from ..effects.choice import Choice, Effects
 from ..errors import CompileError, ModelError
 from ..structure.parameters.slots import Slot, values_of
 from ..structure.robot import HybridRobot
-from .asking import asked_for
 from .failures import WITHOUT_CASADI, as_compile_error
+from .programs.sources import asked_for
 from .verifying import check_trusted
 
 try:

@@ -16,7 +16,7 @@ from ..spatial import Array
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
-from .equations.arguments.coefficients import at_robot
+from .equations.coefficients import at_robot
 from .library.building import best_lanes
 from .library.cache import Built
 from .library.calls import Calls, Library, Numbers

@@ -15,7 +15,7 @@ import numpy as np
 from ..compiled.code.library_source import Source, library_source
 from ..compiled.code.rules import compacted
 from ..compiled.code.scalars import GUARD_LIMIT, Scalar
-from ..compiled.equations.arguments.module_arguments import ModuleArguments
+from ..compiled.equations.arguments import ModuleArguments
 from ..compiled.equations.expressions import unpack
 from ..compiled.equations.request import Request, request
 from ..compiled.failures import as_compile_error, check_agreement

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from ..compiled.asking import asked_for
 from ..compiled.failures import needs_casadi
+from ..compiled.programs.sources import asked_for
 from ..effects.choice import Choice
 from ..errors import CompileError, install_advice
 from ..structure.parameters.slots import Slot

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..assembly.posture import holding, posture_at
-from ..compiled.equations.arguments.coefficients import at_robot
+from ..compiled.equations.coefficients import at_robot
 from ..compiled.programs.designs import DesignsInSlots
 from ..compiled.programs.general import general_rows
 from ..compiled.verifying import verify

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from hybridyn import HybridRobot, assemble, idm, load
-from hybridyn.compiled.equations.arguments.traced import Traced, expressed
+from hybridyn.compiled.equations.arguments import Traced, expressed
 from hybridyn.description.records import Description
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError

@@ -14,15 +14,36 @@ import casadi as ca
 import numpy as np
 
 from ...dynamics.guards import FORCED
-from ...spatial import Index
-from .chains import motion_map, sweep
-from .core import Core, Plan, core_body, motions_of, own_inertia, rank_guard, whole, write_core
-from .expressions import Expression, along, congruence, dot, numbers, pack, symbols, upper, zeros
+from ...spatial import Array, Index
+from .chains import forces, mass_matrix, motion_map, sweep
+from .core import (
+    Core,
+    Plan,
+    core_body,
+    motions_of,
+    own_inertia,
+    rank_guard,
+    whole,
+    wrist_accelerations,
+    write_core,
+)
+from .expressions import (
+    Expression,
+    along,
+    congruence,
+    dot,
+    hat,
+    numbers,
+    pack,
+    symbols,
+    symmetric,
+    upper,
+    zeros,
+)
 from .guards import size_of, trusted, weighed
-from .options import DirectOptions
-from .paths import wrist_accelerations
-from .quadratic_form import bias_of, quadratic_form
-from .rigid import classical, inertia_matrix, to_child
+from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
+from .request import DirectOptions
+from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .stages import (
     BaseMotion,
     Stage,
@@ -35,6 +56,82 @@ from .stages import (
     twist_width,
 )
 from .static_elimination import solve_definite
+
+#: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
+LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
+
+
+def quadratic_form(
+    core: Core, plan: Plan, options: DirectOptions, forced: list[int], received: dict[str, ca.SX]
+) -> tuple[Expression, Expression]:
+    """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,).
+
+    Args:
+        options: Options of the direct model.
+        forced: Freedoms of the core on which an effort acts.
+        received: Filled with the columns of symbols that other kernels provide, by name.
+    """
+    chain, parts = core.chain, plan.parts
+    tau_column, tau = symbols("tau", len(forced))
+    received |= {"tau": tau_column} if forced else {}
+    M, S1 = mass_matrix(chain)
+    b = forces(chain) if options.velocity else zeros(6 + chain.nv)
+    for k, col in enumerate(parts.tree_v):
+        M[6 + k, 6 + k] = M[6 + k, 6 + k] + options.rotor[col]
+    for i in sorted({group[0].platform for group in parts.groups}):
+        S1 = S1 + _add_legs(core, i, M, b, received)
+    M[:6, :6] = M[:6, :6] + inertia_matrix(S1)
+    for o in range(len(core.outputs)):
+        _add_output(core, plan, options, o, M, b, received)
+    at = 6 + np.array(forced, dtype=int)
+    b[at] = b[at] - tau
+    return M, b
+
+
+def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: dict[str, ca.SX]) -> Expression:
+    """Add the legs of platform i, given over [V_dot_base; delta], to M and b; return S1 as ten numbers."""
+    columns = {name: symbols(f"{name} {i}", size) for name, size in LEG_SUMS}
+    received |= {f"{name} {i}": column for name, (column, _) in columns.items()}
+    S1, B, L, b_base, b_delta = (entries for _, entries in columns.values())
+    B, L = B.reshape(6, 6), symmetric(L, 6)
+    at, base = core.chain.columns_of(i + 1), range(6)
+    M[:6, :6] = M[:6, :6] + (L - B - B.T)
+    M[np.ix_(at, base)] = M[np.ix_(at, base)] + B.T - L
+    M[np.ix_(base, at)] = M[np.ix_(base, at)] + B - L
+    M[np.ix_(at, at)] = M[np.ix_(at, at)] + L
+    b[:6] = b[:6] + b_base - b_delta
+    b[at] = b[at] + b_delta
+    return S1
+
+
+def _add_output(
+    core: Core, plan: Plan, options: DirectOptions, o: int, M: Expression, b: Expression,
+    received: dict[str, ca.SX],
+) -> None:  # fmt: skip
+    """Add the inertia and bias of an output, its own or articulated, to M and b."""
+    chain, body = core.chain, core.outputs[o]
+    R0, p0, V = chain.R0[body], chain.p0[body], chain.V[body]
+    own = own_inertia(plan, options.inertias[o], o)
+    if options.carries[o]:
+        received[f"I {o}"], entries = symbols(f"I {o}", 21)
+        received[f"beta {o}"], beta = symbols(f"beta {o}", 6)
+        inertia = matrix_moved(symmetric(entries, 6), R0, p0)
+    else:
+        inertia = inertia_matrix(moved(own, R0, p0))
+        beta = bias_of(own, V, options.velocity)
+    J, c = motion_map(chain, body), chain.c[body]
+    if options.velocity:
+        c = classical(V, c)
+    at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
+    at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
+    M[:] = M + congruence(J, inertia)
+    b[:] = b + dot(J.T, dot(inertia, at_zero) + to_parent(R0, p0, beta))
+
+
+def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
+    """Compute crf(V) (I V) of a body, where V is relative to an observer who moves with its origin."""
+    return crf(resting(V), momentum(own, resting(V))) if velocity else zeros(6)
+
 
 #: Ratio of an inertia to what it is the difference of, below which accelerations lose more than five digits:
 #: of a pivot to its diagonal entry, and of this to the inertia with all other joints locked (of the first
@@ -288,3 +385,25 @@ def _add_wrists(
         out |= {int(col): value for col, value in zip(path.v[path.wrist_v], solved, strict=True)}
         guard = ca.fmax(guard, trusted(trust))
     return out, guard
+
+
+def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Array]:
+    """Write the direct model of group n of a module, and return its stages and its legs' own numbers."""
+    group = plan.parts.groups[n]
+    leg, forced = group[0], group[0].among(options.motors)
+    (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
+    base = base_motion(options.base, options.velocity)
+    p_column, platform = PlatformMotion.symbols(accelerations=False)
+    tau_column, given = symbols("tau", len(forced))
+    delta_column, delta = symbols("delta", 6)
+    tau = zeros(len(leg.v))
+    tau[forced] = given
+    written = write_leg(group, q, v, (base.V, base.A), platform, plan.scale, plan.leg_pivots[n])
+    rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
+    sums = leg_sums(written, tau, options.velocity, rotor)
+    inputs = {"numbers": written.folding.symbol(), "q": q_column, "v": v_column, "platform": p_column}
+    inputs |= base.V_column | ({"tau": tau_column} if forced else {})
+    outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
+    follows = {"a": pack(leg_accelerations(written, delta))}
+    stages = cut("legs", [inputs, {"delta": delta_column}], [outputs, follows])
+    return stages, written.folding.table(len(group))

@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from .arguments.traced import Decision
+from .arguments import Decision
 from .expressions import Expression, dot, is_zero, plus, times
 from .static_elimination import TRUSTED_PIVOT, Trust
 

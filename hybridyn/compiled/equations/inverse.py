@@ -12,17 +12,18 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Index
+from ...spatial import Array, Index
 from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
 from .expressions import Expression, along, cross, dot, pack, symbols, zeros
 from .guards import trusted
-from .leg_models import LEG_WRENCHES
-from .options import InverseOptions
+from .legs import PlatformMotion, WrittenLeg, write_leg
+from .request import InverseOptions
 from .rigid import classical, crf, momentum, resting, to_child, to_parent
 from .stages import (
     BaseMotion,
+    Stage,
     WrittenModule,
     base_motion,
     cut,
@@ -262,3 +263,45 @@ def _motor_map(
     if not options.motors:
         return zeros(Psi.shape[1], 0)
     return np.stack([columns[c] for c in options.motors], axis=1)
+
+
+#: Wrenches that the legs of a platform require, on the base and along delta, and the size of each.
+LEG_WRENCHES = (("b_base", 6), ("b_delta", 6))
+
+
+def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[list[Stage], Array]:
+    """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
+
+    The outputs are `LEG_WRENCHES`; "motors", wrenches along delta of unit efforts of the motors; and "guard".
+    """
+    group = plan.parts.groups[n]
+    leg = group[0]
+    lawful, driven = leg.among(options.laws), leg.among(options.motors)
+    columns = {"q": symbols("q", len(leg.q)), "v": symbols("v", len(leg.v)), "a": symbols("a", len(leg.v))}
+    q, v, a = (entries for _, entries in columns.values())
+    base = base_motion(options.base, options.velocity)
+    laws_column, laws = symbols("laws", len(lawful))
+    p_column, platform = PlatformMotion.symbols(accelerations=True)
+    written = write_leg(group, q, v, (base.V, base.A), platform, plan.scale, plan.leg_pivots[n], a)
+    law = zeros(len(leg.v))
+    law[lawful] = laws
+    rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
+    b = forces(_moving(written, q, v, a, base, options.velocity))
+    H = b[6:] - law + a * rotor
+    outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
+    outputs["guard"] = ca.SX(written.guard)
+    if driven:
+        outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
+    inputs = {name: column for name, (column, _) in columns.items()} | base.V_column | base.A_column
+    inputs |= {"laws": laws_column} if lawful else {}
+    inputs |= {"numbers": written.folding.symbol(), "platform": p_column}
+    return cut("legs", [inputs], [outputs]), written.folding.table(len(group))
+
+
+def _moving(
+    leg: WrittenLeg, q: Expression, v: Expression, a: Expression, base: BaseMotion, velocity: bool
+) -> Chain:
+    """Compute a leg's motion for inertial forces; its rates are zero without velocity terms."""
+    if velocity:
+        return leg.chain
+    return sweep(leg.chain.links, q, zeros(len(v)), zeros(6), a, base.A)

@@ -29,12 +29,12 @@ from ...spatial import Array
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
-from ..equations.arguments.module_arguments import ChosenNumbers
+from ..equations.arguments import ChosenNumbers
 from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
 from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack, zeros
 from ..equations.guards import GUARD_CLOSED, OTHER_STRUCTURE, largest, trusted
+from ..equations.loops import dependent_pivots, shape_of, spanning_closures
 from ..equations.request import Request
-from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
 from ..equations.static_elimination import solve
 from ..program import Constants, Program, Source, Target, Worst
 from .writer import Writer

@@ -24,7 +24,7 @@ from ..library.closed_rows import ClosedRows
 from ..library.direct_calls import DOUBLE, REFUSED, function_of, readable
 from .postures import refuse
 from .quantities.calls import Quantities
-from .quantities.following import artifact_of
+from .quantities.engine import artifact_of
 from .sources import Artifact, library_key, robot_key
 
 if TYPE_CHECKING:

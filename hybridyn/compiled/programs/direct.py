@@ -8,18 +8,14 @@ from typing import Any
 import numpy as np
 
 from ...spatial import Array
-from ..equations.direct import DirectModule, write_direct
+from ..equations.direct import LEG_SUMS, DirectModule, write_direct, write_direct_legs
 from ..equations.expressions import plain, upper
-from ..equations.leg_models import write_direct_legs
-from ..equations.options import DirectOptions, direct_options
 from ..equations.parts import Leg
-from ..equations.quadratic_form import LEG_SUMS
-from ..equations.request import Request
+from ..equations.request import DirectOptions, Request, direct_options
 from ..equations.rigid import inertia_matrix
 from ..equations.stages import Stage, twist_width
 from ..program import Add, Call, Program, Shared, Source, Target, Worst
-from .efforts import Efforts
-from .module_calls import ModuleCalls, Stages, moving_base, read, same_structure, unit_base
+from .module_calls import Efforts, ModuleCalls, Stages, moving_base, read, same_structure, unit_base
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]

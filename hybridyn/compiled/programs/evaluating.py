@@ -16,7 +16,7 @@ from ...effects.choice import Effects
 from ...errors import AssemblyError, HybridynError, SingularityError
 from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot
-from ..equations.arguments.coefficients import at_robot
+from ..equations.coefficients import at_robot
 from ..library.calls import Calls
 from .closing.design_rows import DesignRequests, DesignRows
 from .designs import DesignsInSlots

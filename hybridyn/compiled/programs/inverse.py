@@ -9,15 +9,12 @@ import numpy as np
 
 from ...spatial import Array
 from ..equations.actuation import motor_pivots
-from ..equations.inverse import InverseModule, write_inverse
-from ..equations.leg_models import LEG_WRENCHES, write_inverse_legs
-from ..equations.options import InverseOptions, balance_options, inverse_options
-from ..equations.request import Request
+from ..equations.inverse import LEG_WRENCHES, InverseModule, write_inverse, write_inverse_legs
+from ..equations.request import InverseOptions, Request, balance_options, inverse_options
 from ..equations.stages import Stage, twist_width
 from ..equations.static_elimination import Pivots
 from ..program import Add, Call, Each, Program, Shared, Source, Target, Worst
-from .efforts import Efforts
-from .module_calls import ModuleCalls, Stages, moving_base, read, same_structure, unit_base
+from .module_calls import Efforts, ModuleCalls, Stages, moving_base, read, same_structure, unit_base
 from .writer import Writer
 
 PARTS = ["kinematics", "efforts"]

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ...structure.module import Module
-from ..equations.arguments.module_arguments import ModuleArguments
+from ..equations.arguments import ModuleArguments
 from ..equations.chains import sweep
 from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
 from ..equations.request import Request

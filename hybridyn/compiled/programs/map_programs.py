@@ -26,8 +26,8 @@ from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
 from ..equations.expressions import Expression, Folding, pack, symbols, zeros
 from ..equations.guards import GUARD_CLOSED, largest, trusted
+from ..equations.loops import dependent_pivots, spanning_closures
 from ..equations.request import Request
-from ..equations.spanning import dependent_pivots, spanning_closures
 from ..equations.states import moving_states
 from ..equations.static_elimination import solve
 from ..program import Constants, Program, Source, Target, Worst

@@ -1,4 +1,4 @@
-"""Generate the programs of a robot's models, their C source, and built libraries."""
+"""What is asked for where C is generated, checked; programs of models, their C source, their libraries."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ...effects.choice import Effects
-from ...errors import HybridynError
+from ...effects.choice import Choice, Effects, choose
+from ...errors import HybridynError, ModelError
+from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from ..code.scalars import Scalar
+from ..code.scalars import REAL, Scalar
+from ..equations.coefficients import check_coefficients, with_stated_springs
 from ..failures import as_compile_error, needs_casadi
 from ..library.cache import Built, cached
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
     from ..program import Program
+
 
 log = logging.getLogger("hybridyn.compiled")
 Key = TypeVar("Key")
@@ -159,3 +162,29 @@ def write_programs(
     with as_compile_error(robot):
         written = programs(robot, effects, models=models, dtype=dtype, parameters=parameters)
     return {name: replace(program, name=name) for name, program in written.items()}
+
+
+def asked_for(
+    robot: HybridRobot, effects: Choice, parameters: Sequence[str | Slot], dtype: str, alone: str = ""
+) -> tuple[HybridRobot, Effects, Parameters]:
+    """Return the robot (with the springs of its effects if it has parameters), its effects and parameters.
+
+    Args:
+        alone: What the models are part of where nothing of hybridyn stands around them.
+
+    Raises:
+        ModelError: A parameter is unknown, `dtype` is invalid, or an effect is not available; or no joint
+            moves, or efforts are limited, in models that are alone.
+    """
+    if dtype not in REAL:
+        raise ModelError(f"dtype must be {' or '.join(map(repr, REAL))}, not {dtype!r}")
+    if alone and not robot.nv:
+        raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to compute")
+    on = choose(robot, effects)
+    if alone and on.limits is not None:
+        why = f"the effect 'limits' is not part of {alone}: clip the efforts before the call"
+        raise ModelError(why, element="limits")
+    robot = with_stated_springs(robot, on) if parameters else robot
+    chosen = Parameters(robot.description, parameters)
+    check_coefficients(robot, on, chosen.slots)
+    return robot, on, chosen

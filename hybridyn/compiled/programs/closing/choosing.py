@@ -23,7 +23,7 @@ from .extended import extended
 from .given import Given, given_of, numbers_of
 
 if TYPE_CHECKING:
-    from ...equations.spins import Spin
+    from ...equations.parts import Spin
 
 #: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
 #: the general path.
@@ -242,7 +242,7 @@ def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | No
 
 def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
     """Return the idle spins of a module that neither loops nor targets determine."""
-    from ...equations.spins import UNFELT, spins_of
+    from ...equations.parts import UNFELT, spins_of
 
     m, unit = module.mechanism, problem.col_scale
     K = problem.matrix(m.tree.sweep(m.postures))

@@ -18,7 +18,7 @@ from ....structure.robot import HybridRobot
 from ...code.library_source import Source as Generated
 from ...code.library_source import library_source
 from ...code.scalars import Scalar, text_of
-from ...equations.arguments.module_arguments import ChosenNumbers
+from ...equations.arguments import ChosenNumbers
 from ...program import Program, Source, Target, Worst
 from ..writer import Writer
 from .choosing import (

@@ -159,7 +159,7 @@ class DesignRows:
 
         def write() -> Source:
             """Generate the C source."""
-            from ...equations.arguments.module_arguments import ChosenNumbers
+            from ...equations.arguments import ChosenNumbers
             from .closing_source import design_source
 
             return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)

@@ -20,7 +20,7 @@ from ....structure.mechanism import Mechanism
 from ....structure.module_spec import ModuleSpec
 
 if TYPE_CHECKING:
-    from ...equations.spins import Rod
+    from ...equations.parts import Rod
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +108,8 @@ def _along_rods(closures: Sequence[TreeClosure], rods: dict[int, Rod]) -> tuple[
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
+    from ...equations.parts import rods_of, spins_of
     from ...equations.rigid import links_of
-    from ...equations.spins import rods_of, spins_of
 
     joints, source = list(m.tree.joints), list(m.spec.tree_joint)
     unit, welds = [m.reduction.col_scale], []

@@ -24,11 +24,11 @@ from ....linkage.newton import LONGEST_STEP
 from ....linkage.reduction import Block
 from ....spatial import Array, Index
 from ....structure.module import Module
-from ...equations.arguments.module_arguments import ModuleArguments
+from ...equations.arguments import ModuleArguments
 from ...equations.displacement import by_joint, joint_difference, moved_joint, position_rate
 from ...equations.expressions import Expression, Folding, dot, is_zero, pack, plus, unpack, zeros
 from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
-from ...equations.spins import Spin
+from ...equations.parts import Spin
 from ...equations.states import generic_positions, seen_postures
 from ...equations.static_elimination import Pivots, Trust, choose_pivots, largest_solutions, solve
 from .given import ANGLE, Given

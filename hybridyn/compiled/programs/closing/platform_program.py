@@ -14,9 +14,9 @@ from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, cross, dot, pack, symbols
 from ...equations.guards import GUARD_CLOSED
+from ...equations.loops import shape_of
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
-from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
 from ..close import by_motors, freedoms_of, keep_base, motor_freedoms
 from ..writer import Writer

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from ....structure.module import Module
-from ...equations.arguments.module_arguments import ModuleArguments
+from ...equations.arguments import ModuleArguments
 from ...equations.expressions import Expression, pack, symbols
-from ...equations.spins import Spin
+from ...equations.parts import Spin
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Places, row_scales

@@ -29,9 +29,9 @@ import numpy as np
 
 from ....spatial import Index
 from ...code.rules import compacted
+from ...equations.direct import LEG_SUMS
 from ...equations.expressions import dot, pack, symbols, symmetric
-from ...equations.leg_models import LEG_WRENCHES
-from ...equations.quadratic_form import LEG_SUMS
+from ...equations.inverse import LEG_WRENCHES
 from ...equations.request import Request
 from ...equations.rigid import momentum
 from ...program import Call, Constants, Program, Shared, Source, Target
@@ -40,10 +40,9 @@ from ..inverse import InverseCalls, inverse_inputs, write_balance, write_inverse
 from ..module_calls import read
 from ..writer import Writer
 from .columns import changes_of_coordinates, collect, coordinates_of, coordinates_of_freedoms
-from .groups import JOINED, groups_of
 from .motor_motion import Motions
 from .nodes import Joiner, identity
-from .relations import Relations
+from .relations import JOINED, Relations, groups_of
 from .results import Results, relations_of
 from .sweeps import DENSE, PART, Graph, Reading, Sweep
 

@@ -22,10 +22,9 @@ from ...program import Call, Each, Shared
 from ..direct import DirectCalls
 from ..writer import Writer
 from .columns import Term, add_terms, by_columns, coordinates_of_freedoms
-from .groups import Group, Place
 from .motor_motion import Motions, MotorMotion
 from .nodes import Joiner
-from .relations import Cause, Relations
+from .relations import Cause, Group, Place, Relations
 from .sweeps import Graph, Reading
 
 

@@ -26,8 +26,7 @@ from ...library.calls import Calls, Library, Numbers
 from ..general import body_motion, named
 from ..postures import Postures
 from ..sources import kept
-from .engine import CompiledEngine
-from .following import Following, following, pushed_models
+from .engine import CompiledEngine, Following, following, pushed_models
 
 #: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
 ROWS_AT_ONCE = 4096

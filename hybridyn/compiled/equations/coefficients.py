@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ....description.records import StatedSpring
-from ....effects.choice import Effects
-from ....effects.joint_laws import Spring
-from ....effects.joints import JointEffect, OnJoints, placed
-from ....errors import ModelError
-from ....structure.parameters.entries import OF_EFFECTS
-from ....structure.parameters.slots import Slot
-from ....structure.robot import HybridRobot
+from ...description.records import StatedSpring
+from ...effects.choice import Effects
+from ...effects.joint_laws import Spring
+from ...effects.joints import JointEffect, OnJoints, placed
+from ...errors import ModelError
+from ...structure.parameters.entries import OF_EFFECTS
+from ...structure.parameters.slots import Slot
+from ...structure.robot import HybridRobot
 
 
 def slots_of(robot: HybridRobot, law: OnJoints, i: int) -> list[Slot | None]:
