@@ -15,6 +15,9 @@ RANKING: tuple[MotorSource, ...] = (
     "side-car", "model file", "actuator", "transmission", "independent", "names",
 )  # fmt: skip
 
+#: What is told of actuators that are no motors.
+MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..] in model.toml"
+
 #: The rule for a tree whose files name no motor.
 EVERY_JOINT = "every joint, because there is no closure and no file names motors"
 
@@ -29,8 +32,7 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     are driven; if these are all candidates, the limits do not distinguish motors, and no joint is driven.
 
     Raises:
-        ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven;
-            or the file drives something other than joints.
+        ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven.
     """
     if motors is not None:
         statement = MotorStatement("names", "the caller (motors=)", tuple(motors), robot.file)
@@ -39,8 +41,6 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     if not stated:
         return _by_rule(robot)
     statement = _drop_absent_joints(robot, stated[0])
-    if statement.refusal:
-        raise ModelError(statement.refusal, file=statement.file, line=statement.line)
     return _checked(robot, statement), statement.where
 
 

@@ -357,7 +357,6 @@ class MotorStatement(NamedTuple):
         names: Names of joints as the author wrote them.
         file: Path of the file.
         line: Line in the file, or None.
-        refusal: Why the list cannot be used, an error only if no other list ranks higher; "" if it can.
     """
 
     source: MotorSource
@@ -365,7 +364,6 @@ class MotorStatement(NamedTuple):
     names: tuple[str, ...]
     file: str
     line: int | None = None
-    refusal: str = ""
 
 
 @dataclass(eq=False)

@@ -173,6 +173,10 @@ READ: dict[str, tuple[str, dict[str, object]]] = {
         ),
         {"joints": [{"damping": about(45 / np.pi)}]},
     ),
+    "a drive of a ball is no motor": (
+        hinge(kind="Spherical", schemas=("PhysicsDriveAPI:rotX",)),
+        {"motors": (), "left_out": ("/robot/j",), "notes": {"</robot/j> is driven, but has several"}},
+    ),
     "damping of MuJoCo knows no degrees": (
         hinge("double mjc:damping = 3", meters=0.1), {"joints": [{"damping": about(0.03)}]},
     ),

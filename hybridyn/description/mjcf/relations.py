@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
+from ..motors import MEND
 from ..names import listed, unique
 from ..records import Array, Coupling, MotorStatement, RobotFile
 from .compiling import Compiled, pose
@@ -20,7 +21,6 @@ from .compiling import Compiled, pose
 #: Closures by MuJoCo's word.
 KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}
 WHERE = "MJCF <actuator>"
-MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..] in model.toml"
 
 
 def add_equalities(robot: RobotFile, compiled: Compiled) -> None:

@@ -37,9 +37,6 @@ ORDER = (*ROWS[3:], *ROWS[:3])
 #: Keys of the two links of a constraint.
 BODIES = ("predecessor_body", "successor_body")
 
-#: Types whose loops are the mimicking joints of the URDF.
-BY_MIMIC = ("TRANSMISSION", "PARALLELOGRAMCHAIN")
-
 #: The keys that are read.
 Axis: Any = table("Axis", Open, axis=Annotated[list[FiniteFloat], Field(min_length=6, max_length=6)])
 Constraint: Any = table(
@@ -95,22 +92,13 @@ def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> l
     passive = [name for name in spanning if name not in moved]
     if entry.loop_constraints is None and passive:
         name = entry.contextual_name or entry.name or entry.type
-        problem = (
-            f"{_missing(entry.type)}, so nothing closes its loop over the passive joints {listed(passive)}. "
-            "Write type: NUMERICAL with loop_constraints (predecessor_body, successor_body, "
-            "constraint_axes), or <loop> in the URDF"
+        raise document.error(
+            (*place, "type"),
+            f"submechanism '{name}' of type '{entry.type}' has no loop_constraints, so nothing closes its "
+            f"loop over the passive joints {listed(passive)}. Write type: NUMERICAL with loop_constraints "
+            "(predecessor_body, successor_body, constraint_axes), or <loop> or <mimic> in the URDF",
         )
-        if entry.type in BY_MIMIC:
-            problem = f"joints {listed(passive)} mimic no other joint in the URDF; write <mimic> in them"
-        raise document.error((*place, "type"), f"submechanism '{name}': {problem}")
     return active
-
-
-def _missing(kind: str) -> str:
-    """Return what a submechanism of a type misses to close its loop."""
-    if kind == "NUMERICAL":
-        return "loop_constraints is missing"
-    return f"type '{kind}' states no geometry (which bodies meet where is in HyRoDyn's own code)"
 
 
 def _closure(

@@ -18,6 +18,7 @@ from pxr import Ar, Sdf, Tf, Usd
 from ...errors import ModelError
 from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..joint_graph import Chain, JointGraph, Tree, span, step
+from ..motors import MEND
 from ..names import noted
 from ..records import Array, Closure, JointKind, Link, MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
@@ -247,7 +248,6 @@ class _Builder:
         actuated: Paths of the joints on which actuators of MuJoCo act.
         made: The joints that have a position, each with whether its second body is the child.
         motors: Names of the driven joints.
-        problem: Why the list of motors cannot be used, or "".
     """
 
     def __init__(self, robot: RobotFile, stage: Stage) -> None:
@@ -261,7 +261,6 @@ class _Builder:
         self.graph = JointGraph(robot, links, {joint.name for joint in self.joints}, "{joint}_fixed")
         self.made: list[tuple[UsdJoint, bool]] = []
         self.motors: list[str] = []
-        self.problem = ""
 
     def build(self) -> None:
         """Add links, joints, closures, couplings, motors and home to the robot."""
@@ -276,9 +275,9 @@ class _Builder:
         robot.links += links_of(stage, self.graph.links)
         self.graph.fill(tree, poses, welds, self._chain, _closing)
         robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints})
-        if self.motors or self.problem:
+        if self.motors or robot.left_out:
             names, where = tuple(self.motors), "USD PhysicsDriveAPI"
-            robot.motors.append(MotorStatement("actuator", where, names, robot.file, None, self.problem))
+            robot.motors.append(MotorStatement("actuator", where, names, robot.file))
         add_home(robot, stage, self.made)
 
     def _chain(self, joint: UsdJoint, forward: bool) -> Chain:
@@ -303,9 +302,9 @@ class _Builder:
         """Add an axis of a joint, which may be its single one, to the motors if it is driven."""
         drives, acted = _drives(prim), prim.path in self.actuated
         if axis == "ball" and (acted or drives):
-            self.problem = self.problem or (
-                f"<{prim.path}> is driven, but has several freedoms; name the driven joints: motors=[..], "
-                "--motors, or motors = [..] in model.toml"
+            self.robot.left_out += (prim.path,)
+            self.robot.notes.append(
+                f"<{prim.path}> is driven, but has several freedoms: its drive is no motor here. {MEND}"
             )
         elif (acted and single) or instance(prim, axis) in drives:
             self.motors.append(name)
