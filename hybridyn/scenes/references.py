@@ -197,7 +197,7 @@ def from_table(robot: HybridRobot, path: str) -> Reference:
         TrajectoryError: The table is wrong, or has no time.
         AssemblyError: A row is out of reach.
     """
-    from ..compiled.programs.closing.assembling import TableAssembler
+    from ..compiled.programs.closing.tables import TableAssembler
 
     axes = MotorAxes.of(robot)
     motion = read_motion(robot, path)

@@ -158,7 +158,7 @@ class Pass:
         """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
         import numpy as np
 
-        from ..compiled.programs.closing.assembling import TableAssembler
+        from ..compiled.programs.closing.tables import TableAssembler
         from ..tables.trajectory import read_motions
 
         assemble, rows = assemble or TableAssembler(self.robot), rows_at_once(self.robot)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.programs.closing import assembling
-from hybridyn.compiled.programs.closing.assembling import TableAssembler
+from hybridyn.compiled.programs.closing import tables
+from hybridyn.compiled.programs.closing.tables import TableAssembler
 from hybridyn.streams.one_pass import read_postures
 from tests import ROOT
 from tests.comparing import close_to, same_words
@@ -30,18 +30,19 @@ def test_long_tables_are_assembled_in_c(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(TableAssembler, "__init__", kept)
     layout, general = read_postures(robot, TABLE)
     assert not layout.full_state
-    monkeypatch.setattr(assembling, "LONG_TABLE", 10)
+    monkeypatch.setattr(tables, "LONG_TABLE", 10)
     _, compiled = read_postures(robot, TABLE)
     short, long = made
     assert short.rows == long.rows == len(general.q)
-    assert not short._assembler._known
+    assert short._assembler is None
+    assert long._assembler is not None
     assert any(long._assembler._known.values())
     assert long._assembler.recomputed == 0
     close_to(compiled[1:], general[1:], SAME, 1.0)
 
 
 def test_errors_are_those_of_the_general_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assembling, "LONG_TABLE", 2)
+    monkeypatch.setattr(tables, "LONG_TABLE", 2)
     robot = hybridyn.load("five_bar")
     still: dict[str, object] = dict.fromkeys(robot.motors, np.zeros(4))
     unknown: dict[str, Any] = {"motors": {"nothing": np.zeros(4)}}

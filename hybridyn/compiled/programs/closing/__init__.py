@@ -2,7 +2,8 @@
 
 Read `extended` (the tree after the cuts, with its wrists), `given` (what is prescribed), `rows` (closures and
 targets as expressions), `unknowns` (symbols), `kernels`, `closing_source` (programs and their C library) and
-`assembling` (rows of a table in C, `library.closed_rows`, and the general path behind them).
+`assembling` (rows in C, `library.closed_rows`, and the general path behind them) and `tables` (which rows
+of a table are closed in C).
 
 May import: `writer`, `equations`, `code`, `library`, and what `programs` may.
 """

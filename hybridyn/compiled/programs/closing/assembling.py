@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ....assembly.assemble import assemble_requests, place_base
-from ....assembly.requests import Requests, first_guess, gather_requests
+from ....assembly.requests import Requests
 from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ....threads import one_thread
 from ...code.scalars import Scalar
 from ...library.building import best_lanes
 from ...library.cache import Built
@@ -215,38 +213,3 @@ def _unwarned() -> Iterator[list[logging.LogRecord]]:
         yield held
     finally:
         logger.removeFilter(hold)
-
-
-#: Rows from which building a program pays: some 3 ms each on the general path for any robot.
-LONG_TABLE = 2_000
-
-
-class TableAssembler:
-    """Assembles the rows of one robot's table, in one call or in several.
-
-    Attributes:
-        rows: Number of rows so far; from `LONG_TABLE` on they are computed in C.
-    """
-
-    def __init__(self, robot: HybridRobot) -> None:
-        """Start on the general path."""
-        self._robot, self._assembler, self.rows = robot, Assembler(robot), 0
-
-    @one_thread()
-    def __call__(
-        self,
-        *,
-        motors: Mapping[str, object] | ArrayLike | None = None,
-        platforms: Mapping[str, object] | None = None,
-        guess: Array | None = None,
-    ) -> tuple[Array, Array, Array]:
-        """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
-        requests = gather_requests(self._robot, motors, platforms)
-        requests = requests._replace(strict=guess is not None)
-        start = first_guess(self._robot, guess)
-        self.rows += requests.samples
-        if self.rows < LONG_TABLE:
-            q, v, a = assemble_requests(self._robot, requests, start)
-        else:
-            q, v, a = self._assembler.assemble(requests, start)
-        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
