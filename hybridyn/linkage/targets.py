@@ -104,9 +104,10 @@ class CoordinateTarget(NamedTuple):
     def residual(self, motion: Motion, samples: Index) -> Array:
         """Compute actual minus prescribed coordinates, shape (T, rows); angles wrapped to half a turn."""
         R, p, _ = self._frame(motion)
-        there = np.concatenate([p, roll_pitch_yaw(R)], axis=1)[:, self._rows()]
-        out: Array = there - self.value[samples]
-        angle = np.array(self._rows()) >= 3
+        rows = np.array(self._rows())
+        angle = rows >= 3
+        there = np.concatenate([p, roll_pitch_yaw(R)], axis=1) if angle.any() else p
+        out: Array = there[:, rows] - self.value[samples]
         out[:, angle] -= 2 * np.pi * np.round(out[:, angle] / (2 * np.pi))
         return out
 
@@ -120,10 +121,11 @@ class CoordinateTarget(NamedTuple):
         """Return the rows over the rates, shape (T, rows, nv)."""
         R, _, offset = self._frame(motion)
         J = tree.jacobian(motion, self.body)
-        linear = J[:, :3] - np.matmul(hat(offset), J[:, 3:])
-        turned = np.concatenate([np.matmul(self.R.T, linear), np.matmul(self.R.T, J[:, 3:])], axis=1)
-        rows: Array = np.matmul(_coordinate_map(R), turned)[:, self._rows()]
-        return rows
+        out: Array = np.matmul(self.R.T, J[:, :3] - np.matmul(hat(offset), J[:, 3:]))
+        if max(self._rows()) >= 3:
+            turned = np.concatenate([out, np.matmul(self.R.T, J[:, 3:])], axis=1)
+            out = np.matmul(_coordinate_map(R), turned)
+        return out[:, self._rows()]
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, rows)."""

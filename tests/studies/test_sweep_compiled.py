@@ -1,5 +1,6 @@
 """Sweeps by compiled models: the rows of the general path, however the work is divided."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,13 +9,14 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.compiled.library.cache import known
 from hybridyn.description.reading import read
 from hybridyn.description.records import Description
 from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep import variants as variants_module
-from hybridyn.studies.sweep.compiled_designs import _difference
+from hybridyn.studies.sweep.compiled_designs import _difference, seconds_to_compile
 from hybridyn.studies.sweep.evaluation import Designer, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
@@ -87,10 +89,15 @@ measure = {{ peak = "peak_effort", mean = "mean_power", w = "rms top0/velocity" 
 """
 
 
+def compiling_takes(seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the C of the models take so long to compile [s]."""
+    monkeypatch.setattr(compiled_designs, "seconds_to_compile", lambda units: seconds)
+
+
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
-    monkeypatch.setattr(compiled_designs, "OF_WRITING", 0)
+    compiling_takes(-np.inf, monkeypatch)
     monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 1)
 
 
@@ -111,14 +118,28 @@ def test_models_in_the_cache_are_used_however_long_they_took_to_build(
     needs("compiled")
     study = five_bar_in(folder)
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
-    monkeypatch.setattr(compiled_designs, "OF_WRITING", np.inf)
+    compiling_takes(np.inf, monkeypatch)
     state = hybridyn.sweep(study, "slow", jobs=1)
     assert (state.compiled, state.why_general) == (0, "")
-    monkeypatch.setattr(compiled_designs, "OF_WRITING", 0)
+    compiling_takes(-np.inf, monkeypatch)
     assert hybridyn.sweep(study, "built", jobs=1).compiled
-    compiled_chunks._kept.clear()
-    monkeypatch.setattr(compiled_designs, "OF_WRITING", 1e6)
+    (models,) = compiled_chunks._kept.popitem()[1].of_structures
+    for library in models.tasks[0].artifacts():  # few postures: quick builds serve
+        built = known(library.key, quick=True)
+        assert built is not None
+        assert built.quick
+    compiling_takes(np.inf, monkeypatch)
     assert hybridyn.sweep(study, "again", jobs=1).compiled
+
+
+def test_the_time_of_compiling_is_told_by_the_smallest_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled: list[tuple[str, ...]] = []
+    monkeypatch.setattr(compiled_designs, "build", lambda units, *_, **__: compiled.append(units))
+    monkeypatch.setattr(compiled_designs, "find_compiler", lambda: None)
+    spent = [os.times_result((0, 0, user, system, 0)) for user, system in ((1.0, 2.0), (1.25, 2.5))]
+    monkeypatch.setattr(compiled_designs.os, "times", lambda: spent.pop(0))
+    assert seconds_to_compile(["a" * 40, "b" * 10, "c" * 50]) == 0.75 * 100 / 10
+    assert compiled == [("b" * 10,)]
 
 
 def both_ways(study: Path) -> Swept:

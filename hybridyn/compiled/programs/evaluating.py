@@ -76,7 +76,13 @@ class DesignEvaluator:
     """Evaluates designs of one compiled robot."""
 
     def __init__(
-        self, designs: DesignsInSlots, effects: Effects, inverse: Callable[[], Calls], threads: int = 1
+        self,
+        designs: DesignsInSlots,
+        effects: Effects,
+        inverse: Callable[[], Calls],
+        threads: int = 1,
+        *,
+        quick: bool = False,
     ) -> None:
         """Prepare the evaluation.
 
@@ -85,10 +91,11 @@ class DesignEvaluator:
             effects: Effects in the models.
             inverse: Returns the compiled inverse model: from q, v, a and numbers in slots to efforts.
             threads: Number of threads that share a batch.
+            quick: Whether a quick build of what closes the loops serves.
         """
         self.designs, self.effects = designs, effects
         self._inverse, self._threads = inverse, threads
-        self.rows = DesignRows(designs, threads)
+        self.rows = DesignRows(designs, threads, quick=quick)
 
     def assemble(
         self, numbers: Array, requests: Requests, guess: Array | None = None

@@ -79,13 +79,19 @@ class Artifact:
         """
         return cached(self.key, self._source, accept=self._accept, **options)
 
-    def tried(self, use: Callable[[Built], Used], otherwise: str) -> Used | None:
-        """Return what uses the library; None, and a warning of what is done `otherwise`, if there is none."""
+    def tried(self, use: Callable[[Built], Used], otherwise: str, *, quick: bool = False) -> Used | None:
+        """Return what uses the library; None, and a warning of what is done `otherwise`, if there is none.
+
+        Args:
+            use: Loads the library.
+            otherwise: What is done without it, for the warning.
+            quick: Whether a quick build serves, as for `cache.cached`.
+        """
         try:
             try:
-                return use(self.built())
+                return use(self.built(quick=quick))
             except OSError:  # another process removed it after it was found
-                return use(self.built())
+                return use(self.built(quick=quick))
         except (HybridynError, OSError) as error:
             log.warning("%s (%s)", otherwise, error)
             return None

@@ -57,7 +57,7 @@ def models_of(source: StudyFile, plan: Plan) -> Models:
     """
     if plan.run not in _kept:
         designer = Designer(source)
-        own = [CompiledDesigns(designer, structure) for structure in plan.structures]
+        own = [CompiledDesigns(designer, structure, plan.designs) for structure in plan.structures]
         _keep(Models(designer, plan, own))
     return _kept[plan.run]
 
@@ -145,7 +145,7 @@ def plan_for(
             values = np.array([*values, *(designs.values(k, k + 1)[0] for k in further.tolist())])
         for found in _structures(designer, designs.count, values):
             try:
-                models = CompiledDesigns(designer, found.structure)
+                models = CompiledDesigns(designer, found.structure, designs.count)
                 if not (asked or own) and found.seconds * designs.count < models.seconds_to_build():
                     return None, ""
                 certain = models.certain_of_any(found.designs)

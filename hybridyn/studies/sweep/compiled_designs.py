@@ -8,17 +8,22 @@ certain, and finds what is wrong with those that cannot make the motion.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
 
+from ...assembly.requests import gather_requests
 from ...compiled.compiling import inverse_model
 from ...compiled.failures import needs_casadi
+from ...compiled.library.building import QUICK_FLAGS, build, find_compiler
 from ...compiled.library.cache import known
 from ...compiled.library.calls import loaded
 from ...compiled.programs.designs import DesignsInSlots
@@ -46,9 +51,9 @@ MOST_AT_ONCE = 4096
 #: Largest difference of a motion or its efforts to those of a robot built for the design, over the largest
 #: number of the same kind or its natural size.
 EQUAL = 1e-11
-#: Time until the models of a trajectory are built, over the time in which their C is written: 27 to 58 were
-#: measured for seven of the shipped robots, most of it the C compiler on the loops of the designs.
-OF_WRITING = 40
+#: Most postures of a study for which quick builds serve: the C compiler takes a third of the time, the code
+#: half more.
+FEW = 500_000
 
 
 class Structure(NamedTuple):
@@ -94,17 +99,29 @@ class _Task(NamedTuple):
     artifact: Artifact
     evaluator: DesignEvaluator
 
+    def artifacts(self) -> list[Artifact]:
+        """Return the libraries: of the inverse model, and of what closes the loops, if it is compiled."""
+        requests = gather_requests(self.evaluator.designs.robot, self.motion.joints, self.motion.platforms)
+        closing = self.evaluator.rows.artifact(requests)
+        return [self.artifact, closing] if closing else [self.artifact]
+
 
 class CompiledDesigns:
     """Evaluates designs of one structure by compiled models, which are built or loaded at the first use."""
 
-    def __init__(self, designer: Designer, structure: Structure) -> None:
+    def __init__(self, designer: Designer, structure: Structure, designs: int) -> None:
         """Prepare the models.
+
+        Args:
+            designer: Evaluates the other designs.
+            structure: The structure.
+            designs: Number of designs of the study.
 
         Raises:
             HybridynError: The study or its robot has no compiled models.
         """
         self.source, self.designer, self.structure = designer.source, designer, structure
+        self.count = designs
         variants = designer.variants
         self.robot = variants.robot(variants.description(variants.named(structure.base)))
         if self.robot.base != "fixed":
@@ -128,23 +145,21 @@ class CompiledDesigns:
         chosen = choose(self.robot, task.effects)
         chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])
         artifact, parameters = inverse_model(self.robot, chosen, self.structure.slots)
-        inverse = cache(lambda: loaded(artifact.built).programs["idm"])
-        evaluator = DesignEvaluator(DesignsInSlots(self.robot, parameters), chosen, inverse)
+        quick = motion.size * self.count <= FEW
+        inverse = cache(lambda: loaded(lambda: artifact.built(quick=quick)).programs["idm"])
+        evaluator = DesignEvaluator(DesignsInSlots(self.robot, parameters), chosen, inverse, quick=quick)
         return _Task(name, task, motion, artifact, evaluator)
 
     def seconds_to_build(self) -> float:
-        """Return about the processor time of building the models, none where they are in the cache [s].
-
-        Writing their C is measured; the compiler takes its multiple (`OF_WRITING`).
-        """
-        new = [task.artifact for task in self.tasks if known(task.artifact.key) is None]
-        if new:
-            needs_casadi()
-            import_module("hybridyn.compiled.programs.whole_robot")  # its time is not that of this robot
+        """Return about the processor time of building the models, none where they are in the cache [s]."""
+        new = [one for task in self.tasks for one in task.artifacts() if known(one.key, quick=True) is None]
+        if not new:
+            return 0.0
+        needs_casadi()
+        import_module("hybridyn.compiled.programs.whole_robot")  # its time is not that of this robot
         started = time.process_time()
-        for artifact in new:
-            artifact.write()
-        return OF_WRITING * (time.process_time() - started) if new else 0.0
+        units = [unit for one in new for unit in one.write().units]
+        return time.process_time() - started + seconds_to_compile(units)
 
     def measured(
         self, numbers: Index, values: Array, wanted: Container[int]
@@ -232,6 +247,17 @@ class CompiledDesigns:
         if not found:
             return math.inf
         return _difference(robot, ours, found[0])
+
+
+def seconds_to_compile(units: Sequence[str]) -> float:
+    """Return about the processor time of a quick build [s]: that of the smallest unit tells, by its size."""
+    smallest = min(units, key=len)
+    with TemporaryDirectory() as folder:
+        before = os.times()
+        build((smallest,), find_compiler(), Path(folder, "library.so"), flags=QUICK_FLAGS)
+        after = os.times()
+    spent = after.children_user - before.children_user + after.children_system - before.children_system
+    return spent * sum(map(len, units)) / len(smallest)
 
 
 def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Array]) -> float:

@@ -81,18 +81,27 @@ class DesignRequests:
 class DesignRows:
     """Closes rows for designs of one robot; programs are kept for each choice of given joints and targets."""
 
-    def __init__(self, designs: DesignsInSlots, threads: int = 1) -> None:
-        self.designs, self.robot, self.threads = designs, designs.robot, threads
+    def __init__(self, designs: DesignsInSlots, threads: int = 1, *, quick: bool = False) -> None:
+        self.designs, self.robot, self.threads, self.quick = designs, designs.robot, threads, quick
         self._known: dict[tuple[object, ...], DesignClosing | None] = {}
 
     def requests(self, requests: Requests) -> DesignRequests:
         """Return a table as the programs take it."""
-        robot = self.robot
-        possible = robot.base == "fixed" and not self._moves_posed_links(requests)
-        wanted = module_requests(robot, requests) if possible else None
+        wanted = self._wanted(requests)
         closing = None if wanted is None else self._closing(requests, wanted)
         given = (np.zeros((0, 0)),) * 3 if not (wanted and closing) else numbers(closing.parts, wanted)
         return DesignRequests(requests.samples, closing, given, requests.strict)
+
+    def artifact(self, requests: Requests) -> Artifact | None:
+        """Return the library for a table, built or not; None if the general path closes the loops."""
+        wanted = self._wanted(requests)
+        parts = parts_of(self.robot, wanted) if wanted else None
+        return self._artifact(parts, requests) if parts else None
+
+    def _wanted(self, requests: Requests) -> list[ModuleRequest] | None:
+        """Return what is asked of each module, or None if the general path must close the loops."""
+        possible = self.robot.base == "fixed" and not self._moves_posed_links(requests)
+        return module_requests(self.robot, requests) if possible else None
 
     def _moves_posed_links(self, requests: Requests) -> bool:
         """Return whether a slot places a link in its body whose whole pose is prescribed.
@@ -150,11 +159,14 @@ class DesignRows:
     def _loaded(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
         """Load the program for a choice of given joints and targets; None if there is none."""
         parts = parts_of(self.robot, wanted)
-        library = None if parts is None else self._library(parts, requests)
-        return DesignClosing(parts, library) if parts and library else None
+        if parts is None:
+            return None
+        otherwise = "designs: the general path closes the loops"
+        library = self._artifact(parts, requests).tried(ClosedDesigns, otherwise, quick=self.quick)
+        return DesignClosing(parts, library) if library else None
 
-    def _library(self, parts: list[Part], requests: Requests) -> ClosedDesigns | None:
-        """Load the library; build it if it is new, and compare it with the general path at some designs."""
+    def _artifact(self, parts: list[Part], requests: Requests) -> Artifact:
+        """Return the library of some parts; a new one is compared with the general path at some designs."""
         scalar, robot, slots = Scalar("float64", best_lanes()), self.robot, self.designs.parameters.slots
 
         def write() -> Source:
@@ -172,8 +184,7 @@ class DesignRows:
                     check_rows(self._closer(ClosedDesigns(built), own, design), like, own)
 
         name = f"designs {structure_of(requests)!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
-        otherwise = "designs: the general path closes the loops"
-        return Artifact(robot, name, write, check).tried(ClosedDesigns, otherwise)
+        return Artifact(robot, name, write, check)
 
     def _closer(self, library: ClosedDesigns, parts: list[Part], design: Array) -> Closer:
         """Return the function that closes a row of one design, for `check_rows`."""
