@@ -133,21 +133,6 @@ def test_steps_of_compiled_robots(name: str, steps: int, largest: float) -> None
 
 
 @pytest.mark.slow
-def test_steps_of_designs() -> None:
-    """Designs that each have a last posture of their own stay on its branch, too."""
-    robot = hybridyn.load("five_bar")
-    compiled = hybridyn.compile(robot, parameters=["position:m1_left_elbow"])
-    design = compiled.parameters.nominal[None]
-
-    def step_to(x: Array, q: Array) -> Array:
-        """Close the loops of one design, the nominal one."""
-        posture: Array = compiled.close(x[None], last=q[None], parameters=design)[0][0]
-        return posture
-
-    assert judged(robot, 300, 2.5, step_to) > 100
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if not kind.startswith(("serial", "sps"))])
 def test_steps_of_random_mechanisms(kind: str) -> None:
     """How far legs turn about themselves ("sps") depends on the steps."""

@@ -146,36 +146,6 @@ def test_whole_poses_of_links_that_a_parameter_places_are_left_to_the_general_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
-    robot = hybridyn.load(name)
-    compiled = hybridyn.compile(robot, parameters=NAMES[name])
-    levels = waves(robot, TIME, SWING[name]).values()
-    x, x_dot, x_ddot = (np.array([level[i] for level in levels]).T for i in range(3))
-    nominal = compiled.parameters.nominal
-    p = nominal * (1.0 + 0.02 * np.random.default_rng(1).uniform(-1.0, 1.0, (ROWS, len(nominal))))
-    wanted = hybridyn.assemble(robot_of(compiled, p[4]), motors=waves(robot, TIME, SWING[name]))
-    found = compiled.close(x, x_dot, x_ddot, parameters=p[4])  # one design, row after row
-    close_to(found, wanted, AGREE, 1.0)
-    lone = compiled.close(x[4], x_dot[4], x_ddot[4], last=found[0][3], parameters=p[4])
-    each = compiled.close(x, x_dot, x_ddot, last=found[0], parameters=p)  # another design in each row
-    for rows in (lone, tuple(level[4] for level in each)):
-        close_to(rows, tuple(level[4] for level in wanted), AGREE, 1.0)
-    for k in (0, ROWS - 1):
-        asked = dict(zip(robot.motors, x[k], strict=True))
-        right = hybridyn.assemble(robot_of(compiled, p[k]), motors=asked, guess=found[0][k])
-        close_to(each[0][k], right[0], AGREE, 1.0)
-    assert compiled.recomputed == 0
-    far = np.tile(nominal, (2, 1))
-    far[1, 1] += 5.0  # too long to close
-    refused(lambda: compiled.close(x[:2], parameters=far), hybridyn.HybridynError, "close")
-    few = partial(compiled.close, x, last=found[0][:2], parameters=p)
-    refused(few, hybridyn.TrajectoryError, "last has shape")
-    lost = partial(compiled.close, x, last=found[0] * np.nan, parameters=p)
-    refused(lost, hybridyn.AssemblyError, "not finite")
-
-
-@pytest.mark.slow
 def test_a_library_that_differs_from_the_general_path_is_not_used(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:

@@ -97,15 +97,12 @@ class DesignEvaluator:
         self._inverse, self._threads = inverse, threads
         self.rows = DesignRows(designs, threads, quick=quick)
 
-    def assemble(
-        self, numbers: Array, requests: Requests, guess: Array | None = None
-    ) -> tuple[Array, Array, Array, int]:
-        """Assemble the postures of one design.
+    def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array, int]:
+        """Assemble the postures of one design, from its home posture.
 
         Args:
             numbers: Numbers in the slots, shape (slots,).
             requests: The postures.
-            guess: Initial posture, shape (nq,); the design's home posture by default.
 
         Returns:
             q, v, a, shapes (T, nq), (T, nv), (T, nv), and how many of them the general path computed.
@@ -113,35 +110,11 @@ class DesignEvaluator:
         Raises:
             HybridynError: The same errors as `hybridyn.assemble` of the design.
         """
-        found = self.rows.states(self.rows.requests(requests), numbers[None], guess)
+        found = self.rows.states(self.rows.requests(requests), numbers[None])
         if found.certain[0]:
             return found.q[0], found.v[0], found.a[0], 0
         robot = self.designs.robot_of(numbers)
-        start = robot.home if guess is None else guess
-        return *assemble_requests(robot, requests, start), requests.samples
-
-    def each(self, numbers: Array, requests: Requests, guess: Array) -> tuple[Array, Array, Array, int]:
-        """Assemble one posture of each design.
-
-        Args:
-            numbers: Numbers in the slots of each design, shape (T, slots).
-            requests: The postures, T samples.
-            guess: Initial postures, shape (nq,) or (T, nq).
-
-        Returns:
-            q, v, a, shapes (T, nq), (T, nv), (T, nv), and how many of them the general path computed.
-
-        Raises:
-            HybridynError: The same errors as `hybridyn.assemble` of a design.
-        """
-        found = self.rows.states(self.rows.requests(requests), numbers, guess, each=True)
-        q, v, a = found.q[:, 0], found.v[:, 0], found.a[:, 0]
-        left = np.flatnonzero(~found.certain).tolist()
-        for k in left:
-            robot, start = self.designs.robot_of(numbers[k]), guess if guess.ndim == 1 else guess[k]
-            rows = assemble_requests(robot, requests.part(k, k + 1), start)
-            q[k], v[k], a[k] = (x[0] for x in rows)
-        return q, v, a, len(left)
+        return *assemble_requests(robot, requests, robot.home), requests.samples
 
     def table(
         self,

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.posture import holding, posture_at
-from ...assembly.requests import Requests, check_guess, first_guess, gather_requests
+from ...assembly.requests import Requests, first_guess, gather_requests
 from ...effects.choice import Effects
-from ...errors import TrajectoryError
 from ...spatial import Array
 from ...structure.given import by_name, motors_by_name
 from ...structure.robot import HybridRobot
@@ -117,7 +116,6 @@ class Postures:
         acceleration: ArrayLike | None = None,
         *,
         last: Array | None = None,
-        parameters: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Compute the motion of all joints from the motors', as a controller needs it at every tick.
 
@@ -127,10 +125,7 @@ class Postures:
             acceleration: Their accelerations, of the same shape; zero by default.
             last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
                 default. C starts from any other posture that closes the loops, too; from one that does not,
-                such as one in single precision, the general path does. With parameters of each sample also
-                (T, nq).
-            parameters: Numbers of one design, shape (k,), whose samples follow one another; or of a design
-                for each sample, shape (T, k), which all start at `last`; None for those of the robot.
+                such as one in single precision, the general path does.
 
         Returns:
             q, v, a on the spanning tree. The motors move straight from `last` to the first sample, on its
@@ -140,8 +135,6 @@ class Postures:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
         nq, nv = self.robot.nq, self.robot.nv
-        if parameters is not None:
-            return self._close_designs(position, (rate, acceleration), last, parameters)
         out = np.empty(nq + 2 * nv)
         speed = self._motors_still if rate is None else rate
         change = self._motors_still if acceleration is None else acceleration
@@ -173,29 +166,6 @@ class Postures:
         still = np.zeros((len(q), self.robot.nv))
         residuals = lift.batch([q, still, still], self.threads)[0][-1]
         return np.asarray(residuals.max(axis=1), dtype=float)
-
-    def _close_designs(
-        self,
-        position: ArrayLike,
-        rates: tuple[ArrayLike | None, ArrayLike | None],
-        last: Array | None,
-        parameters: ArrayLike,
-    ) -> tuple[Array, Array, Array]:
-        """Compute the motion of all joints of one design, or of a design for each sample, see `close`."""
-        requests = requests_of_motors(self.robot, position, rates)._replace(strict=last is not None)
-        each = np.ndim(parameters) == 2
-        numbers = self._designs.numbers(parameters, (requests.samples,) if each else ())
-        start = np.zeros(0) if last is None else np.asarray(last, dtype=float)
-        if each and start.ndim == 2:
-            if start.shape != (requests.samples, self.robot.nq):
-                wanted = requests.samples, self.robot.nq
-                raise TrajectoryError(f"last has shape {start.shape}; wanted {wanted}")
-            check_guess(self.robot, start)
-        guess = start if each and start.ndim == 2 else first_guess(self.robot, last)
-        close = self._evaluator.each if each else self._evaluator.assemble
-        q, v, a, others = close(numbers, requests, guess)
-        self.hand_over("assemble", others)
-        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
     @cached_property
     def _evaluator(self) -> DesignEvaluator:

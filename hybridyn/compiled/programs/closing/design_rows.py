@@ -123,28 +123,21 @@ class DesignRows:
         self,
         table: DesignRequests,
         slots: Array,
-        guess: Array | None = None,
         out: States | None = None,
-        *,
-        each: bool = False,
     ) -> DesignStates:
         """Compute the states of each design along a table.
 
         Args:
             slots: Numbers in the slots, shape (designs, slots).
-            guess: Posture at which Newton's method starts, shape (nq,), the home posture by default; or one
-                for each design, shape (designs, nq).
             out: Room for q, v, a, see `DesignStates`.
-            each: Whether design k has row k of the table alone.
         """
-        sizes, (nq, nv) = (len(slots), 1 if each else table.samples), (self.robot.nq, self.robot.nv)
+        sizes, (nq, nv) = (len(slots), table.samples), (self.robot.nq, self.robot.nv)
         room = out or (np.empty((*sizes, nq)), np.empty((*sizes, nv)), np.empty((*sizes, nv)))
         certain = np.zeros(len(slots), dtype=bool)
         if table.closing is not None:
-            g, g_dot, g_ddot = (x[:, None] if each else x for x in table.given)
-            start = _guess(table.closing.parts, self.robot.home if guess is None else guess)
+            start = _guess(table.closing.parts, self.robot.home)
             close = table.closing.library.close
-            certain = close(slots, start, (g, g_dot, g_ddot), room, self.threads, strict=table.strict)
+            certain = close(slots, start, table.given, room, self.threads, strict=table.strict)
         for x in room if not certain.all() else ():
             x[~certain] = np.nan
         return DesignStates(*room, certain)
@@ -198,14 +191,10 @@ class DesignRows:
 
 
 def _guess(parts: list[Part], q: Array) -> States:
-    """Return a guess, shape (nq,) or (T, nq), its platforms, and what is prescribed there.
-
-    The platforms are where the nominal design has them.
-    """
-    rows = np.atleast_2d(q)
-    cut = [part.module.mechanism.cut.positions(rows[:, part.module.q_index]) for part in parts]
-    p, g = places_at(parts, cut, len(rows))
-    return (rows, p, g) if q.ndim == 2 else (rows[0], p[0], g[0])
+    """Return a guess, shape (nq,), its platforms, as the nominal design has them, and what is given there."""
+    cut = [part.module.mechanism.cut.positions(q[None, part.module.q_index]) for part in parts]
+    p, g = places_at(parts, cut, 1)
+    return q, p[0], g[0]
 
 
 def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Part]:

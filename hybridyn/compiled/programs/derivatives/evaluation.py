@@ -21,7 +21,6 @@ from ....errors import AT_SAMPLE, CompileError, HybridynError, ModelError, Singu
 from ....linkage.joints import NV
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ....structure.samples import as_batch, same_samples
 from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
 from ...equations.request import Request, request
@@ -33,7 +32,7 @@ from ...library.cache import Built, known
 from ...library.calls import Library, loaded
 from ...library.current import Replacement, receive, run_in_turn
 from ...program import Program
-from ..general import GENERAL, general, named
+from ..general import GENERAL, as_batches, general, named
 from ..sources import Artifact, robot_key
 from ..whole_robot import function_of
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
@@ -312,12 +311,9 @@ class Derivatives:
         wanted = self._inputs
         if len(given) != len(wanted):
             raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
-        arguments = named(self.robot, dict(zip(wanted, given, strict=True))).values()
-        pairs = zip(arguments, wanted.items(), strict=True)
-        checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
-        arrays = {name: array for name, (array, _) in checked.items()}
-        same_samples(**arrays)
-        samples, single = len(arrays["q"]), checked["q"][1]
+        arguments = named(self.robot, dict(zip(wanted, given, strict=True)))
+        arrays = as_batches(arguments, wanted)
+        samples, single = len(arrays["q"]), np.ndim(arguments["q"]) == 1
         wanted_samples = None if single else samples
         if filled is not None and filled.samples != wanted_samples:
             sizes = [
