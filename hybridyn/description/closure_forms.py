@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ from .records import Array, Closure, RobotFile, RotationKind
 Side = tuple[str, Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Form:
+class Form(NamedTuple):
     """The translations and rotations that a kind of closure locks; its axis is z.
 
     Attributes:
@@ -39,7 +38,7 @@ class Form:
     translations: tuple[int, ...]
     rotation: RotationKind
     has_axis: bool = True
-    rotation_of_frames: Array = field(default_factory=lambda: np.eye(3))
+    rotation_of_frames: Array = np.eye(3)
 
 
 #: Closures by name; in this order they have 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows.

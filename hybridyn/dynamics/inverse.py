@@ -14,7 +14,6 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
 from .backward import backward
-from .direct import solve_passive
 from .forward import forward
 from .loads import all_loads
 from .reactions import Reactions
@@ -119,6 +118,8 @@ def inverse_model(
         q, v, a = on.base.into(robot, time, q, v, a)
     loads = all_loads(robot, on, q, v, time, wrenches)
     if passive == "solved":
+        from .direct import solve_passive  # which most calls need not
+
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
