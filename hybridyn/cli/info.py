@@ -76,14 +76,14 @@ def command(
     informs. docs/check.md lists all codes.
     """
     from ..errors import HybridynError
-    from ..studies.check.check import findings, is_readable
+    from ..studies.check.check import check, is_readable
 
     robot, problem = None, None
     try:
         robot = load(ranks=True)
     except HybridynError as error:
         problem = error
-    found = findings(
+    found = check(
         load.robot,
         robot,
         motors=load.motors,

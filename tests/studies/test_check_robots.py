@@ -15,14 +15,14 @@ from tests.files import save
 from tests.mutations import TREE
 from tests.samples import slow
 from tests.studies.test_check import WRONG as WRONG_ROBOTS
-from tests.studies.test_check import arm, boxed
+from tests.studies.test_check import arm, boxed, inertial
 
 OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".urdf", ".xacro"))
 SAMPLE = ("quadrotor_base.urdf", "quadrotor_base.xacro")
 MUTATIONS = 300  # 9,000 were run once
 #: Findings of the shipped robots: the UR5 has placeholders, and a hinge closes the five-bar's planar loop.
 KNOWN = {
-    "stewart_ur5": {"inertia-too-large", "unused-link"},
+    "stewart_ur5": {"inertia-too-large"},
     "five_bar": {"redundant-closures"},
 }
 
@@ -116,12 +116,14 @@ def test_text_and_json_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_many_findings_of_a_kind_are_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    frames = "".join(
-        f'<link name="f{i}"/><joint name="j{i}" type="fixed"><parent link="arm"/><child link="f{i}"/></joint>'
+    rotor = inertial(0, 0.01, 0.01, 0.01)
+    rotors = "".join(
+        f'<link name="f{i}">{rotor}</link>'
+        f'<joint name="j{i}" type="fixed"><parent link="arm"/><child link="f{i}"/></joint>'
         for i in range(20)
     )
-    path = save(tmp_path, arm(frames), "robot.urdf")
+    path = save(tmp_path, arm(rotors), "robot.urdf")
     short, full = call(capsys, "info", path).out, call(capsys, "info", path, "--all").out
-    assert "and 8 more [unused-link]" in short
-    assert full.count("[unused-link]") == 20
-    assert short.splitlines()[-1] == full.splitlines()[-1] == f"{path}: 20 notes"
+    assert "and 8 more [inertia-without-mass]" in short
+    assert full.count("[inertia-without-mass]") == 20
+    assert short.splitlines()[-1] == full.splitlines()[-1] == f"{path}: 20 warnings"

@@ -3,8 +3,7 @@
     finding       one finding; every code with its severity
     subject       the file as XML, as records and as a robot
     shapes        bounding boxes of the links, from visuals, collisions and meshes
-    meshes        mesh files that MJCF and SDF name
-    masses, units, limits, couplings, names, loops      the checks of one topic each
+    masses, units, joints, loops      the checks of one topic each
 
 `hybridyn.check("robot.urdf")` returns all findings, the worst first.
 """
@@ -16,31 +15,30 @@ from os import PathLike, fspath
 
 import numpy as np
 
-from ...description import Description, read
+from ...description import read
 from ...description.reading import open_robot
 from ...description.urdf.xml_node import Node
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
 from ...structure.robot import HybridRobot
-from .couplings import check_couplings
 from .finding import CODES, SEVERITIES, Finding, Severity, worst
-from .limits import check_limits
+from .joints import check_couplings, check_limits
 from .loops import check_branch, check_dangling_chains, check_lost_loops, check_modules
 from .masses import check_masses
-from .meshes import check_meshes
-from .names import check_names, check_shapes, duplicated_names
-from .places import Places
-from .shapes import read_shapes
+from .shapes import check_shapes, read_shapes
 from .subject import Subject
 from .units import check_units
 
 __all__ = ["CODES", "SEVERITIES", "Finding", "Severity", "check", "is_readable", "worst"]
 
 UNREADABLE = ("unreadable", "duplicate-name")
+NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")
+REPORTED_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both ignored")
 
 
 def check(
     path: str | PathLike[str],
+    robot: HybridRobot | None = None,
     *,
     motors: Sequence[str] | None = None,
     xacro_args: Mapping[str, str] | None = None,
@@ -55,6 +53,7 @@ def check(
 
     Args:
         path: The robot's file, or the name of a shipped robot.
+        robot: The robot as loaded from the files with the options below; by default it is built.
         motors: Names of the driven joints, instead of those that the files state.
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders in which `$(find package)` and `package://` search.
@@ -64,28 +63,6 @@ def check(
 
     Returns:
         The findings; an empty list if there are none. If the file cannot be read, only the reasons.
-    """
-    return findings(
-        path, None, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs,
-        rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance, meshes=meshes,
-    )  # fmt: skip
-
-
-def findings(
-    path: str | PathLike[str],
-    robot: HybridRobot | None,
-    *,
-    motors: Sequence[str] | None,
-    xacro_args: Mapping[str, str] | None,
-    package_dirs: Sequence[str | PathLike[str]],
-    rank_tolerance: float | None,
-    closure_tolerance: float,
-    meshes: bool,
-) -> list[Finding]:
-    """Check a robot's files as `check` does.
-
-    Args:
-        robot: The robot as loaded from the files with the options below, or None where it is to be built.
     """
     from ...description.shipped import find_robot
 
@@ -103,10 +80,19 @@ def findings(
         except HybridynError as error:
             return found or [_unreadable(error, file)]
     with np.errstate(all="ignore"):  # overflow and underflow are findings, not NumPy warnings
+        subject = Subject(root, description, read_shapes(root, package_dirs, meshes=meshes), robot)
         if robot is None:
-            robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
-            found += problem
-        found += _all(root, description, robot, package_dirs, meshes)
+            try:
+                subject.robot = build_robot(
+                    description, rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance
+                )
+            except HybridynError as error:
+                found.append(_not_built(subject, error))
+        checks = (
+            check_masses, check_units, check_limits, check_couplings, check_notes, check_shapes,
+            check_lost_loops, check_dangling_chains, check_branch, check_modules,
+        )  # fmt: skip
+        found += [finding for run_check in checks for finding in run_check(subject)]
     return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))
 
 
@@ -115,73 +101,74 @@ def is_readable(findings: Sequence[Finding]) -> bool:
     return not any(finding.code in UNREADABLE for finding in findings)
 
 
-def _all(
-    root: Node,
-    description: Description,
-    robot: HybridRobot | None,
-    package_dirs: Sequence[str | PathLike[str]],
-    meshes: bool,
-) -> Iterator[Finding]:
-    shapes = read_shapes(root, package_dirs, meshes=meshes)
-    subject = Subject(root, description, package_dirs, shapes, robot)
-    checks = (
-        check_masses, check_units, check_limits, check_couplings, check_names, check_shapes, check_lost_loops,
-        check_dangling_chains, check_branch, check_modules,
-    )  # fmt: skip
-    for run_check in checks:
-        yield from run_check(subject)
-    if meshes:
-        yield from check_meshes(subject)
+def duplicated_names(root: Node) -> list[Finding]:
+    """Return a finding for every name that two elements of one kind share. Such a file cannot be read."""
+    out = []
+    for kind in NAMED:
+        known: dict[str, tuple[str, int | None]] = {}
+        for node in root.children(kind):
+            name = str(node.xml.get("name", "")).strip()
+            if name and name in known:
+                place = node.place
+                first = "" if known[name] == place else ", first in {}:{}".format(*known[name])
+                out.append(
+                    Finding(
+                        "duplicate-name",
+                        f"{kind} '{name}'",
+                        f"is stated twice{first}",
+                        "a reference to the name may mean either element",
+                        "rename one of the two, and every reference to it",
+                        *place,
+                    )
+                )
+            elif name:
+                known[name] = node.place
+    return out
 
 
-def _built(
-    root: Node, description: Description, rank_tolerance: float | None, closure_tolerance: float
-) -> tuple[HybridRobot | None, list[Finding]]:
-    """Build the robot, or return the finding with the reason why it cannot be built."""
-    try:
-        robot = build_robot(description, rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance)
-        return robot, []
-    except AssemblyError as error:
-        return None, [
-            Finding(
-                "loops-close-nowhere",
-                f"module '{error.module}'",
-                str(error),
-                "the robot cannot be assembled in any posture",
-                "check the frames and the axes of its closures, one after the other",
-                *_first_closure(root, description, error.module),
+def check_notes(subject: Subject) -> Iterator[Finding]:
+    """Pass on the reader's remarks."""
+    description = subject.description
+    for note in description.notes:
+        if not any(text in note for text in REPORTED_ELSEWHERE):
+            yield Finding(
+                "reader",
+                "",
+                note,
+                "something in the file was ignored or interpreted in a particular way",
+                "nothing to do if that is what you intend",
+                description.source,
             )
-        ]
-    except ModelError as error:
-        doubt = "rank_tolerance" in str(error)
-        place = _first_closure(root, description, error.element)
-        return None, [
-            Finding(
-                "rank-in-doubt" if doubt else "no-robot",
-                f"'{error.element}'" if error.element else "",
-                error.message,
-                "every result depends on the number of freedoms" if doubt else "nothing can be computed",
-                "pass --rank-tolerance as the message says, or write more digits"
-                if doubt
-                else "correct the element that the message names",
-                *place,
-            )
-        ]
 
 
-def _first_closure(root: Node, description: Description, element: str | None) -> tuple[str, int | None]:
-    """Return the place of a closure: the one with this name, else one at this link, else the first one."""
+def _not_built(subject: Subject, error: HybridynError) -> Finding:
+    """Return the finding that says why the robot cannot be built."""
+    element = getattr(error, "module" if isinstance(error, AssemblyError) else "element", None)
     closures = sorted(
-        description.closures,
+        subject.description.closures,
         key=lambda closure: (closure.name != element, element not in (closure.link_a, closure.link_b)),
     )
-    places = Places(root)
-    for closure in closures[:1]:
-        for tag in ("loop", "constraint", "loop_joint"):
-            place = places.of(tag, closure.name, closure.line)
-            if place[1]:
-                return place
-    return places.file, None
+    place = subject.closure_place([closure.name for closure in closures[:1]])
+    if isinstance(error, AssemblyError):
+        return Finding(
+            "loops-close-nowhere",
+            f"module '{element}'",
+            str(error),
+            "the robot cannot be assembled in any posture",
+            "check the frames and the axes of its closures, one after the other",
+            *place,
+        )
+    doubt = "rank_tolerance" in str(error)
+    return Finding(
+        "rank-in-doubt" if doubt else "no-robot",
+        f"'{element}'" if element else "",
+        getattr(error, "message", str(error)),
+        "every result depends on the number of freedoms" if doubt else "nothing can be computed",
+        "pass --rank-tolerance as the message says, or write more digits"
+        if doubt
+        else "correct the element that the message names",
+        *place,
+    )
 
 
 def _unreadable(error: HybridynError, file: str) -> Finding:

@@ -14,8 +14,6 @@ CODES: dict[str, tuple[Severity, str]] = {
     # the file
     "unreadable": ("error", "the file cannot be read as a robot"),
     "duplicate-name": ("error", "two links, joints or closures have one name"),
-    "same-name": ("note", "a link and a joint have one name"),
-    "unused-link": ("note", "a link has no mass, no shape and no role"),
     "reader": ("note", "the reader ignored something in the file, or interpreted it in a particular way"),
     # masses
     "negative-inertia": ("error", "a principal moment of inertia is negative"),
@@ -27,7 +25,6 @@ CODES: dict[str, tuple[Severity, str]] = {
     "inertia-too-large": ("warning", "an inertia is too large for a mass inside the link's shape"),
     "inertia-too-small": ("note", "an inertia is far smaller than that of the link's shape"),
     "too-dense": ("warning", "a link is denser than any material"),
-    "mass-ratio": ("note", "masses differ by many orders of magnitude"),
     "no-mass": ("warning", "no body of a module has mass"),
     "massless-robot": ("error", "no link has mass"),
     # units
@@ -47,9 +44,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "home-outside-limits": ("warning", "the home posture is outside the limits"),
     # mimic and couplings
     "mimic-motor": ("warning", "a joint with a motor mimics another joint"),
-    "mimic-chain": ("note", "a joint mimics a joint that mimics a third one"),
     "mimic-zero": ("warning", "a joint mimics another one with multiplier zero"),
-    "mimic-limits": ("warning", "the limits of a joint restrict the joint that it mimics"),
     # loops
     "lost-loops": ("warning", "the robot seems to have loops that its file does not state"),
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
@@ -71,7 +66,6 @@ CODES: dict[str, tuple[Severity, str]] = {
     # singularities at home
     "singular-closures": ("warning", "the home posture is a constraint singularity"),
     "singular-parallel": ("warning", "the home posture is a parallel (type 2) singularity"),
-    "singular-serial": ("warning", "the home posture is a serial (type 1) singularity"),
 }
 
 

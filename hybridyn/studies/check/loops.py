@@ -13,7 +13,6 @@ from ...assembly.task import residuals
 from ...description.loop_signs import lost_loops
 from ...description.names import LISTED_NAMES, counted, listed
 from ...linkage.reduction import ROUNDED_ROWS
-from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..home import far_from_zero
@@ -273,37 +272,6 @@ class _ModuleCheck:
                 "efforts grow without bound there",
                 "choose another home posture, away from this one",
             )
-        lost = self._serial_loss(basis.Psi)
-        if lost is not None:
-            yield self._about(
-                "singular-serial",
-                f"its platform '{module.outputs[0]}' loses a direction of motion at the home posture "
-                f"({lost:.1e} of the usual value): a leg is stretched or folded",
-                "the platform cannot move in that direction there",
-                "choose another home posture, away from this one",
-            )
-
-    def _serial_loss(self, Psi: Array) -> float | None:
-        """Compute the outputs' smallest singular value at home over the usual largest; None if regular."""
-        m = self.module.mechanism
-        if not m.spec.outputs:
-            return None
-        units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
-
-        def values(q: Array, Psi: Array) -> Array:
-            """Compute the singular values of the outputs' Jacobian at postures."""
-            motion = m.tree.sweep(q)
-            J = np.concatenate([m.tree.jacobian(motion, body) / units for body in m.spec.outputs], axis=1)
-            motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
-            scaled = J @ (motions * m.reduction.col_scale[:, None])
-            return np.linalg.svd(scaled, compute_uv=False).astype(float)
-
-        usual = np.median(values(m.postures, m.basis(m.generic_K).Psi), axis=0)
-        rank = int(np.sum(usual > SINGULAR_POSTURE * usual[0]))
-        if not rank:
-            return None
-        least = float(values(m.home[None], Psi)[0, rank - 1] / usual[0])
-        return least if least < SINGULAR_POSTURE else None
 
 
 def without_mass(module: Module) -> bool:

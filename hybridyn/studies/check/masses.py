@@ -25,8 +25,6 @@ SMALLER = 0.02
 WHOLE = 3.0
 #: An inertia below this part of mass x (robot's size)^2 counts as zero, as that of a point mass.
 POINT = 1e-12
-#: Largest ratio of masses in a robot. Sums of masses with a larger ratio lose digits.
-RATIO = 1e7
 
 
 def check_masses(subject: Subject) -> Iterator[Finding]:
@@ -35,7 +33,6 @@ def check_masses(subject: Subject) -> Iterator[Finding]:
         yield from _inertia(subject, link)
         yield from _size(subject, link)
     yield from _missing(subject)
-    yield from _ratio(subject)
 
 
 def _inertia(subject: Subject, link: Link) -> Iterator[Finding]:
@@ -169,17 +166,3 @@ def _missing(subject: Subject) -> Iterator[Finding]:
             "efforts do not include its weight and inertia",
             "add <inertial> with mass, centre of mass and inertia, or merge it with a link that has them",
         )
-
-
-def _ratio(subject: Subject) -> Iterator[Finding]:
-    masses = {link.mass: link for link in subject.description.links if link.mass > 0}
-    if not masses or max(masses) < RATIO * min(masses):
-        return
-    small, large = masses[min(masses)], masses[max(masses)]
-    yield subject.of_link(
-        "mass-ratio",
-        small.name,
-        f"has {small.mass:.3g} kg, while link '{large.name}' has {large.mass:.3g} kg",
-        "solutions lose digits, and one of the two masses is probably in another unit",
-        "write masses in kg; omit the mass of a link that is only a frame",
-    )

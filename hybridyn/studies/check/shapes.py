@@ -1,4 +1,4 @@
-"""Read the shapes of a robot's links: their bounding boxes, and shapes and meshes that cannot be read.
+"""Shapes of a robot's links: their bounding boxes, and findings on shapes and meshes that cannot be read.
 
 Each shape keeps the line of its element. trimesh (the extra `view`) loads the mesh files. It is imported only
 if the robot's file names a mesh.
@@ -6,18 +6,24 @@ if the robot's file names a mesh.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...description.shape_files import MeshFiles, MissingMeshError, shapes_of
 from ...description.shape_files import Shape as Stated
 from ...description.urdf.xml_node import Node
+from ...errors import install_advice
 from ...spatial import Array
+from .finding import Finding
+
+if TYPE_CHECKING:
+    from .subject import Subject
 
 #: Mesh files larger than this are not loaded [bytes].
 LARGEST_MESH = 100 * 2**20
@@ -123,3 +129,60 @@ class _MeshBoxes:
         if bounds is None or not np.isfinite(bounds).all():
             return "has no triangles"
         return np.asarray(bounds[0], dtype=float), np.asarray(bounds[1], dtype=float)
+
+
+def check_shapes(subject: Subject) -> Iterator[Finding]:
+    """Check that the shapes can be read, and that their mesh files exist and can be read."""
+    yield from _broken_shapes(subject)
+    reported: set[str] = set()
+    unread = 0
+    for link, shapes in subject.shapes.items():
+        for shape in shapes:
+            if shape.wrong is None or shape.mesh is None or shape.mesh in reported:
+                continue
+            reported.add(shape.mesh)
+            if shape.wrong == UNREAD:
+                unread += 1
+                continue
+            missing = shape.wrong == "missing"
+            uses = sum(other.mesh == shape.mesh for group in subject.shapes.values() for other in group)
+            again = f" (used {uses} times)" if uses > 1 else ""
+            yield subject.of_link(
+                "missing-mesh" if missing else "broken-mesh",
+                link,
+                f"mesh '{shape.mesh}' {'is missing' if missing else shape.wrong}{again}",
+                "the link is not drawn, and its mass cannot be compared with its shape",
+                "add the file, or name the folder of its package with --package-dir"
+                if missing
+                else "export it again as STL, DAE or OBJ",
+                shape.line,
+            )
+    if unread:
+        yield Finding(
+            "unread-meshes",
+            "",
+            f"{unread} mesh file{'s were' if unread > 1 else ' was'} not read: trimesh is not installed",
+            "masses, inertias and units cannot be compared with these shapes",
+            install_advice("view"),
+            subject.description.source,
+        )
+
+
+def _broken_shapes(subject: Subject) -> Iterator[Finding]:
+    """Find shapes that cannot be read; those that one macro writes are one finding."""
+    reported: set[tuple[str, str]] = set()
+    for link, shapes in subject.shapes.items():
+        for shape in shapes:
+            if shape.kind or shape.wrong is None:
+                continue
+            finding = subject.of_link(
+                "broken-shape",
+                link,
+                f"its {shape.role} shape cannot be read: {shape.wrong}",
+                "it is not drawn or converted, and the link's mass cannot be compared with it",
+                "correct the element that the message names, or remove the shape",
+                shape.line,
+            )
+            if (finding.message, finding.place) not in reported:
+                reported.add((finding.message, finding.place))
+                yield finding

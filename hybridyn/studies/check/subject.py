@@ -3,38 +3,59 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from os import PathLike
 
 import numpy as np
 
 from ...description.placement import poses_at_zero
 from ...description.records import Description, Joint, Link
-from ...description.urdf.xml_node import Node
+from ...description.urdf.xml_node import Expanded, Node
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .finding import Finding
-from .places import Places
 from .shapes import Shape
 
 
-@dataclass(frozen=True)
+class Places:
+    """Looks up the places of a robot's elements."""
+
+    def __init__(self, root: Node) -> None:
+        """Keep the root element; the others are searched on the first request."""
+        self.file, self._root = root.file, root
+
+    def of(self, tag: str, name: str, line: int | None) -> tuple[str, int | None]:
+        """Return file and line of an element.
+
+        Args:
+            tag: Tag of the element: "link", "joint", "loop", ...
+            line: Its line in the text that was read; ignored if xacro wrote that text.
+        """
+        if not isinstance(self.file, Expanded):
+            return self.file, line
+        return self._written.get((tag, name), (self.file, None))
+
+    @cached_property
+    def _written(self) -> dict[tuple[str, str], tuple[str, int | None]]:
+        """Places of all named elements, the first of each name."""
+        named = [(node.tag, str(node.xml.get("name")), node) for node in self._root.descendants()]
+        return {(tag, name): node.place for tag, name, node in reversed(named)}
+
+
+@dataclass
 class Subject:
     """A robot's files in every form that the checks need.
 
     Attributes:
         root: Root element, xacro expanded.
         description: Records read from the files.
-        package_dirs: Folders in which `package://` searches.
         shapes: Shapes of the links, by link.
         robot: The robot, or None if it cannot be built.
     """
 
     root: Node
     description: Description
-    package_dirs: Sequence[str | PathLike[str]] = ()
     shapes: Mapping[str, list[Shape]] = field(default_factory=dict)
     robot: HybridRobot | None = None
 
@@ -99,19 +120,21 @@ class Subject:
         place = self.places.of("joint", name, self.joints[name].line)
         return Finding(code, f"joint '{name}'", message, why, mend, *place)
 
+    def closure_place(self, names: Iterable[str]) -> tuple[str, int | None]:
+        """Return the place of the first of some joints, closures and couplings that has a line."""
+        d = self.description
+        lines = {one.name: one.line for one in d.closures} | {one.name: one.line for one in d.couplings}
+        lines |= {one.name: one.line for one in d.joints}
+        for name in names:
+            tags = ("joint",) if name in self.joints else ("loop", "constraint", "loop_joint", "coupling")
+            for tag in tags:
+                place = self.places.of(tag, name, lines.get(name))
+                if place[1]:
+                    return place
+        return self.places.file, None
+
     def of_module(
         self, code: str, name: str, message: str, why: str, mend: str, at: tuple[str, ...]
     ) -> Finding:
         """Return a finding about a module, at the line of the first element of `at` that has one."""
-        closures = {c.name: c.line for c in self.description.closures}
-        closures |= {c.name: c.line for c in self.description.couplings}
-        for element in at:
-            if element in self.joints:
-                place = self.places.of("joint", element, self.joints[element].line)
-            else:
-                tags = ("loop", "constraint", "loop_joint", "coupling")
-                tries = (self.places.of(tag, element, closures.get(element)) for tag in tags)
-                place = next((found for found in tries if found[1]), (self.places.file, None))
-            if place[1]:
-                return Finding(code, f"module '{name}'", message, why, mend, *place)
-        return Finding(code, f"module '{name}'", message, why, mend, self.places.file)
+        return Finding(code, f"module '{name}'", message, why, mend, *self.closure_place(at))

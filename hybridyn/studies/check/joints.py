@@ -1,4 +1,4 @@
-"""Check joint limits: contradictory limits, motors without limits, and a home posture outside the limits."""
+"""Check joints: limits that contradict or are missing, a home posture outside of them, and `<mimic>`."""
 
 from __future__ import annotations
 
@@ -100,3 +100,27 @@ def _motor(subject: Subject, joint: Joint) -> Iterator[Finding]:
             "a workspace or a simulation will move it past its end stop",
             "state <limit lower= upper=> in metres",
         )
+
+
+def check_couplings(subject: Subject) -> Iterator[Finding]:
+    """Check every coupling that was read from a `<mimic>` element."""
+    for coupling in subject.description.couplings:
+        name, factors = coupling.name, [k for _, k in coupling.terms[1:]]
+        if name != coupling.terms[0][0]:
+            continue
+        if name in subject.description.motors:
+            yield subject.of_joint(
+                "mimic-motor",
+                name,
+                "is a motor and mimics another joint",
+                "one motion then has two motors, or a motor that does not exist",
+                "remove it from the motors, or remove <mimic>",
+            )
+        if 0.0 in factors:
+            yield subject.of_joint(
+                "mimic-zero",
+                name,
+                "mimics a joint with multiplier 0",
+                "it does not move, whatever the other joint does",
+                'state the multiplier, or make the joint type="fixed"',
+            )
