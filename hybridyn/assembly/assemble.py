@@ -4,7 +4,7 @@ The modules are solved in order from the base. The given motors and poses of a m
 Newton problem on its tree after the cuts. The positions of cut wrists follow from the bodies they connect.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from ..threads import one_thread
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
 from .requests import Requests, first_guess, gather_requests
-from .task import Task, check_bounded, module_task
+from .task import Task, check_agreement, check_bounded, module_task
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
 SETTLED = 1e-14
@@ -63,11 +63,13 @@ def assemble(
 
     Returns:
         q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.
-        Motions that move no motor and no output get least-norm rates.
+        Motions that move no motor and no output get least-norm rates. Where more is given than there are
+        freedoms, rates and accelerations are the nearest ones that keep the loops closed.
 
     Raises:
         AssemblyError: A target is out of reach, a step would leave the branch, or the posture is
-            underdetermined.
+            underdetermined; or rates contradict one another by more than 0.01 of the largest, or
+            accelerations, unless all are zero.
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
@@ -228,18 +230,23 @@ def _rates_and_accelerations(
     K = problem.matrix(placed)
     wanted = [np.zeros((len(x), m.closures.rows))]
     wanted += [t.rates(placed, samples)[0] / t.units for t in problem.targets]
-    x_dot = _solve(module, problem, K, request.known_v, np.concatenate(wanted, axis=1), "rates")
+    given = request.known_v, request.known_a
+    x_dot = _solve(module, problem, K, given[0], np.concatenate(wanted, axis=1), "rates", request.nearest)
     motion = m.tree.sweep(x, x_dot, at=placed)
     drift = m.closures.rates(motion, x_dot)[1] * m.reduction.row_scale
     wanted = [-drift] + [t.rates(motion, samples)[1] / t.units for t in problem.targets]
-    return x_dot, _solve(module, problem, K, request.known_a, np.concatenate(wanted, axis=1), "accelerations")
+    right = np.concatenate(wanted, axis=1)
+    return x_dot, _solve(module, problem, K, given[1], right, "accelerations", request.nearest)
 
 
-def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted: Array, what: str) -> Array:
+def _solve(
+    module: Module, problem: LoopProblem, K: Array, known: Array, wanted: Array, what: str,
+    nearest: Collection[str],
+) -> Array:  # fmt: skip
     """Solve the rows for the free freedoms; then correct all freedoms if closures are still violated."""
     m = module.mechanism
-    x = known / problem.col_scale
-    x = x + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, x))
+    asked = known / problem.col_scale
+    x = asked + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, asked))
     check_bounded(module, problem, K, x, wanted, what)
     rows = m.closures.rows
     miss = wanted[:, :rows] - np.einsum("tij,tj->ti", K[:, :rows], x)
@@ -247,6 +254,8 @@ def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted:
     bent = np.flatnonzero(np.abs(miss).max(axis=1, initial=0.0) > 1e-12 * scale)
     if len(bent):
         x[bent] += least_squares(K[bent][:, :rows], miss[bent], rank=m.reduction.rank)
+    if (len(bent) or problem.targets) and what not in nearest:
+        check_agreement(module, problem, K, x, asked, wanted, what)
     return x * problem.col_scale
 
 

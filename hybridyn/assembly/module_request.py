@@ -33,6 +33,7 @@ class ModuleRequest:
         targets: Prescribed poses of other bodies, each with its link.
         angles: Given positions of continuous joints, including whole turns, shape (T,) each, [rad].
         strict: As in `Requests`.
+        nearest: As in `Requests`.
     """
 
     mechanism: Mechanism
@@ -43,6 +44,7 @@ class ModuleRequest:
     targets: list[tuple[str, Target]] = field(default_factory=list)
     angles: dict[int, Array] = field(default_factory=dict)
     strict: bool = False
+    nearest: tuple[str, ...] = ()
 
     def give_joint(self, joint: int, wanted: Array, name: str, *, endless: bool) -> None:
         """Set a joint's position, rate and acceleration, shape (3, T).
@@ -170,7 +172,7 @@ def module_request(
     base_body = robot.bodies.place[module.base][0]
     known = np.tile(m.home, (requests.samples, 1))
     still = np.zeros((2, requests.samples, m.tree.nv))
-    request = ModuleRequest(m, known, still[0], still[1], strict=requests.strict)
+    request = ModuleRequest(m, known, still[0], still[1], strict=requests.strict, nearest=requests.nearest)
     tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
     for i, joint in enumerate(module.joints):
         if joint in requests.joints:

@@ -50,6 +50,8 @@ class Requests(NamedTuple):
         base_quaternion: Its quaternions as given, shape (T, 4), or None.
         strict: Whether the first sample must be reached by a straight motion from a guess that closes the
             loops.
+        nearest: Which of "rates" and "accelerations" may contradict one another: they become those of the
+            nearest motion. Others are an error then.
     """
 
     samples: int
@@ -59,6 +61,7 @@ class Requests(NamedTuple):
     base: Motion | None
     base_quaternion: Array | None
     strict: bool = False
+    nearest: tuple[str, ...] = ()
 
     def part(self, start: int, stop: int) -> Requests:
         """Return the requests for some consecutive samples."""
@@ -70,6 +73,7 @@ class Requests(NamedTuple):
             self.base and self.base.take(np.arange(start, stop)),
             None if self.base_quaternion is None else self.base_quaternion[start:stop],
             self.strict,
+            self.nearest,
         )
 
 
@@ -112,7 +116,10 @@ def gather_requests(
             base, quaternion = _motion(key, one, T), np.broadcast_to(one[0][..., 3:], (T, 4))
         else:
             poses.append(PoseRequest(link, other, _motion(key, one, T), {}))
-    return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion)
+    accelerations = [levels[2] for one in triples for levels in one.values()]
+    accelerations += [one[2] for one in given.values() if isinstance(one, list)]
+    nearest = () if any(np.any(x) for x in accelerations) else ("accelerations",)  # none are given
+    return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion, nearest=nearest)
 
 
 def _known(name: str, known: Collection[str], what: str) -> None:

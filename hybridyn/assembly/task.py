@@ -27,6 +27,9 @@ from .module_request import ModuleRequest
 SINGULAR_ROWS = 1e-10
 #: Ratio of computed to prescribed rates above which a singularity is suspected.
 BOUNDED = 1e6
+#: Given rates and accelerations may differ from the nearest ones that keep the loops closed by this part of
+#: the largest: noise of measured ones and of differences passes, a wrong or missing one does not.
+CONTRADICTION = 1e-2
 #: Rows that contradict one another within the tolerance are accepted if their reciprocal condition number
 #: is above this.
 CONTRADICTING_RANK = 1e-9
@@ -180,6 +183,43 @@ def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, want
         module=module.name,
         what=lost,
         condition=condition,
+        sample=t,
+    )
+
+
+def check_agreement(
+    module: Module, problem: LoopProblem, K: Array, x: Array, asked: Array, wanted: Array, what: str
+) -> None:
+    """Check that given rates or accelerations agree, where more are given than there are freedoms.
+
+    Args:
+        K: Scaled rows over all freedoms, shape (T, rows, nv).
+        x: Scaled motion that keeps the loops closed, shape (T, nv).
+        asked: The same as given, shape (T, nv).
+        wanted: Scaled right-hand side of the rows, shape (T, rows).
+        what: "rates" or "accelerations".
+
+    Raises:
+        AssemblyError: They contradict one another; the message names module, joint or target, and sample.
+    """
+    given, loops = np.flatnonzero(~problem.free), module.mechanism.closures.rows
+    of_targets = np.einsum("tij,tj->ti", K[:, loops:], x) - wanted[:, loops:]
+    off = np.abs(np.concatenate([x[:, given] - asked[:, given], of_targets], axis=1))
+    limit = CONTRADICTION * max(float(np.abs(y).max(initial=0.0)) for y in (x, asked, wanted[:, loops:]))
+    bad = np.flatnonzero(off.max(axis=1, initial=0.0) > limit)
+    if not len(bad):
+        return
+    t, i = int(bad[0]), int(np.argmax(off[bad[0]]))
+    name, there = "a target", f"differs by {off[t, i]:.4g}"
+    if i < len(given):
+        k = given[i]
+        number, near = (y[t, k] * problem.col_scale[k] for y in (asked, x))
+        name, there = module.freedom_names()[k], f"has {number:.6g}, where closed loops allow {near:.6g}"
+    raise AssemblyError(
+        f"module '{module.name}': the {what} given{AT_SAMPLE} contradict one another: {name} {there}, which "
+        f"is {off[t, i] / limit * CONTRADICTION:.2g} of the largest apart (limit {CONTRADICTION:g}). Give "
+        f"{module.mobility} motors or coordinates of its platform only, or {what} that keep the loops closed",
+        module=module.name,
         sample=t,
     )
 

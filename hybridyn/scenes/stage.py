@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..assembly.assemble import assemble
+from ..assembly.assemble import assemble_requests
+from ..assembly.requests import first_guess, gather_requests
 from ..description.side_cars.toml_file import Keys
 from ..effects import Effects, choose, with_effects
 from ..linkage.joints import NV
@@ -42,6 +43,8 @@ from .toml_source import naming
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
 
+#: What may contradict one another in `initial_state`, which judges it itself.
+BOTH = ("rates", "accelerations")
 #: Largest difference between given rates and those that closed loops allow, relative to the largest rate.
 RATES = 1e-6
 
@@ -279,10 +282,11 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
     with naming(source, ("initial",)):
         if not joints and not platforms:
             return robot.home.copy(), np.zeros(robot.nv)
-        q, v, _ = assemble(robot, motors=joints, platforms=platforms, guess=guess)
+        requests = gather_requests(robot, joints, platforms)._replace(strict=guess is not None, nearest=BOTH)
+        q, v, _ = assemble_requests(robot, requests, first_guess(robot, guess))
     if not initial.project:
-        _check_rates(source, robot, v)
-    return q, v
+        _check_rates(source, robot, v[0])
+    return q[0], v[0]
 
 
 def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
@@ -292,8 +296,7 @@ def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
     """
     initial = source.scene.initial
     joints = dict(initial.joints)
-    root = robot.description.root
-    placed = [key for key in initial.platforms if key.partition("@")[0] != root]
+    placed = [key for key in initial.platforms if key.partition("@")[0] != robot.description.root]
     wanted = {*initial.rates.joints} if placed else {*initial.rates.joints, *robot.motors}
     for name in robot.joints:
         if name in wanted and name not in joints and NV[robot.kinds[robot.joint_index[name]]] == 1:
@@ -302,7 +305,7 @@ def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
 
 
 def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
-    """Check that the given rates keep the loops closed, since `assemble` changes rates that do not."""
+    """Check that the given rates keep the loops closed, since the nearest rates that do were computed."""
     rates = source.scene.initial.rates.joints
     at = {name: robot.v_slices[robot.joint_index[name]].start for name in rates}
     found = {name: float(v[i]) for name, i in at.items()}

@@ -156,8 +156,7 @@ class MotionLaw:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Compute the accelerations at one state, shape (nv,), after placing a prescribed base in q and v."""
-        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
-        return out
+        return np.asarray(self.accelerations(np.array([t]), q[None], v[None])[0])
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
         """Compute the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).
@@ -188,8 +187,9 @@ class MotionLaw:
         a = np.zeros_like(v)
         if self.robot.base == "moving":
             a[:, :6] = base
-        whole = self.on.velocity is not None
-        states = forward(self.robot, q, v, None, self.on.gravity, classical=whole, base=a)
+        states = forward(
+            self.robot, q, v, None, self.on.gravity, classical=self.on.velocity is not None, base=a
+        )
         accelerate(self.robot, articulate(self.robot, states, loads, tau, None, passing=True), q, v, a)
         return a, tau
 

@@ -56,8 +56,7 @@ def render(picture: Picture, placement: Placement, camera: Camera, *, own_colour
         hit = scene.run(np.zeros_like(rays.reshape(-1, 3)), rays.reshape(-1, 3))
         return shades[hit].reshape(rays.shape)  # a miss is -1, the background
 
-    centres = np.arange(camera.width) + 0.5, np.arange(camera.height)[:, None] + 0.5
-    image = seen(*centres)
+    image = seen(np.arange(camera.width) + 0.5, np.arange(camera.height)[:, None] + 0.5)
     edge = np.zeros(image.shape[:2], dtype=bool)
     for axis, by in ((0, 1), (0, -1), (1, 1), (1, -1)):
         edge |= (image != np.roll(image, by, axis)).any(axis=2)

@@ -449,6 +449,60 @@ def test_motors_on_every_joint_may_miss_the_loops_within_tolerance() -> None:
     close_to(found[1], state[1], 1e-5)
 
 
+def redundant() -> tuple[HybridRobot, States]:
+    """Return a five-bar with three motors and a motion of it."""
+    robot = hybridyn.load("five_bar", motors=["m1_left_drive", "m1_right_drive", "m1_left_elbow"])
+    t = np.linspace(0.0, 2.0, 41)
+    wave = 0.1 * np.sin(3 * t), 0.3 * np.cos(3 * t), -0.9 * np.sin(3 * t)
+    return robot, hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors[:2], wave))
+
+
+def of_motors(robot: HybridRobot, states: States) -> list[np.ndarray]:
+    """Return positions, rates and accelerations of the motors, shape (T, motors) each."""
+    return [x[:, at].copy() for x, at in zip(states, (robot.motor_q, *2 * [robot.motor_v]), strict=True)]
+
+
+@pytest.mark.parametrize("engine", ["general", slow("compiled")])
+@pytest.mark.parametrize(("level", "what"), [(1, "rates"), (2, "accelerations")])
+def test_more_motors_than_freedoms_that_contradict_one_another_are_refused(
+    engine: str, level: int, what: str
+) -> None:
+    """One of three motors has another number at one sample; within the limit the motion is the nearest."""
+    robot, states = redundant()
+    on, given = engine_of(engine, robot), of_motors(robot, states)
+    for found, wanted in zip(on.assemble(motors=tuple(given)), states, strict=True):
+        close_to(found, wanted, 1e-10)
+    largest, number = np.abs(states[level]).max(), given[level][7, 2]
+    given[level][7, 2] += 1e-3 * largest
+    noisy = on.assemble(motors=tuple(given))
+    assert 1e-5 * largest < np.abs(noisy[level] - states[level]).max() < 1e-2 * largest
+    given[level][7, 2] = number + 0.5 * largest
+    words = f"the {what} given at sample 7 contradict one another"
+    error = refused(partial(on.assemble, motors=tuple(given)), AssemblyError, words, sample=7)
+    for part in (
+        "'m1_left_elbow'",
+        f"{given[level][7, 2]:.6g}",
+        "of the largest apart (limit 0.01)",
+        "Give 2",
+    ):
+        assert part in str(error)
+
+
+def test_accelerations_that_are_left_out_are_the_nearest() -> None:
+    robot, states = redundant()
+    q, v, a = hybridyn.assemble(robot, motors=tuple(of_motors(robot, states)[:2]))
+    close_to(v, states[1], 1e-10)
+    assert np.isfinite(hybridyn.idm(robot, q, v, a)).all()  # which checks that they keep the loops closed
+
+
+def test_a_twist_with_more_coordinates_than_freedoms_that_contradicts_itself_is_refused() -> None:
+    robot = build_robot(shipped("rps3"))
+    platform, (pose, twist, acceleration), _ = full_pose(robot, 3)
+    twist[1, 0] += np.abs(twist).max()
+    asked = partial(hybridyn.assemble, robot, platforms={platform: (pose, twist, acceleration)})
+    refused(asked, AssemblyError, "the rates given at sample 1 contradict one another", sample=1)
+
+
 def test_motors_may_be_arrays_in_their_order() -> None:
     robot, x = build_robot(symmetric_five_bar()), np.array([[2.0, 1.1], [2.1, 1.2], [2.2, 1.3]])
     by_name = {name: (x[:, i], 2 * x[:, i]) for i, name in enumerate(robot.motors)}
