@@ -17,6 +17,9 @@ from ..structure.given import by_name, motors_by_name, pose_numbers, triple
 from ..structure.robot import HybridRobot
 from ..structure.samples import UNIT, as_numbers
 
+#: Motions that may contradict one another, see `Requests.nearest`: measured ones, or those judged elsewhere.
+MOTIONS = ("rates", "accelerations")
+
 
 class PoseRequest(NamedTuple):
     """A pose of a link relative to another: complete (`motion`) or partial (`coordinates`).
@@ -118,7 +121,7 @@ def gather_requests(
             poses.append(PoseRequest(link, other, _motion(key, one, T), {}))
     accelerations = [levels[2] for one in triples for levels in one.values()]
     accelerations += [one[2] for one in given.values() if isinstance(one, list)]
-    nearest = () if any(np.any(x) for x in accelerations) else ("accelerations",)  # none are given
+    nearest = () if any(np.any(x) for x in accelerations) else MOTIONS[1:]  # none are given
     return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion, nearest=nearest)
 
 

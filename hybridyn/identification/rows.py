@@ -7,7 +7,8 @@ from fnmatch import fnmatchcase
 import numpy as np
 from scipy import interpolate, linalg
 
-from ..assembly.assemble import assemble
+from ..assembly.assemble import assemble_requests
+from ..assembly.requests import MOTIONS, first_guess, gather_requests
 from ..compiled.model import CompiledRobot
 from ..description.names import did_you_mean
 from ..errors import HybridynError, ModelError, TrajectoryError
@@ -148,10 +149,12 @@ class Source:
         return Y[:, :, self.model.columns], Y @ np.where(self.known, values, 0.0), Y @ values
 
     def closed(self, motors: Triple, guess: Array | None) -> Triple:
-        """Close the loops for a motion of the motors; return q, v, a."""
+        """Close the loops for a measured motion, the nearest of redundant motors; return q, v, a."""
+        requests = gather_requests(self.robot, motors, None)
+        requests = requests._replace(strict=guess is not None, nearest=MOTIONS)
         if self.compiled is not None:
-            return self.compiled.assemble(motors=motors, guess=guess)
-        return assemble(self.robot, motors=motors, guess=guess)
+            return self.compiled.assemble_requests(requests, guess)
+        return assemble_requests(self.robot, requests, first_guess(self.robot, guess))
 
     def instruments(self, reference: Log, data: Rows) -> Array:
         """Compute the regressor of the commanded motion at the times of the rows, shape (T, motors, rank).

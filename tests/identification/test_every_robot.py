@@ -5,6 +5,8 @@ import pytest
 from scipy import linalg, stats
 
 import hybridyn
+from hybridyn.assembly.assemble import assemble_requests
+from hybridyn.assembly.requests import MOTIONS, gather_requests
 from hybridyn.effects import CoulombFriction
 from hybridyn.identification.base_parameters import random_motions
 from hybridyn.identification.identify import estimate
@@ -110,7 +112,9 @@ def test_instruments_are_unbiased_where_least_squares_is_not(kind: str, seed: in
     size = 0.3 * motion[2].std(axis=0) * (2 * np.pi * 15.0) ** np.array([-2.0, -1.0, 0.0])[:, None, None]
     noise = rng.normal(size=(NOISY_RUNS, *motion.shape)).swapaxes(0, 1)
     noisy = motion[:, None] + size[:, None] * noise
-    closed = [hybridyn.assemble(robot, motors=tuple(noisy[:, :, t]), guess=q[t]) for t in range(count)]
+    asked = [gather_requests(robot, tuple(noisy[:, :, t]), None) for t in range(count)]
+    asked = [one._replace(strict=True, nearest=MOTIONS) for one in asked]  # as `Rows.closed` does
+    closed = [assemble_requests(robot, one, start) for one, start in zip(asked, q, strict=True)]
     errors: dict[str, list[np.ndarray]] = {"wls": [], "iv": []}
     for run in range(NOISY_RUNS):
         states = (np.array([one[level][run] for one in closed]) for level in range(3))

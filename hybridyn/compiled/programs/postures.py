@@ -77,7 +77,7 @@ class Postures:
         """
         requests = gather_requests(self.robot, motors, platforms)
         if parameters is None:
-            return self._assemble(requests, guess)
+            return self.assemble_requests(requests, guess)
         q, v, a, others = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
         self.hand_over("assemble", others)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
@@ -145,7 +145,7 @@ class Postures:
         if status == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
-        q, v, a = self._assemble(requests, self.robot.home if last is None else last)
+        q, v, a = self.assemble_requests(requests, self.robot.home if last is None else last)
         follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
@@ -180,11 +180,11 @@ class Postures:
 
         def close(motors: Mapping[str, object], guess: Array | None) -> tuple[Array, Array, Array]:
             """Close the loops in C."""
-            return self._assemble(gather_requests(assembler.robot, motors, {}), guess, assembler)
+            return self.assemble_requests(gather_requests(assembler.robot, motors, {}), guess, assembler)
 
         return posture_at(assembler.robot, positions, close=close)
 
-    def _assemble(
+    def assemble_requests(
         self, requests: Requests, guess: Array | None, assembler: Assembler | None = None
     ) -> tuple[Array, Array, Array]:
         """Assemble postures for requests that have been gathered, by default for `robot`."""
