@@ -117,11 +117,11 @@ class Commands(click.Group):
 def commands(ctx: click.Context, debug: bool, robots: str | None, completion: str | None) -> None:
     """Dynamics of hybrid robots: parallel modules stacked in series, in URDF, MJCF, SDF or USD."""
     if robots is not None:
-        from .robots import show_robots
+        from .lists import show_robots
 
         show_robots(robots)
     elif completion is not None:
-        from .completion import show_completion
+        from .lists import show_completion
 
         show_completion(completion)
     elif ctx.invoked_subcommand is None:

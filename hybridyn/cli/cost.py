@@ -25,9 +25,8 @@ from ..studies.cost.points import (
     time_words,
 )
 from .common.figures import figure_file, save
-from .common.files import complete_robot, existing_file, robot_file, scene_file
+from .common.files import complete_robot, existing_file, report_file, robot_file, scene_file, write_report
 from .common.options import RobotChoice, RobotCommand, split_names
-from .common.report import report_file, write_report
 from .common.text import aligned_rows
 
 if TYPE_CHECKING:

@@ -101,7 +101,7 @@ def command(
     if by_effect:
         if model != {"weights": {}, "passive": "given", "on_singular": "raise"}:
             raise click.UsageError("--passive, --on-singular and --weights do not apply to --by-effect")
-        from .common.by_effect import tell_effects
+        from .common.reports import tell_effects
 
         tell_effects(load, tables, wanted, engine)
         return 0
@@ -142,7 +142,7 @@ def _plan(
     chosen = choose_engine(engine, robot, on, given.table.rows, obstacles, worth_of(layout, robot))
     inverse = partial(efforts, effects=on, reactions=reactions, compiled=chosen.model, **model)
     if loads:
-        from .common.loads import Loads, motor_states
+        from .common.reports import Loads, motor_states
 
         report = Loads(robot, tables, on, chosen)
         return Plan(partial(motor_states, efforts=inverse), [], [report], False, chosen.assemble)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.figures import FORMATS, chart_file, save, save_chart
-from .common.files import complete_robot, ends_in, existing_file, robot_file
+from .common.files import complete_robot, ends_in, existing_file, read_report, robot_file
 from .common.options import PACKAGES, XACRO, Command, RobotChoice
-from .common.report import read_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,7 +1,7 @@
 """Charts of results.
 
-Read `panels` first: the contents of a figure as plain data. `motion`, `sizing`, `reports`, `identification`
-and `sweep` build panels from results. `as_matplotlib` and `as_page` draw panels. `module_tree` is what `info`
+Read `panels` first: the contents of a figure as plain data. `motion`, `reports`, `identification` and
+`sweep` build panels from results. `as_matplotlib` and `as_page` draw panels. `module_tree` is what `info`
 tells and `structure` draws; `workspace` and `cost` draw their own figures.
 
 May import: `studies` and below.

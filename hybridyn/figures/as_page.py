@@ -63,7 +63,7 @@ def _trace(mark: Mark) -> Any:
     import plotly.graph_objects as go
 
     if mark.style == "bar":
-        return go.Bar(x=mark.x, y=mark.y, name=mark.name, marker_color=mark.colour)
+        return go.Bar(x=list(mark.x), y=list(mark.y), name=mark.name, marker_color=mark.colour)
     style = STYLES[mark.style]
     colour = {"line_color" if style["mode"] == "lines" else "marker_color": mark.colour}
-    return go.Scatter(x=mark.x, y=mark.y, name=mark.name, **style, **colour)
+    return go.Scatter(x=list(mark.x), y=list(mark.y), name=mark.name, **style, **colour)

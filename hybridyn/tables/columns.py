@@ -35,7 +35,7 @@ model). Reactions, forces [N] and moments [N m]:
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..description.names import did_you_mean, listed
@@ -149,26 +149,71 @@ def read_layout(
     if layout.efforts and not efforts:
         joint = next(iter(layout.efforts))
         raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
-    if efforts:
-        _check_efforts(layout, motors)
-    _check_base(layout, description.root, base)
-    _check_inputs(layout, movable, motors, description.root, passive)
-    _check_time(layout)
+    for column, message in _faults(layout, movable, motors, description.root, base, passive, efforts):
+        raise TrajectoryError(message, file=file, column=column)
     return layout
 
 
-def _check_efforts(layout: Layout, motors: Sequence[str]) -> None:
-    """Check that every motor has an effort, and no other joint."""
-    for name in layout.efforts:
-        if name not in motors:
-            message = (
-                f"joint '{name}' is not driven{did_you_mean(name, motors)}; drop it, or name it as a motor"
+def _faults(
+    layout: Layout, movable: Sequence[str], motors: Sequence[str], root: str, base: str, passive: int,
+    efforts: bool,
+) -> Iterator[tuple[str | None, str]]:  # fmt: skip
+    """Yield column and message of what is wrong in columns that are known one by one."""
+    if efforts:
+        for name in [name for name in layout.efforts if name not in motors]:
+            hint = did_you_mean(name, motors)
+            yield f"{name}/effort", f"joint '{name}' is not driven{hint}; drop it, or name it as a motor"
+        if absent := [name for name in motors if name not in layout.efforts]:
+            left = listed(absent)
+            yield (
+                f"{absent[0]}/effort",
+                f"is missing: every motor needs its effort ({left} left); write 0 for a free one",
             )
-            raise TrajectoryError(message, file=layout.file, column=f"{name}/effort")
-    absent = [name for name in motors if name not in layout.efforts]
-    if absent:
-        message = f"is missing: every motor needs its effort ({listed(absent)} left); write 0 for a free one"
-        raise TrajectoryError(message, file=layout.file, column=f"{absent[0]}/effort")
+    signal = layout.poses.get(root)
+    if base == "fixed" and signal is not None:
+        yield (
+            f"{root}/pose/{signal.components[0]}",
+            f"'{root}' is the root link and the base is fixed; choose a moving base, or drop its pose",
+        )
+    if base != "fixed" and (signal is None or signal.components != POSE):
+        message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
+        if base == "floating":
+            message += "; how a free base moves depends on what came before, 'hybridyn simulate' computes it"
+            message += "; or hold it (base='fixed')"
+        yield f"{root}/pose/{'x' if signal is None else 'qx'}", message
+    yield from _input_faults(layout, movable, motors, root, passive)
+    for signal in layout.signals if layout.time is None else ():
+        if signal.missing:
+            rate = f"{signal.name}/{signal.missing[0]}"
+            yield "time", f"is missing, and so is '{rate}': without time no rates can be fitted"
+
+
+def _input_faults(
+    layout: Layout, movable: Sequence[str], motors: Sequence[str], root: str, most: int
+) -> Iterator[tuple[str | None, str]]:
+    """Yield what is wrong unless joints and poses are a full state, or a posture follows from them."""
+    platforms = [key for key in layout.poses if key != root]
+    if layout.full_state:
+        if platforms:
+            yield (
+                f"{platforms[0]}/pose/{layout.poses[platforms[0]].components[0]}",
+                f"every joint is given too; drop the poses of {listed(platforms)} or the passive joints",
+            )
+        return
+    passive = [name for name in layout.joints if name not in motors]
+    if len(passive) > most:
+        rest = [name for name in movable if name not in layout.joints]
+        message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
+        message += f"; for the motion of output joints, 'hybridyn idm --map {','.join(passive)}'"
+        yield f"{passive[0]}/position", message
+    absent = [name for name in motors if name not in layout.joints]
+    if absent and not platforms:
+        yield (
+            f"{absent[0]}/position",
+            f"is missing: give the motors ({listed(absent)} left) or the pose of a platform",
+        )
+    if not motors and not platforms:
+        yield None, "the robot has no motors; give the pose of a platform, or every joint"
 
 
 def acceleration_columns(description: Description, joints: Iterable[str], base: str) -> list[str]:
@@ -184,57 +229,6 @@ def acceleration_columns(description: Description, joints: Iterable[str], base: 
         if joint in kinds:
             out += joint_columns(joint, kinds[joint], "acceleration")
     return out
-
-
-def _check_base(layout: Layout, root: str, base: str) -> None:
-    signal = layout.poses.get(root)
-    if base == "fixed" and signal is not None:
-        message = f"'{root}' is the root link and the base is fixed; choose a moving base, or drop its pose"
-        raise TrajectoryError(message, file=layout.file, column=f"{root}/pose/{signal.components[0]}")
-    if base != "fixed" and (signal is None or signal.components != POSE):
-        column = f"{root}/pose/{'x' if signal is None else 'qx'}"
-        message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
-        if base == "floating":
-            message += "; how a free base moves depends on what came before, 'hybridyn simulate' computes it"
-            message += "; or hold it (base='fixed')"
-        raise TrajectoryError(message, file=layout.file, column=column)
-
-
-def _check_inputs(
-    layout: Layout, movable: Iterable[str], motors: Sequence[str], root: str, most: int
-) -> None:
-    """Check that joints and poses are a full state, or that a posture can be assembled from them."""
-    platforms = [key for key in layout.poses if key != root]
-    if layout.full_state:
-        if platforms:
-            message = f"every joint is given too; drop the poses of {listed(platforms)} or the passive joints"
-            components = layout.poses[platforms[0]].components
-            raise TrajectoryError(message, file=layout.file, column=f"{platforms[0]}/pose/{components[0]}")
-        return
-    passive = [name for name in layout.joints if name not in motors]
-    if len(passive) > most:
-        rest = [name for name in movable if name not in layout.joints]
-        message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
-        message += f"; for the motion of output joints, 'hybridyn idm --map {','.join(passive)}'"
-        raise TrajectoryError(message, file=layout.file, column=f"{passive[0]}/position")
-    absent = [name for name in motors if name not in layout.joints]
-    if absent and not platforms:
-        message = f"is missing: give the motors ({listed(absent)} left) or the pose of a platform"
-        raise TrajectoryError(message, file=layout.file, column=f"{absent[0]}/position")
-    if not motors and not platforms:
-        message = "the robot has no motors; give the pose of a platform, or every joint"
-        raise TrajectoryError(message, file=layout.file)
-
-
-def _check_time(layout: Layout) -> None:
-    """Check that there is a time where rates have to be fitted."""
-    if layout.time is not None:
-        return
-    for signal in layout.signals:
-        if signal.missing:
-            rate = f"{signal.name}/{signal.missing[0]}"
-            message = f"is missing, and so is '{rate}': without time no rates can be fitted"
-            raise TrajectoryError(message, file=layout.file, column="time")
 
 
 def _sorted_columns(

@@ -238,7 +238,7 @@ def test_effects_too(near_singular: Motion, run: Run, tmp_path: Path, monkeypatc
     asked = ["idm", "five_bar", table, "--by-effect", "--effects", "default,rotor_inertia"]
     said = run(*asked).err
     assert "engine: general (244 samples times freedoms; compiled from 2,000,000 on)\n" in said
-    monkeypatch.setattr("hybridyn.cli.common.by_effect.WORTH_OF_EFFECTS", 200)
+    monkeypatch.setattr("hybridyn.cli.common.reports.WORTH_OF_EFFECTS", 200)
     own, general = run(*asked), run(*asked, "--engine", "general")
     assert own.out == general.out
     assert "engine: general (as asked)" in general.err

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hybridyn.cli import COMMANDS, main
-from hybridyn.cli.completion import SHELLS, VARIABLE
+from hybridyn.cli.lists import SHELLS, VARIABLE
 from hybridyn.description.shipped import main_names
 from tests import ROOT
 from tests.command_line import call

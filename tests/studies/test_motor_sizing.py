@@ -13,7 +13,7 @@ import hybridyn
 from hybridyn.colours import ALARM
 from hybridyn.figures.as_matplotlib import figure_of_chart
 from hybridyn.figures.as_page import page_of_chart
-from hybridyn.figures.sizing import chart_of_sizing
+from hybridyn.figures.reports import chart_of_sizing
 from hybridyn.streams.departures import departures
 from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows
 from tests.command_line import call, table_text

@@ -9,8 +9,7 @@ import pytest
 
 from hybridyn.errors import TrajectoryError
 from hybridyn.spatial import Array
-from hybridyn.tables.csv_table import LINE_LIMIT
-from hybridyn.tables.opening import open_table
+from hybridyn.tables.opening import LINE_LIMIT, open_table
 from hybridyn.tables.results import check_target, csv_text, open_results
 from tests.comparing import refused
 from tests.extras import needs

@@ -1,10 +1,13 @@
-"""Files that commands read and write: checks before any work is done, and completions in the shell."""
+"""Files that commands read and write: checks before any work, completions in the shell, reports."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import os
-from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -133,3 +136,40 @@ def check_targets(read: Iterable[str], targets: Iterable[str | None]) -> None:
                 reason = "is read, and would be replaced" if place in sources else "is written already"
                 raise click.UsageError(f"'{target}' {reason}")
             taken.add(place)
+
+
+#: Checks the ending and the folder of a report's file, before any work is done.
+report_file = ends_in(".csv", ".json")
+
+
+def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Write rows in the format of the file's ending; the file appears when it is complete.
+
+    Args:
+        target: The file, .csv or .json.
+        rows: Names and values, None for unknown ones.
+    """
+    from ...description.writing import write_text
+
+    if target.lower().endswith(".json"):
+        write_text(target, json.dumps(rows, indent=2) + "\n")
+        return
+    text, columns = io.StringIO(), list(dict.fromkeys(name for row in rows for name in row))
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(target, text.getvalue())
+
+
+def read_report(source: str) -> list[dict[str, Any]]:
+    """Read a report that `write_report` wrote; of any other file, return no rows."""
+    if source.lower().endswith(".json"):
+        with open(source, encoding="utf-8") as text:
+            found: list[dict[str, Any]] = json.load(text)
+        return found
+    if not source.lower().endswith(".csv"):
+        return []
+    with open(source, encoding="utf-8", newline="") as text:
+        reader = csv.DictReader(text)
+        known = {"motor", "setting"} & {*(reader.fieldnames or ())}
+        return [{**row} for row in reader] if known else []

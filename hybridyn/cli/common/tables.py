@@ -15,10 +15,9 @@ from ...streams.postures import Assemble
 from ...streams.workers import Workers
 from .batch import compute_each, several
 from .figures import Drawing, plot_option
-from .files import check_targets, existing_file, result_file
+from .files import check_targets, existing_file, report_file, result_file
 from .options import Brief, RobotChoice, RobotCommand
 from .progress import Progress
-from .report import report_file
 from .text import counted
 
 if TYPE_CHECKING:

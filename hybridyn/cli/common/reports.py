@@ -1,4 +1,4 @@
-"""The report of `hybridyn idm --loads`: what a motion requires of each motor."""
+"""The reports of `hybridyn idm`: what a motion requires of each motor, and what each effect adds."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .engine import WORTH_OF_EFFECTS, choose_engine
 from .figures import save_chart
-from .report import write_report
+from .files import write_report
 from .summary import by_rows, effects_line, fitted_rates
 from .text import aligned_rows, counted
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ...studies.sizing import MotorLoad
     from ...tables.columns import Layout
     from .engine import Engine
+    from .options import RobotChoice
     from .tables import Tables
 
 #: Part of the numbers that make it up, below which a sum is their rounding.
@@ -84,7 +86,7 @@ class Loads:
             rows = [facts(load, timed) | over for load, over in zip(loads, counts, strict=True)]
             write_report(self.tables.output, rows)
         if self.tables.plot:
-            from ...figures.sizing import chart_of_sizing
+            from ...figures.reports import chart_of_sizing
 
             title = f"{name}, {os.path.basename(self.tables.source)}"
             save_chart(chart_of_sizing(self.sizing, title=title), self.tables.plot)
@@ -170,3 +172,69 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
             "rotor_peak_speed": load.rotor_speed,
         }
     return out
+
+
+def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: str | None) -> None:
+    """Evaluate the inverse model under sets of effects, and print what each effect adds.
+
+    Args:
+        effects: The effects that the user names.
+        engine: The engine that the user names, or None.
+
+    Raises:
+        HybridynError: The table is wrong, or a row cannot be assembled.
+    """
+    from ...effects import choose
+    from ...streams.one_pass import read_postures
+    from ...streams.postures import rows_named
+    from ...studies.effect_worth import EffectSets, contributions
+
+    robot = load()
+    on = choose(robot, effects)
+    layout, (motion, q, v, a) = read_postures(robot, tables.source)
+    obstacles = {"wrenches in the table": bool(motion.wrenches)}
+    chosen = choose_engine(engine, robot, on, len(q), obstacles, WORTH_OF_EFFECTS)
+    sets = None if chosen.model is None else EffectSets(chosen.model)
+    with rows_named(layout, motion):
+        found = contributions(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time, sets=sets)
+    told: list[dict[str, Any]] = [
+        {"effect": one.name, "motor": motor, "unit": robot.effort_units[i]}
+        | {
+            name: float(values[i]) if math.isfinite(values[i]) else None
+            for name, values in (("peak", one.peak), ("rms", one.rms), ("share", one.share))
+        }
+        for one in found
+        for i, motor in enumerate(robot.motors)
+    ]
+    if tables.output:
+        write_report(tables.output, told)
+    click.echo("\n".join(_effect_rows(told)))
+    if tables.plot:
+        from ...figures.reports import chart_of_report
+
+        title = f"{robot.name}, {os.path.basename(tables.source)}: what each effect adds"
+        save_chart(chart_of_report(told, title=title), tables.plot)
+    if tables.quiet:
+        return
+    lines = [*effects_line(on), *by_rows(layout)]
+    if sets is not None:
+        chosen.add(sum(model.recomputed for model in sets.models.values()))
+        lines.append(f"{counted(len(sets.models), 'set')} of effects compiled")
+        for names, reason in [*sets.refused.items()][:1]:
+            left = f"{counted(len(sets.refused), 'set')} of effects left to the general path"
+            lines.append(f"{left}; {', '.join(names)}: {reason}")
+    click.echo("\n".join([*lines, str(chosen)]), err=True)
+
+
+def _effect_rows(told: list[dict[str, Any]]) -> list[str]:
+    """Return the table of each effect's addition to each motor's effort.
+
+    Without an effect, a passive motion may need an effort that no motor has.
+    """
+    rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
+    for one in told:
+        cells = ["needed", "", "", ""]
+        if one["peak"] is not None:
+            cells = [f"{one['peak']:.4g}", f"{one['rms']:.4g}", one["unit"], f"{one['share']:.2%}"]
+        rows.append([one["effect"], one["motor"], *cells])
+    return aligned_rows(rows, right=(2, 3, 5))
