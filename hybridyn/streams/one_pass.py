@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
     from ..tables.table import Table
+    from ..tables.trajectory import Motion
     from .departures import Departure
     from .workers import Workers
 
@@ -155,16 +156,19 @@ class Pass:
         return workers.over(work, ((block,) for block in self.postures(assemble)))
 
     def postures(self, assemble: Assemble | None = None) -> Iterator[Postures]:
-        """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
-        import numpy as np
-
+        """Return the postures of the rows, block by block; arguments and errors are those of `blocks`."""
         from ..compiled.programs.closing.tables import TableAssembler
         from ..tables.trajectory import read_motions
 
-        assemble, rows = assemble or TableAssembler(self.robot), rows_at_once(self.robot)
+        return self._followed(read_motions(self.table, self.layout), assemble or TableAssembler(self.robot))
+
+    def _followed(self, motions: Iterator[Motion], assemble: Assemble) -> Iterator[Postures]:
+        """Yield the postures of motions, each from the one before."""
+        import numpy as np
+
+        rows, guess = rows_at_once(self.robot), None
         connected = self.layout.time is not None and not self.layout.full_state
-        guess = None
-        for motion in read_motions(self.table, self.layout):
+        for motion in motions:
             for start in range(0, motion.size, rows):
                 with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
                     part = motion.part(start, start + rows)
