@@ -69,8 +69,11 @@ def test_a_first_table_that_is_mostly_handed_over_is_warned_of(caplog: pytest.Lo
         model.idm(opened, still, still)
     model.ddm(q, still, still[:, :2])
     model.ddm(opened, still, still[:, :2])
+    model.gravity(q)
+    model.gravity(opened)
     (said,) = caplog.messages
     assert said == "robot 'five_bar', idm: 2 of 3 samples computed by the general path"
+    assert model.handed_over["gravity"] == 2
 
 
 @pytest.mark.slow

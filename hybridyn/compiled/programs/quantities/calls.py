@@ -218,9 +218,9 @@ class Quantities(Postures):
             parts.append(formula(engine, **some))
             good.append(engine.good)
         out, doubtful = np.concatenate(parts), np.flatnonzero(~np.concatenate(good))
+        self.say_of_table(name, len(doubtful), len(out))
         if len(doubtful):
             self.hand_over(name, len(doubtful))
-            self.say_of_table(name, len(doubtful), len(out))
             try:
                 out[doubtful] = general(**{key: x[doubtful] for key, x in arrays.items()})
             except HybridynError:
