@@ -22,8 +22,6 @@ COLOURS = {
     "hybridyn, compiled, law in Python": "#111111",
     "hybridyn, compiled, over motors": "#00a5ab",
     "hybridyn, general": "#3d9be9",
-    "hybridyn, general, rk4, closed after steps": "#86c3f5",
-    "hybridyn, general, rk4, not closed": "#9db4c8",
     "hybridyn, general, dopri5": "#00a5ab",
     "hybridyn, general, conserving": "#7b68c8",
     "hybridyn, general, implicit": "#5a6fd6",
