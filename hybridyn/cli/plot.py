@@ -93,7 +93,7 @@ def _of_table(source: Table, title: str, robot: HybridRobot | None) -> Chart | F
     """Draw a workspace as maps, and all other tables over time."""
     import numpy as np
 
-    from ..figures.motion import MOST_SAMPLES, chart_of_rows, extremes
+    from ..figures.motion import chart_of_rows
 
     columns = source.columns
     rows = np.vstack([block.values for block in source.blocks])
@@ -105,5 +105,4 @@ def _of_table(source: Table, title: str, robot: HybridRobot | None) -> Chart | F
         return figure_of_workspace(poses, data, title=title)
     timed = "time" in data
     x = data["time"] if timed else np.arange(1.0, len(rows) + 1)
-    x, rows = extremes(x, rows, max(1, len(rows) // MOST_SAMPLES))
     return chart_of_rows(columns, x, rows, robot=robot, timed=timed, title=title)

@@ -241,12 +241,12 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
-    from ..figures.motion import MOST_SAMPLES, chart_of_rows, extremes
+    from ..figures.motion import chart_of_rows
     from ..simulation.table import columns_of, rows_of
 
     title = f"{ready.robot.name}, {os.path.basename(ready.source.file)}"
-    x, rows = extremes(result.t, rows_of(ready.robot, result), max(1, len(result.t) // MOST_SAMPLES))
-    save_chart(chart_of_rows(columns_of(ready.robot), x, rows, robot=ready.robot, title=title), plot)
+    columns, rows = columns_of(ready.robot), rows_of(ready.robot, result)
+    save_chart(chart_of_rows(columns, result.t, rows, robot=ready.robot, title=title), plot)
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:

@@ -72,6 +72,7 @@ def chart_of_rows(
     Raises:
         TrajectoryError: No column can be drawn.
     """
+    x, rows = extremes(x, rows, max(1, len(x) // MOST_SAMPLES))
     data = dict(zip(columns, rows.T, strict=True))
     panels = [panel for quantity in QUANTITIES for panel in _of_joints(robot, x, data, quantity)]
     if (left := len(panels) - MOST_PANELS) > 0:

@@ -50,11 +50,6 @@ class Departure:
     count: int
     question: str = ""
 
-    def then(self, later: Departure) -> Departure:
-        """Merge this departure with `later`, which has the later samples."""
-        worse = later if later.by > self.by else self
-        return replace(worse, first=self.first, count=self.count + later.count)
-
 
 def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None) -> tuple[Departure, ...]:
     """Return the joints that exceed their limits in a motion, one entry per joint and quantity.
@@ -147,13 +142,12 @@ class Departures:
             time: Times of the block's rows, shape (T,), [s], or None.
         """
         for one in found:
-            key = one.joint, one.quantity
-            if key in self._found:
-                self._found[key] = self._found[key].then(one)
-                continue
-            self._found[key] = one
-            at = "" if time is None else f" ({time[one.first]:.6g} s)"
-            self._at[key] = f"row {first_row + one.first}{at}"
+            key, at = (one.joint, one.quantity), "" if time is None else f" ({time[one.first]:.6g} s)"
+            self._at.setdefault(key, f"row {first_row + one.first}{at}")
+            before = self._found.get(key, one)
+            worse = one if one.by > before.by else before
+            count = one.count if before is one else before.count + one.count
+            self._found[key] = replace(worse, first=before.first, count=count)
 
     def __iter__(self) -> Iterator[Departure]:
         """Return the departures, in the order in which they were found."""
