@@ -6,9 +6,7 @@ the intermediate results to later stages that need them, so that nothing is comp
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -17,8 +15,6 @@ import numpy as np
 from ...spatial import Index
 from .core import Plan
 from .expressions import Expression, pack, plain, symbols, zeros
-
-Node = int
 
 
 @dataclass(frozen=True)
@@ -34,21 +30,6 @@ class Stage:
     inputs: tuple[Any, ...]
     outputs: tuple[Any, ...]
     function: ca.Function
-
-
-@dataclass
-class _Graph:
-    """The instructions of a function in single-assignment form.
-
-    Attributes:
-        code: Operation and operands of each node, and the value of a constant or the indices of an input.
-        stage: First stage at which each node can be computed.
-        results: Nodes of each output.
-    """
-
-    code: list[tuple[int, tuple[Node, ...], Any]] = field(default_factory=list)
-    stage: list[int] = field(default_factory=list)
-    results: list[list[Node]] = field(default_factory=list)
 
 
 def cut(
@@ -68,128 +49,41 @@ def cut(
     Returns:
         The stages. The inputs of a stage are those it uses, also those of earlier stages.
     """
-    given = [(s, n, column) for s, columns in enumerate(inputs) for n, column in columns.items()]
-    wanted = [(s, n, column) for s, columns in enumerate(outputs) for n, column in columns.items()]
-    whole = ca.Function("whole", [c for *_, c in given], ca.cse([ca.densify(c) for *_, c in wanted]))
-    graph = _read(whole, [s for s, *_ in given])
-    stages = [s for s, *_ in wanted]
-    asked = _asked(graph, stages)
-    handed = _handed(graph, stages, asked)
-    return [_stage(f"{name}_{s}", s, graph, handed, given, wanted, asked) for s in range(len(inputs))]
-
-
-def _asked(graph: _Graph, stage_of_output: list[int]) -> dict[Node, int]:
-    """Return for each node that an output needs the first stage that asks for it."""
-    asked: dict[Node, int] = {}
-    for nodes, stage in zip(graph.results, stage_of_output, strict=True):
-        for node in nodes:
-            asked[node] = min(asked.get(node, stage), stage)
-    for node in range(len(graph.code) - 1, -1, -1):  # operands come before what is made of them
-        if node in asked:
-            for operand in graph.code[node][1]:
-                asked[operand] = min(asked.get(operand, asked[node]), asked[node])
-    return dict(sorted(asked.items()))
-
-
-def _read(whole: ca.Function, stage_of_input: list[int]) -> _Graph:
-    """Read a function's instructions."""
-    graph = _Graph(results=[[-1] * whole.numel_out(i) for i in range(whole.n_out())])
-    at: dict[int, Node] = {}
-    for k in range(whole.n_instructions()):
-        op, ins, outs = whole.instruction_id(k), whole.instruction_input(k), whole.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            graph.results[outs[0]][outs[1]] = at[ins[0]]
-            continue
-        operands: tuple[Node, ...] = ()
-        stage = 0
-        extra: Any = None
-        if op == ca.OP_CONST:
-            extra = whole.instruction_constant(k)
-        elif op == ca.OP_INPUT:
-            stage, extra = stage_of_input[ins[0]], (ins[0], ins[1])
-        else:
-            operands = tuple(at[i] for i in ins)
-            stage = max(graph.stage[i] for i in operands)
-        at[outs[0]] = len(graph.code)
-        graph.code.append((op, operands, extra))
-        graph.stage.append(stage)
-    return graph
-
-
-def _handed(
-    graph: _Graph, stage_of_output: list[int], nodes: Iterable[Node]
-) -> dict[tuple[int, int], list[Node]]:
-    """Return those of some nodes that each stage (first key) passes to each later one (second key)."""
-    needed: dict[tuple[int, int], dict[Node, None]] = {}
-
-    def ask(node: Node, by: int) -> None:
-        """Note that a stage needs a node of an earlier one."""
-        if graph.stage[node] < by and graph.code[node][0] not in (ca.OP_CONST, ca.OP_INPUT):
-            needed.setdefault((graph.stage[node], by), {})[node] = None
-
-    for node in nodes:
-        for operand in graph.code[node][1]:
-            ask(operand, graph.stage[node])
-    for column, stage in zip(graph.results, stage_of_output, strict=True):
-        for node in column:
-            ask(node, stage)
-    return {key: list(found) for key, found in needed.items()}
-
-
-def _value(
-    graph: _Graph, given: list[tuple[int, Any, ca.SX]], values: dict[Node, Any], used: set[int], node: Node
-) -> Any:
-    """Return the CasADi expression of a node from those of its operands; record it, and an input it uses."""
-    op, operands, extra = graph.code[node]
-    if node in values:
-        return values[node]
-    if op == ca.OP_CONST:
-        out = ca.SX(extra)
-    elif op == ca.OP_INPUT:
-        used.add(extra[0])
-        out = given[extra[0]][2][extra[1]]
-    elif len(operands) == 1:
-        out = ca.SX.unary(op, values[operands[0]])
-    else:
-        out = ca.SX.binary(op, values[operands[0]], values[operands[1]])
-    values[node] = out
-    return out
-
-
-def _stage(
-    name: str,
-    s: int,
-    graph: _Graph,
-    handed: dict[tuple[int, int], list[Node]],
-    given: list[tuple[int, Any, ca.SX]],
-    wanted: list[tuple[int, Any, ca.SX]],
-    asked: dict[Node, int],
-) -> Stage:
-    """Build the function of one stage."""
-    values: dict[Node, Any] = {}
-    taken = {t: ca.SX.sym(f"from_{t}", len(nodes)) for (t, by), nodes in sorted(handed.items()) if by == s}
-    for t, column in taken.items():
-        values |= {node: column[i] for i, node in enumerate(handed[t, s])}
-    used: set[int] = set()
-    value = partial(_value, graph, given, values, used)
-    for node in asked:
-        op, operands, _ = graph.code[node]
-        if graph.stage[node] == s and op not in (ca.OP_CONST, ca.OP_INPUT):
-            for operand in operands:
-                value(operand)
-            value(node)
-    results = [
-        (n, pack([value(node) for node in graph.results[i]])) for i, (t, n, _) in enumerate(wanted) if t == s
+    whole = iter(ca.cse([ca.densify(column) for columns in outputs for column in columns.values()]))
+    wanted = [{name: next(whole) for name in columns} for columns in outputs]
+    known: list[ca.SX] = []
+    handed: list[list[tuple[ca.SX, ca.SX]]] = []  # by stage: the numbers that it passes on, as symbols
+    for s, columns in enumerate(inputs):
+        known += columns.values()
+        later = [column for stage in wanted[s + 1 :] for column in stage.values()]
+        later, own, values = ca.extract_parametric(later, known, {}) if later else ([], [], [])
+        known += own
+        handed.append(list(zip(own, values, strict=True)))
+        left = iter(later)
+        wanted[s + 1 :] = [{name: next(left) for name in stage} for stage in wanted[s + 1 :]]
+    used = [
+        _symbols(*columns.values(), *(value for _, value in passed))
+        for columns, passed in zip(wanted, handed, strict=True)
     ]
-    given_on = [
-        (("to", by), pack([value(n) for n in nodes])) for (t, by), nodes in sorted(handed.items()) if t == s
-    ]
-    ins = [(n, column) for i, (_, n, column) in enumerate(given) if i in used]
-    ins += [(("from", t), column) for t, column in taken.items()]
-    outs = [*results, *given_on]
-    symbols = [c for _, c in ins]
-    function = ca.Function(name, symbols, [x for _, x in outs])
-    return Stage(tuple(n for n, _ in ins), tuple(n for n, _ in outs), function)
+    stages = []
+    for s, columns in enumerate(wanted):
+        given = [one for stage in inputs[: s + 1] for one in stage.items()]
+        ins: dict[Any, ca.SX] = {name: x for name, x in given if not used[s].isdisjoint(_symbols(x))}
+        outs: dict[Any, ca.SX] = dict(columns)
+        for t in range(len(inputs)):
+            passed = [pair for pair in handed[min(s, t)] if not used[max(s, t)].isdisjoint(_symbols(pair[0]))]
+            if passed and t < s:
+                ins["from", t] = pack([symbol for symbol, _ in passed])
+            elif passed and t > s:
+                outs["to", t] = pack([value for _, value in passed])
+        function = ca.Function(f"{name}_{s}", [*ins.values()], [*outs.values()])
+        stages.append(Stage(tuple(ins), tuple(outs), function))
+    return stages
+
+
+def _symbols(*columns: ca.SX) -> set[int]:
+    """Return what identifies the symbols in some columns."""
+    return {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(ca.SX(0, 1), *columns))}
 
 
 @dataclass(frozen=True, eq=False)
