@@ -36,7 +36,7 @@ def arm() -> Description:
 
 def test_positions_count_from_home(tmp_path: Path) -> None:
     """Limits, springs, stops and couplings move with the zero of their joints: efforts are the same."""
-    before = random_mechanism(3, kind="four_bar_two_motors")
+    before = random_mechanism(3, kind="four_bar")
     name, (x,) = next((name, x) for name, x in before.home.items() if x[0] and len(x) == 1)
     joints = tuple(replace(one, lower=-1.0, upper=2.0) if one.name == name else one for one in before.joints)
     effects = (

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.request import Losses, allowed
-from hybridyn.conversion.usd.prims import Prim, add_body
-from hybridyn.conversion.usd.usd import End, add_closure, axis_of, start_joint, valid_name
+from hybridyn.conversion.usd.usd import End, Prim, add_body, add_closure, axis_of, start_joint, valid_name
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy
 from tests.conversion.judge import SINGLE, same_robot, states

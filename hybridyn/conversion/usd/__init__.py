@@ -1,4 +1,4 @@
 """Write USD (`.usda`) with UsdPhysics joints.
 
-Read `prims` (prims as text, bodies), then `usd` (joints, closures, the order of the prims).
+All is in `usd`: prims as text and bodies, then joints, closures, and the order of the prims.
 """

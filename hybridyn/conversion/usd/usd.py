@@ -9,21 +9,102 @@ closing joint turns.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ...description.closure_forms import ROWS
+from ...description.names import unique
 from ...description.placement import angle_of, free_pose, placement_from, poses_at, rotation_to_axis, turned
 from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
 from ...description.side_cars.model_toml import model_file
 from ...description.usd.schema import AXES, DEGREES
 from ..mjcf.bodies import POINT_INERTIA, sizes_of
-from ..numerals import quaternion_of
+from ..numerals import numeral, principal, quaternion_of
 from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of, rows_of
-from .prims import Prim, add_body, add_shape
+
+
+class Prim:
+    """A prim.
+
+    Args:
+        kind: Its type, "" for none.
+        name: Its name, valid as an identifier.
+        path: Its path.
+    """
+
+    def __init__(self, kind: str, name: str, path: str) -> None:
+        self.kind, self.name, self.path = kind, name, path
+        self.schemas: dict[str, None] = {}
+        self._lines: list[str] = []
+        self.children: list[Prim] = []
+        self._taken: set[str] = set()
+
+    def child(self, kind: str, name: str) -> Prim:
+        """Add a prim below, whose name gets a number where another one has it."""
+        name = unique(name, self._taken)
+        out = Prim(kind, name, f"{self.path}/{name}")
+        self.children.append(out)
+        return out
+
+    def apply(self, schema: str) -> None:
+        """Apply a schema, once."""
+        self.schemas[schema] = None
+
+    def line(self, text: str) -> None:
+        """Add an attribute or relationship as text."""
+        self._lines.append(text)
+
+    def numbers(self, kind: str, name: str, values: float | Sequence[float] | Array) -> None:
+        """Add an attribute of numbers."""
+        self.line(f"{kind} {name} = {_tuple(np.ravel(values))}")
+
+    def place(self, placement: Array) -> None:
+        """Add the transform of the prim in its parent."""
+        if not np.array_equal(placement, np.eye(4)):
+            self.line(f"double3 xformOp:translate = {_tuple(placement[:3, 3])}")
+            self.line(f"quatd xformOp:orient = {_tuple(quaternion_of(placement[:3, :3]))}")
+            self.line('uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]')
+
+    def lines(self, indent: str = "") -> Iterable[str]:
+        """Yield the lines of the prim and of those below."""
+        kind = f"{self.kind} " if self.kind else ""
+        applied = ", ".join(f'"{schema}"' for schema in self.schemas)
+        yield f'{indent}def {kind}"{self.name}"' + (
+            f" (\n{indent}    prepend apiSchemas = [{applied}]\n{indent})" if applied else ""
+        )
+        yield indent + "{"
+        for line in self._lines:
+            yield f"{indent}    {line}"
+        for child in self.children:
+            yield ""
+            yield from child.lines(indent + "    ")
+        yield indent + "}"
+
+
+def _tuple(numbers: Iterable[float]) -> str:
+    parts = [numeral(number) for number in numbers]
+    return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"
+
+
+def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
+    """Add a rigid body at a placement in the world, shape (4, 4); a mass has an inertia there."""
+    body = parent.child("Xform", link.name)
+    body.apply("PhysicsRigidBodyAPI")
+    body.apply("PhysicsMassAPI")
+    body.place(placement)
+    if not link.mass and not link.inertia.any():
+        return body
+    body.numbers("float", "physics:mass", link.mass)
+    body.numbers("point3f", "physics:centerOfMass", link.com)
+    moments, axes = principal(link.inertia)
+    body.numbers("float3", "physics:diagonalInertia", moments)
+    if not np.array_equal(axes, np.eye(3)):
+        body.numbers("quatf", "physics:principalAxes", quaternion_of(axes))
+    return body
+
 
 #: What becomes of joints that are no type of USD.
 REPLACED = {
@@ -222,9 +303,8 @@ def write_usd(request: Request, losses: Losses) -> Written:
     base_home = d.base_home if d.base == "floating" else None
     poses = poses_at(d, d.home, None if base_home is None else free_pose(base_home))
     bodies = {link.name: add_body(robot, link, poses[link.name]) for link in d.links}
-    names = dict(zip((link.name for link in request.description.links), bodies, strict=True))
-    for shape in request.shapes:
-        add_shape(bodies[names[shape.link]], shape, losses)
+    if request.shapes:
+        losses.add("visual shapes, which convert does not write to USD")
     held = robot.child("Scope", "joints")
     if d.base == "floating":
         bodies[d.root].apply("PhysicsArticulationRootAPI")
