@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import struct
-import sys
 import tokenize
 import zipfile
 import zlib
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from os import PathLike
 from typing import Any
 
@@ -177,10 +176,25 @@ class Result:
 
 def digest(robot: HybridRobot) -> str:
     """Compute a digest of a robot's numbers: the content of its files (not their paths), base and gravity."""
-    numbers = replace(robot.description, source=None, notes=()), robot.base, np.asarray(robot.gravity)
-    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
-        said = re.sub(r"line=\d+", "", repr(numbers))
-    return hashlib.sha256(said.encode()).hexdigest()
+    out = hashlib.sha256()
+
+    def add(x: object) -> None:
+        """Add a value, and what it holds."""
+        if is_dataclass(x):
+            add({f.name: getattr(x, f.name) for f in fields(x) if f.name not in ("line", "source", "notes")})
+        elif isinstance(x, Mapping):
+            add(list(x.items()))
+        elif isinstance(x, np.ndarray):
+            out.update(f"{x.shape}{x.tolist()}".encode())
+        elif isinstance(x, list | tuple):
+            out.update(f"[{len(x)}".encode())
+            for one in x:
+                add(one)
+        else:
+            out.update(f"{x!r},".encode())
+
+    add((robot.description, robot.base, np.asarray(robot.gravity)))
+    return out.hexdigest()
 
 
 _STATE = [f.name for f in fields(State)]
