@@ -20,7 +20,7 @@ from hybridyn.studies.cost.points import Point
 from hybridyn.studies.sweep.evaluation import STATUSES
 from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
 from hybridyn.studies.sweep.reading import FIXED_COLUMNS
-from hybridyn.studies.sweep.study_tables import DesignsTable, ParameterTable, TaskTable, WorkspaceTable
+from hybridyn.studies.sweep.study_file import DesignsTable, ParameterTable, TaskTable, WorkspaceTable
 from tests import ROOT
 from tests.extras import needs
 from tests.files import save

@@ -23,12 +23,11 @@ from hybridyn.studies.sweep.best import find_best
 from hybridyn.studies.sweep.compiled_designs import Plan
 from hybridyn.studies.sweep.designs import Designs, generator
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
-from hybridyn.studies.sweep.numbers import _number
 from hybridyn.studies.sweep.pools import Pool, ThisProcess
 from hybridyn.studies.sweep.reading import identity, read_study
 from hybridyn.studies.sweep.shards import About, Shards, read_shards
 from hybridyn.studies.sweep.slot_numbers import SlotNumbers
-from hybridyn.studies.sweep.variants import Variants
+from hybridyn.studies.sweep.variants import Variants, _number
 from tests.clocks import Clock
 from tests.command_line import call
 from tests.comparing import refused

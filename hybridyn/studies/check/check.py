@@ -3,7 +3,7 @@
     finding       one finding; every code with its severity
     subject       the file as XML, as records and as a robot
     shapes        bounding boxes of the links, from visuals, collisions and meshes
-    masses, units, joints, loops      the checks of one topic each
+    masses, joints, loops      the checks of one topic each
 
 `hybridyn.check("robot.urdf")` returns all findings, the worst first.
 """
@@ -22,12 +22,11 @@ from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
 from ...structure.robot import HybridRobot
 from .finding import CODES, SEVERITIES, Finding, Severity, worst
-from .joints import check_couplings, check_limits
+from .joints import check_couplings, check_limits, check_units
 from .loops import check_branch, check_dangling_chains, check_lost_loops, check_modules
 from .masses import check_masses
 from .shapes import check_shapes, read_shapes
 from .subject import Subject
-from .units import check_units
 
 __all__ = ["CODES", "SEVERITIES", "Finding", "Severity", "check", "is_readable", "worst"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,6 +12,56 @@ from ...streams.departures import position_limits
 from ...tables.signals import unit_of
 from .finding import Finding
 from .subject import Subject
+
+#: A median joint offset above this length suggests a file in millimetres [m].
+GIANT = 5.0
+#: Whole-numbered angular limits of at least this many turns look like degrees.
+TURNS = 2.0
+
+
+def check_units(subject: Subject) -> Iterator[Finding]:
+    """Check that lengths are in metres and angles in radians."""
+    yield from _lengths(subject)
+    yield from _angles(subject)
+
+
+def _lengths(subject: Subject) -> Iterator[Finding]:
+    offsets = {
+        joint.name: float(np.linalg.norm(joint.placement[:3, 3])) for joint in subject.description.joints
+    }
+    lengths = [length for length in offsets.values() if length > 0]
+    for closure in subject.description.closures:
+        ends = (closure.frame_a[:3, 3], closure.frame_b[:3, 3])
+        lengths += [float(np.linalg.norm(end)) for end in ends if end.any()]
+    if not lengths or np.median(lengths) < GIANT:
+        return
+    longest = max(offsets, key=lambda name: offsets[name])
+    yield subject.of_joint(
+        "millimetres",
+        longest,
+        f"half of all offsets between joints are longer than {float(np.median(lengths)):.3g} m; this one is "
+        f"{offsets[longest]:.4g} m",
+        "if lengths are a thousand times too large, every torque is wrong",
+        "if the file is in millimetres, divide every xyz, radius, length and prismatic limit by 1000",
+    )
+
+
+def _angles(subject: Subject) -> Iterator[Finding]:
+    for joint in subject.description.joints:
+        if joint.kind != "revolute":
+            continue
+        ends = [end for end in (joint.lower, joint.upper) if math.isfinite(end) and end != 0]
+        wide = [end for end in ends if abs(end) >= TURNS * 2 * math.pi]
+        if wide and all(end == round(end) for end in ends):
+            stated = f"{joint.lower:g} to {joint.upper:g}"
+            yield subject.of_joint(
+                "degrees",
+                joint.name,
+                f"its limits are {stated}, whole numbers beyond {TURNS:g} turns",
+                "URDF angles are in radians, so these limits never stop the joint",
+                "multiply them by pi / 180, or make the joint continuous",
+            )
+
 
 ONE_FREEDOM = ("revolute", "prismatic")
 

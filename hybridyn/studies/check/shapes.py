@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Mesh files larger than this are not loaded [bytes].
 LARGEST_MESH = 100 * 2**20
+#: A mesh that is larger than its robot by this factor has another unit.
+MESH = 50.0
 #: `Shape.wrong` of a mesh whose file exists but was not read, because trimesh is not installed.
 UNREAD = "unread"
 
@@ -134,6 +136,7 @@ class _MeshBoxes:
 def check_shapes(subject: Subject) -> Iterator[Finding]:
     """Check that the shapes can be read, and that their mesh files exist and can be read."""
     yield from _broken_shapes(subject)
+    yield from _giant_meshes(subject)
     reported: set[str] = set()
     unread = 0
     for link, shapes in subject.shapes.items():
@@ -186,3 +189,24 @@ def _broken_shapes(subject: Subject) -> Iterator[Finding]:
             if (finding.message, finding.place) not in reported:
                 reported.add((finding.message, finding.place))
                 yield finding
+
+
+def _giant_meshes(subject: Subject) -> Iterator[Finding]:
+    size = subject.extent
+    reported: set[str] = set()
+    for link, shapes in subject.shapes.items():
+        for shape in shapes:
+            if shape.mesh is None or shape.corners is None or shape.mesh in reported or not size:
+                continue
+            own = float(np.linalg.norm(np.ptp(shape.corners, axis=0)))
+            if not own or own <= MESH * size:
+                continue
+            reported.add(shape.mesh)
+            yield subject.of_link(
+                "mesh-scale",
+                link,
+                f"mesh '{shape.mesh}' spans {own:.3g} m in a robot of {size:.3g} m",
+                "drawings, and checks that use shapes, are meaningless",
+                'meshes in millimetres need <mesh scale="0.001 0.001 0.001">',
+                shape.line,
+            )

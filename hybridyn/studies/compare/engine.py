@@ -1,4 +1,4 @@
-"""Define what an engine does in a comparison, and the robot's own file, which its reader gets.
+"""Define what an engine does here, and what it gets: the robot's own file, or its hinges as points.
 
 Only rigid bodies are compared: gravity, inertia and closures. Friction, damping, springs, rotors, contacts
 and limits are switched off in every engine.
@@ -7,18 +7,23 @@ and limits are switched off in every engine.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Protocol
 
+import numpy as np
+import pinocchio as pin
 from lxml import etree
 
 from ...description.names import listed
 from ...description.reading import open_robot
 from ...errors import HybridynError
 from ...spatial import Array
+from ...structure.building import rebuilt
 from ...structure.robot import HybridRobot
 
+#: Largest cross product of parallel unit vectors.
+PARALLEL = 1e-12
 #: Elements of a URDF that hold shapes; engines would look for meshes in vain.
 SHAPES = ("visual", "collision")
 #: Formats that engines read, by the root element.
@@ -104,3 +109,28 @@ def refuse_other_joints(robot: HybridRobot, theirs: Sequence[str], engine: str) 
         parts = [f"without joints {listed(missing)}"] if missing else []
         parts += [f"with joints {listed(more)}"] if more else []
         raise NotComparableError(f"{engine} makes another robot of it: {' and '.join(parts)}")
+
+
+def at_points(robot: HybridRobot) -> HybridRobot:
+    """Return a plane robot with its hinges as points: the plane keeps their axes parallel. Others stay."""
+    if not planar(robot):
+        return robot
+    closures = tuple(
+        replace(one, kind="spherical", rotation="free")
+        if (one.translations, one.rotation) == ((0, 1, 2), "parallel")
+        else one
+        for one in robot.description.closures
+    )
+    if closures == robot.description.closures:
+        return robot
+    return rebuilt(robot, replace(robot.description, closures=closures))
+
+
+def planar(robot: HybridRobot) -> bool:
+    """Tell whether every joint is a hinge and all axes at home are parallel."""
+    if set(robot.kinds) - {"revolute", "continuous"}:
+        return False
+    data = robot.unchanged_model.createData()
+    pin.computeJointJacobians(robot.unchanged_model, data, robot.home)
+    axes = data.J[3:].T
+    return bool(np.abs(np.cross(axes, axes[:1])).max(initial=0.0) < PARALLEL)

@@ -54,9 +54,9 @@ class Verdict:
         refusal: Why it cannot be compared, or "".
         freedoms: Freedoms that it leaves, or None.
         closures: What becomes of every closure and coupling.
-        acceleration: Largest relative difference of accelerations, or None.
-        effort: Largest relative difference of inverse dynamics on the closed robot's freedoms, or None.
-        seconds: Time of one direct dynamics [s], or None.
+        acceleration: Largest relative difference of accelerations; nan for a refusal, as those below.
+        effort: Largest relative difference of inverse dynamics on the closed robot's freedoms.
+        seconds: Time of one direct dynamics [s].
         notes: Remarks.
     """
 
@@ -66,9 +66,9 @@ class Verdict:
     refusal: str = ""
     freedoms: int | None = None
     closures: tuple[ClosureFate, ...] = ()
-    acceleration: float | None = None
-    effort: float | None = None
-    seconds: float | None = None
+    acceleration: float = np.nan
+    effort: float = np.nan
+    seconds: float = np.nan
     notes: tuple[str, ...] = field(default=())
 
     def named(self, fate: Fate) -> list[str]:
@@ -77,13 +77,10 @@ class Verdict:
 
     def agrees(self, robot_freedoms: int, tolerance: float) -> bool:
         """Check whether the engine computes the same robot, to a relative tolerance."""
-        numbers = [x for x in (self.acceleration, self.effort) if x is not None]
         return (
-            not self.refusal
-            and self.freedoms in (None, robot_freedoms)
-            and not self.named("ignored")
-            and not self.named("softened")
-            and all(x <= tolerance for x in numbers)
+            self.freedoms == robot_freedoms
+            and all(closure.fate == "held" for closure in self.closures)
+            and max(self.acceleration, self.effort) <= tolerance
         )
 
 

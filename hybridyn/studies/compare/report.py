@@ -2,57 +2,30 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import get_args
 
 from ...description.names import counted, listed
 from .compare import Comparison
-from .judging import Verdict
+from .judging import Fate, Verdict
 
 HEADS = (
     "engine", "how the robot came in", "freedoms", "closures", "accelerations", "efforts", "time per call",
 )  # fmt: skip
-NONE = "-"
 
 
-def rows_of(comparison: Comparison) -> list[tuple[str, ...]]:
-    """Return the cells of the table, one row for each engine and way."""
-    return [_row(comparison, verdict) for verdict in comparison.verdicts]
-
-
-def _row(comparison: Comparison, verdict: Verdict) -> tuple[str, ...]:
-    engine = f"{verdict.engine} {verdict.version}".strip()
+def _row(comparison: Comparison, verdict: Verdict) -> list[str]:
+    """Return the cells of an engine and way."""
+    who = [f"{verdict.engine} {verdict.version}", verdict.way]
     if verdict.refusal:
-        return (engine, verdict.way, NONE, "not compared", NONE, NONE, NONE)
-    freedoms = NONE if verdict.freedoms is None else str(verdict.freedoms)
-    return (
-        engine,
-        verdict.way,
-        freedoms + (" (!)" if verdict.freedoms not in (None, comparison.freedoms) else ""),
-        _closures(verdict),
-        _number(verdict.acceleration),
-        _number(verdict.effort),
-        _time(verdict.seconds),
-    )
-
-
-def _closures(verdict: Verdict) -> str:
-    parts = []
-    for fate in ("held", "softened", "ignored"):
-        if names := verdict.named(fate):
-            parts.append(f"{len(names)} {fate}")
-    return ", ".join(parts) or "none"
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return NONE
-    return "failed" if not np.isfinite(value) else f"{value:.1e}"
-
-
-def _time(seconds: float | None) -> str:
-    if seconds is None:
-        return NONE
-    return f"{seconds * 1e6:.0f} us" if seconds < 1e-3 else f"{seconds * 1e3:.1f} ms"
+        return [*who, "-", "not compared", "-", "-", "-"]
+    fates = {fate: len(verdict.named(fate)) for fate in get_args(Fate)}
+    differs = " (!)" * (verdict.freedoms != comparison.freedoms)
+    return [
+        *who, f"{verdict.freedoms}{differs}",
+        ", ".join(f"{count} {fate}" for fate, count in fates.items() if count) or "none",
+        f"{verdict.acceleration:.1e}", f"{verdict.effort:.1e}",
+        f"{verdict.seconds * 1e6:.0f} us" if verdict.seconds < 1e-3 else f"{verdict.seconds * 1e3:.1f} ms",
+    ]  # fmt: skip
 
 
 def remarks(comparison: Comparison) -> list[str]:
@@ -87,7 +60,7 @@ def head(comparison: Comparison) -> str:
 
 def as_text(comparison: Comparison) -> str:
     """Write the comparison as lines of text with aligned columns."""
-    rows = [HEADS, *rows_of(comparison)]
+    rows = [HEADS, *(_row(comparison, verdict) for verdict in comparison.verdicts)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
     return "\n".join([head(comparison), *(line.rstrip() for line in lines), *remarks(comparison)])

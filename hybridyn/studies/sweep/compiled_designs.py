@@ -41,8 +41,7 @@ from .evaluation import Designer
 from .following import Follower, follow
 from .measures import OF_MOTORS
 from .slot_numbers import SlotNumbers, Slotted
-from .study_file import PYTHON
-from .study_tables import TaskTable
+from .study_file import PYTHON, TaskTable
 
 #: Numbers of the motions that are computed at once; bounds the memory of a process.
 AT_ONCE = 10_000_000

@@ -7,8 +7,7 @@ from scipy.special import ndtri
 
 from ...spatial import Array, Index
 from ...tables.opening import read_columns
-from .study_file import StudyFile
-from .study_tables import MOST_DESIGNS, ParameterTable
+from .study_file import MOST_DESIGNS, ParameterTable, StudyFile
 
 #: Smallest probability: a normal distribution is unbounded at 0 and 1.
 LEAST = 2.0**-53

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,16 +20,73 @@ import numpy as np
 from ...description.names import did_you_mean
 from ...description.records import Description
 from ...description.side_cars.toml_file import Keys
-from ...errors import HybridynError, ModelError
+from ...dynamics.link_motion import kinematics
+from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array
 from ...streams.postures import Postures
 from ...structure.robot import HybridRobot
 from ...tables.over_time import mean_over, rms_over
-from ...tables.signals import UNITS
+from ...tables.signals import TWIST, UNITS
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
-from .columns import column_of
 from .study_file import PYTHON, StudyFile, python_of
+
+#: Columns of a link; those of joints and motors have no component.
+_OF_LINK = re.compile(r"(?P<link>.+)/(?P<quantity>pose|velocity|acceleration)/(?P<component>\w+)")
+_FORMS = (
+    "columns are '<joint>/position|velocity|acceleration', '<motor>/effort|power', '<link>/pose/x|y|z' and "
+    "'<link>/velocity|acceleration/x|y|z|wx|wy|wz'"
+)
+
+
+def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> Array:
+    """Return a column of the motion, shape (T,).
+
+    Args:
+        block: The postures.
+        tau: Efforts of the motors, shape (T, motors).
+        column: `<joint>/position|velocity|acceleration` of a joint with one freedom, `<motor>/effort|power`,
+            or `<link>/pose|velocity|acceleration/...` in the world.
+
+    Raises:
+        TrajectoryError: There is no such column.
+    """
+    if match := _OF_LINK.fullmatch(column):
+        return _of_link(robot, block, match["link"], match["quantity"], match["component"])
+    owner, _, quantity = column.rpartition("/")
+    if quantity in ("effort", "power"):
+        if owner not in robot.motors:
+            raise _absent("motor", owner, robot.motors)
+        effort: Array = tau[:, robot.motors.index(owner)]
+        speed = block.v[:, robot.v_slices[robot.joint_index[owner]].start]
+        return effort if quantity == "effort" else effort * speed
+    quantities = {"position": (block.q, robot.q_slices), "velocity": (block.v, robot.v_slices),
+                  "acceleration": (block.a, robot.v_slices)}  # fmt: skip
+    if quantity not in quantities:
+        raise TrajectoryError(f"'{column}' is not understood; {_FORMS}")
+    if owner not in robot.joint_index:
+        raise _absent("joint", owner, robot.joints)
+    joint = robot.joint_index[owner]
+    kinds = ("revolute", "prismatic") if quantity == "position" else ("revolute", "prismatic", "continuous")
+    if robot.kinds[joint] not in kinds:
+        raise TrajectoryError(f"joint '{owner}' is {robot.kinds[joint]}, and has no single {quantity}")
+    rows, places = quantities[quantity]
+    return rows[:, places[joint].start]
+
+
+def _of_link(robot: HybridRobot, block: Postures, link: str, quantity: str, component: str) -> Array:
+    """Return a coordinate of a link's origin, or a component of its rates, shape (T,), world axes."""
+    known = TWIST[:3] if quantity == "pose" else TWIST
+    if component not in known:
+        raise TrajectoryError(f"'{link}/{quantity}/{component}' is not understood; {_FORMS}")
+    motion = kinematics(robot, block.q, block.v, block.a, links=[link])[link]
+    rows = {"pose": motion.pose, "velocity": motion.twist, "acceleration": motion.acceleration}[quantity]
+    return rows[:, TWIST.index(component)]
+
+
+def _absent(what: str, name: str, known: tuple[str, ...] | list[str]) -> TrajectoryError:
+    return TrajectoryError(f"there is no {what} '{name}'{did_you_mean(name, known)}")
+
 
 Loads = list[MotorLoad]
 

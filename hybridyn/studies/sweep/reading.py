@@ -13,10 +13,9 @@ from ...description.urdf.robot_folders import recorded
 from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
 from .designs import Designs
+from .evaluation import Player
 from .measures import check_word
-from .playing import Player
-from .study_file import PYTHON, StudyFile, python_of
-from .study_tables import Study
+from .study_file import PYTHON, Study, StudyFile, python_of
 from .variants import Variants
 
 #: Columns that every table of results has.

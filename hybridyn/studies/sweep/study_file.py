@@ -16,14 +16,145 @@ Paths are relative to the study's folder; a shipped robot needs only its name.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, FiniteFloat, model_validator
 
 from ...description.shipped import find_robot
-from ...scenes.scene_file import read_scene
+from ...description.side_cars.tables import Schema
+from ...scenes.scene_file import RobotTable, exactly_one, read_scene
 from ...scenes.stage import files_of
 from ...scenes.toml_source import TomlSource, naming
-from .study_tables import Study
+
+#: Names of parameters, tasks and measures: they are columns of the table, and names in expressions.
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
+Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
+Method = Literal["grid", "latin_hypercube", "sobol", "random", "table"]
+#: Methods that take a number of designs.
+COUNTED = ("latin_hypercube", "sobol", "random")
+#: Largest number of designs of a study.
+MOST_DESIGNS = 10**9
+
+
+class DesignsTable(Schema):
+    """[designs]: how the values of the parameters are drawn."""
+
+    method: Method
+    count: Annotated[int, Field(ge=1, le=MOST_DESIGNS)] | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+    check: Annotated[int, Field(ge=0)] | None = None
+    table: str | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> DesignsTable:
+        for key, methods in (("count", COUNTED), ("table", ("table",))):
+            given, needed = getattr(self, key) is not None, self.method in methods
+            if given != needed:
+                verb = "needs" if needed else "takes no"
+                raise ValueError(f"the method '{self.method}' {verb} '{key}'")
+        return self
+
+
+class ParameterTable(Schema):
+    """[parameters.NAME]: what the parameter changes, and its values."""
+
+    xacro: str | None = None
+    scale_inertia: str | list[str] | None = None
+    range: Pair | None = None
+    steps: Annotated[int, Field(ge=1)] | None = None
+    normal: Pair | None = None
+    values: Annotated[list[FiniteFloat], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ParameterTable:
+        if self.xacro is not None and self.scale_inertia is not None:
+            raise ValueError("give 'xacro' or 'scale_inertia', not both")
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise ValueError(f"the range from {self.range[0]:g} to {self.range[1]:g} is empty")
+        if self.normal is not None and not self.normal[1] > 0:
+            raise ValueError(f"the standard deviation must be positive, not {self.normal[1]:g}")
+        if self.steps is not None and self.range is None:
+            raise ValueError("'steps' divide a 'range', and there is none")
+        return self
+
+    @property
+    def links(self) -> list[str]:
+        """The links whose mass and inertia are scaled."""
+        links = self.scale_inertia or []
+        return [links] if isinstance(links, str) else links
+
+
+class WorkspaceTable(Schema):
+    """[tasks.NAME.workspace]: the arguments of `workspace`."""
+
+    module: int | str | None = None
+    link: str | None = None
+    axes: list[str] | None = None
+    at: dict[str, FiniteFloat] = Field(default_factory=dict)
+    steps: dict[str, FiniteFloat] = Field(default_factory=dict)
+    limits: bool = True
+
+
+class TaskTable(Schema):
+    """[tasks.NAME]: what every design does, and what is measured."""
+
+    trajectory: str | None = None
+    workspace: WorkspaceTable | None = None
+    scene: str | None = None
+    effects: str | list[str] = "model"
+    passive: Literal["given", "solved"] = "given"
+    measure: Annotated[list[str], Field(min_length=1)] | dict[Name, str]
+
+    @model_validator(mode="after")
+    def _one(self) -> TaskTable:
+        exactly_one(self, "trajectory", "workspace", "scene")
+        for key in ("effects", "passive"):
+            if key in self.model_fields_set and self.trajectory is None:
+                raise ValueError(f"'{key}' belongs to a trajectory; a {self.kind} has none")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """What the task is: "trajectory", "workspace" or "scene"."""
+        return next(kind for kind in ("trajectory", "workspace", "scene") if getattr(self, kind) is not None)
+
+    @property
+    def wanted(self) -> dict[str, str]:
+        """What is measured, by the name of its column."""
+        return self.measure if isinstance(self.measure, dict) else {word: word for word in self.measure}
+
+
+class Study(Schema):
+    """A whole study file."""
+
+    robot: RobotTable
+    designs: DesignsTable
+    parameters: Annotated[dict[Name, ParameterTable], Field(min_length=1)]
+    numbers: dict[str, str] = Field(default_factory=dict)
+    tasks: Annotated[dict[Name, TaskTable], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _values(self) -> Study:
+        for name, one in self.parameters.items():
+            if self.designs.method != "table":
+                with_name(name, exactly_one, one, "range", "normal", "values")
+            elif one.range or one.normal or one.values:
+                raise ValueError(f"parameter '{name}': its values are those of the table")
+            if self.designs.method == "grid" and not (one.values or one.steps):
+                raise ValueError(f"parameter '{name}': a grid needs 'values', or a 'range' with 'steps'")
+        return self
+
+
+def with_name(name: str, check: Callable[..., None], *arguments: Any) -> None:
+    """Run a check of a parameter; a ValueError names the parameter."""
+    try:
+        check(*arguments)
+    except ValueError as error:
+        raise ValueError(f"parameter '{name}': {error}") from None
+
 
 #: Between file and function of a measure in Python.
 PYTHON = ".py:"

@@ -21,9 +21,8 @@ from ...linkage.targets import COORDINATES
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot, joint_position
 from ...threads import one_thread
-from .flood import CHUNK, Flood, Spread, Work, in_this_process
+from .flood import CHUNK, OUT_OF_REACH, REACHED, Closing, Flood, Spread, Work, in_this_process
 from .measures import Measures
-from .steps import OUT_OF_REACH, REACHED, Closing
 from .sweep import Sweep, find_sweep, values_at
 
 #: Default steps, by number of swept coordinates: lattice points per module length, and angles [rad].

@@ -13,10 +13,9 @@ import numpy as np
 from ....errors import ModelError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ..engine import Engine, NotComparableError, OwnFile, refuse_other_joints
+from ..engine import Engine, NotComparableError, OwnFile, at_points, refuse_other_joints
 from ..methods import Method, Setting, Solver, grid
 from ..states import DEPENDENT
-from .joinings import at_points
 
 #: Widths of MuJoCo's positions and velocities by its number for the kind of joint: free, ball, slide, hinge.
 POSITIONS, VELOCITIES = (7, 4, 1, 1), (6, 3, 1, 1)

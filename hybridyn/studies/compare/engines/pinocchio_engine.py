@@ -23,14 +23,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from ....description.placement import placement_from
 from ....description.records import Closure
 from ....spatial import Array, Index
 from ....structure.robot import HybridRobot
-from ..engine import Engine, NotComparableError, OwnFile, refuse_other_joints
+from ..engine import Engine, NotComparableError, OwnFile, at_points, refuse_other_joints
 from ..methods import Method, Model, Setting, Solver, grid
 from ..states import DEPENDENT
-from .joinings import at_points, joinings
 
+#: Distance of the two points that stand for a hinge from its centre, relative to the robot's size.
+HINGE = 0.1
 #: Proximal settings: accuracy, mu and iterations. Rows may be redundant, so mu is not zero.
 SETTINGS = (1e-14, 1e-10, 100)
 #: Of the proximal iterations: they end at their count, or when nothing changes any more.
@@ -180,19 +182,24 @@ def with_constraints(robot: HybridRobot) -> PinocchioEngine:
 
 
 def _contacts(robot: HybridRobot, model: pin.Model, closure: Closure) -> Iterator[pin.RigidConstraintModel]:
-    """Yield the constraints of a closure: a point, a weld, or two points on the axis of a hinge."""
+    """Yield the constraints of a closure: a point, a weld, or two points on the axis of a hinge.
+
+    Of the six rows of two points, five are independent. There are none for other closures.
+    """
+    if closure.translations != (0, 1, 2) or closure.rotation == "perpendicular":
+        return
     ends = []
-    for link in (closure.link_a, closure.link_b):
+    for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
         body, R, p = robot.bodies.place[link]
         root = 0 if robot.base == "fixed" else 1
         joint = model.getJointId(robot.bodies.joints[body - 1].joint.name) if body else root
-        ends.append((joint, pin.SE3(np.asarray(R), np.asarray(p))))
-    for kind, frame_a, frame_b in joinings(closure, robot.bodies.size):
-        contact = pin.ContactType.CONTACT_3D if kind == "point" else pin.ContactType.CONTACT_6D
-        (joint_a, at_a), (joint_b, at_b) = ends
-        yield pin.RigidConstraintModel(
-            contact, model, joint_a, at_a * pin.SE3(frame_a), joint_b, at_b * pin.SE3(frame_b)
-        )
+        ends.append((joint, pin.SE3(np.asarray(R), np.asarray(p)), frame))
+    fixed, reach = closure.rotation == "fixed", HINGE * robot.bodies.size
+    contact = pin.ContactType.CONTACT_6D if fixed else pin.ContactType.CONTACT_3D
+    for shift in (-reach, reach) if closure.rotation == "parallel" else (0.0,):
+        way = placement_from(np.eye(3), np.array([0.0, 0.0, shift]))
+        frames = [x for joint, at, frame in ends for x in (joint, at * pin.SE3(frame @ way))]
+        yield pin.RigidConstraintModel(contact, model, *frames)
 
 
 def closed(robot: HybridRobot) -> PinocchioEngine:
