@@ -24,8 +24,7 @@ from ..compiled.library.cache import Built, cached
 from ..compiled.library.calls import Library, loaded
 from ..compiled.program import Call, Constants, Program
 from ..compiled.programs.derivatives.columns import collect
-from ..compiled.programs.derivatives.nodes import Joiner
-from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Sweep
+from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Joiner, Sweep
 from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps
 from ..compiled.programs.sources import robot_key
 from ..compiled.programs.writer import Writer

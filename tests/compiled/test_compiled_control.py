@@ -96,7 +96,7 @@ def test_numbers_in_other_forms_are_closed_in_c_too(
         """Fail where the loops are not closed at once."""
         raise AssertionError("the general path was asked")
 
-    monkeypatch.setattr(symmetric, "_assemble", general)
+    monkeypatch.setattr(symmetric, "assemble_requests", general)
     last = q if form is single else form(q)  # in single precision the loops of q are open
     found = step(*map(form, given), last=last)
     same_bits(found, wanted)

@@ -14,8 +14,7 @@ from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobia
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Constants, Shared
 from hybridyn.compiled.programs.derivatives.motor_motion import brackets
-from hybridyn.compiled.programs.derivatives.nodes import Node
-from hybridyn.compiled.programs.derivatives.sweeps import Graph, Sweep
+from hybridyn.compiled.programs.derivatives.sweeps import Graph, Node, Sweep
 from hybridyn.compiled.programs.writer import Writer
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to, refused

@@ -97,25 +97,6 @@ class DesignEvaluator:
         self._inverse, self._threads = inverse, threads
         self.rows = DesignRows(designs, threads, quick=quick)
 
-    def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array, int]:
-        """Assemble the postures of one design, from its home posture.
-
-        Args:
-            numbers: Numbers in the slots, shape (slots,).
-            requests: The postures.
-
-        Returns:
-            q, v, a, shapes (T, nq), (T, nv), (T, nv), and how many of them the general path computed.
-
-        Raises:
-            HybridynError: The same errors as `hybridyn.assemble` of the design.
-        """
-        found = self.rows.states(self.rows.requests(requests), numbers[None])
-        if found.certain[0]:
-            return found.q[0], found.v[0], found.a[0], 0
-        robot = self.designs.robot_of(numbers)
-        return *assemble_requests(robot, requests, robot.home), requests.samples
-
     def table(
         self,
         parameters: ArrayLike,

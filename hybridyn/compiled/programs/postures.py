@@ -52,7 +52,6 @@ class Postures:
         motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
-        parameters: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
 
@@ -64,8 +63,6 @@ class Postures:
             motors: As in `hybridyn.assemble`.
             platforms: As in `hybridyn.assemble`.
             guess: Initial posture, shape (nq,), such as the last one; the home posture by default.
-            parameters: Numbers of one design, shape (k,), which then starts from its home posture. `designs`
-                takes many.
 
         Returns:
             q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision. Rods that
@@ -75,12 +72,7 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        requests = gather_requests(self.robot, motors, platforms)
-        if parameters is None:
-            return self.assemble_requests(requests, guess)
-        q, v, a, others = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
-        self.hand_over("assemble", others)
-        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+        return self.assemble_requests(gather_requests(self.robot, motors, platforms), guess)
 
     def designs(
         self,

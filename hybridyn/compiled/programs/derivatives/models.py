@@ -41,10 +41,9 @@ from ..module_calls import read
 from ..writer import Writer
 from .columns import changes_of_coordinates, collect, coordinates_of, coordinates_of_freedoms
 from .motor_motion import Motions
-from .nodes import Joiner, identity
 from .relations import JOINED, Relations, groups_of
 from .results import Results, relations_of
-from .sweeps import DENSE, PART, Graph, Reading, Sweep
+from .sweeps import DENSE, PART, Graph, Joiner, Reading, Sweep, identity
 
 
 def sum_legs(w: Writer, modules: list[DirectCalls], balance: list[InverseCalls], start: int) -> list[Call]:

@@ -31,8 +31,7 @@ from ..direct import DirectCalls
 from ..module_calls import Stages
 from ..writer import Writer
 from .columns import Coordinates, changes_of_coordinates, matrix
-from .nodes import Joiner, Node
-from .sweeps import PART, Block, Graph, Sweep
+from .sweeps import PART, Block, Graph, Joiner, Node, Sweep
 
 
 class Motions:

@@ -23,9 +23,8 @@ from ..direct import DirectCalls
 from ..writer import Writer
 from .columns import Term, add_terms, by_columns, coordinates_of_freedoms
 from .motor_motion import Motions, MotorMotion
-from .nodes import Joiner
 from .relations import Cause, Group, Place, Relations
-from .sweeps import Graph, Reading
+from .sweeps import Graph, Joiner, Reading
 
 
 @dataclass
