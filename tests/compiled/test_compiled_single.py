@@ -1,20 +1,18 @@
-"""The codes of single calls: the same bits as a batch, chosen by measurement, kept in the cache, printed."""
+"""The code of single calls: the same bits as a batch; on plain numbers what has no copies."""
 
 import ctypes
+import re
+import time
 from dataclasses import replace
-from itertools import accumulate, count
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
-import numpy as np
 import pytest
 
 from hybridyn.compiled.code import alone
-from hybridyn.compiled.code.alone import lanes_of_codes
+from hybridyn.compiled.code.alone import plain_kernels
 from hybridyn.compiled.code.library_source import library_source
-from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library import choosing
+from hybridyn.compiled.code.scalars import Scalar, text_of
+from hybridyn.compiled.library.building import find_compiler, run_one
 from hybridyn.compiled.library.cache import cached
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.program import Program
@@ -29,76 +27,70 @@ def program_of(copies: int) -> Program:
 
 
 @pytest.mark.parametrize(
-    ("program", "statements", "lanes", "codes"),
+    ("program", "statements", "some", "all_"),
     [
-        (program_of(1), 10, 8, [8, 1]), (program_of(6), 10, 8, [8, 4]), (program_of(6), 10, 4, [4]),
-        (program_of(1), 10, 4, [4, 1]), (program_of(1), 10, 1, [1]), (program_of(1), 10_000, 8, [8]),
-        (toy(3, 1), 10, 8, [8]),
+        (program_of(1), 10, True, True), (program_of(6), 10, True, False), (toy(3, 1), 10, False, False),
+        (program_of(1), 10_000, False, False),
     ],
 )  # fmt: skip
-def test_copies_and_statements_decide_which_codes_are_built(
-    program: Program, statements: int, lanes: int, codes: list[int]
+def test_what_has_no_copies_runs_on_plain_numbers_where_it_is_called_alone(
+    program: Program, statements: int, some: bool, all_: bool
 ) -> None:
-    assert lanes_of_codes(program, [statements] * len(program.kernels), lanes) == codes
+    names = [f"k{n}" for n, _ in enumerate(program.kernels)]
+    found = plain_kernels(program, names, dict.fromkeys(names, statements))
+    assert bool(found) == some
+    assert (set(found) == set(names)) == all_
 
 
+@pytest.mark.parametrize(("plain", "quick"), [(True, False), (True, True), (False, True)])
+@pytest.mark.parametrize("copies", [1, 10])
 @pytest.mark.parametrize(
-    "number", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
-)  # the other widths
-def test_every_code_of_single_calls_gives_the_bits_of_a_batch(
-    number: str, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(alone, "VECTOR_STATEMENT", np.inf)  # build all
-    readings = accumulate(10**9 // n for n in count(1))  # each measurement is shorter than the one before
-    monkeypatch.setattr(choosing, "time", SimpleNamespace(thread_time_ns=readings.__next__))
-    program, lanes = program_of(3), {"float64": 8, "float32": 16}[number]
+    ("number", "lanes"), [("float64", 8), pytest.param("float32", 16, marks=pytest.mark.slow)]
+)
+def test_single_calls_give_the_bits_of_a_batch(
+    number: str, lanes: int, copies: int, plain: bool, quick: bool,
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    if not plain:
+        monkeypatch.setattr(alone, "SECOND_STATEMENTS", 0)
+    program = program_of(copies)
     source = library_source([program], Scalar(number, lanes))
-    built = cached("single", lambda: source)
-    about = built.about["programs"]["idm"]
-    assert about["codes"] == [lanes, lanes // 2, 1]
-    assert all(0 < seconds < np.inf for seconds in about["times"])
-    assert cached("single", lambda: source).about == built.about  # the choice is made once
-    library = Library(built)
-    code = ctypes.c_int.in_dll(ctypes.PyDLL(str(built.path)), "idm_code")
-    assert code.value == 2
-    assert about["times"][2] == min(about["times"])
+    assert any(re.search(r"^\S* *void n\w{12}\(", unit, re.M) for unit in source.units) == plain
+    library = Library(cached("single", lambda: source, quick=quick))
     given = [x.astype(number) for x in inputs(program, SAMPLES)]
     parts, guard = library.batch("idm", *given)
-    for n in range(len(about["codes"])):
-        code.value = n
-        for t in range(SAMPLES):
-            found, worst = single(library, "idm", *(x[t] for x in given))
-            assert all((one == many[t]).all() for one, many in zip(found, parts, strict=True))
-            assert worst == guard[t]
-    quick = cached("single", lambda: source, quick=True)
-    assert quick.about == built.about  # found in the cache
+    for t in range(SAMPLES):
+        found, worst = single(library, "idm", *(x[t] for x in given))
+        assert all((one == many[t]).all() for one, many in zip(found, parts, strict=True))
+        assert worst == guard[t]
 
 
-def test_clocks_that_stand_still_measure_nothing_and_other_results_are_never_chosen(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    calls = []
+FETCHING = """
+#define main other
+{text}
+#ifdef LONG_AGO
+IN_SECTION(part) int code(int x) {{ return 3 * x; }}
+int fetched;
+#define fetch(from, to) (fetched += (const char *)(to) > (const char *)(from))
+int call(void) {{
+    char numbers[100];
+    FETCH(part, numbers, numbers + 100);
+    return fetched;
+}}
+#else
+int call(void) {{ return -1; }}
+#endif
+"""
 
-    def repeat(code: int, given: int, out: int, times: int) -> float:
-        """Return the guard, which the last code computes otherwise."""
-        calls.append(times)
-        return float(code == 2)
 
-    monkeypatch.setattr(choosing.time, "thread_time_ns", lambda: 0)
-    program = {"inputs": [("q", 2)], "outputs": [("tau", 2)], "codes": [8, 4, 1]}
-    library: Any = SimpleNamespace(idm_repeat=repeat)
-    assert choosing._times(library, "idm", program, "float64") == [0.0, 0.0, np.inf]
-    assert max(calls) <= 1001
-
-
-def test_quick_builds_have_the_code_of_batches_alone(empty_cache: Path) -> None:
-    program = program_of(1)
-    source = library_source([program], Scalar("float64", 4))
-    built = cached("single", lambda: source, quick=True)
-    assert built.quick
-    assert "times" not in built.about["programs"]["idm"]
-    assert not hasattr(ctypes.PyDLL(str(built.path)), "idm_repeat")
-    given = inputs(program, 1)
-    library = Library(built)
-    found, _ = single(library, "idm", *(x[0] for x in given))
-    assert all((x == y[0]).all() for x, y in zip(found, library.batch("idm", *given)[0], strict=True))
+def test_code_is_fetched_after_a_while_and_not_in_a_row(tmp_path: Path) -> None:
+    file, made = tmp_path / "fetching.c", tmp_path / "fetching.so"
+    file.write_text(FETCHING.format(text=text_of("fetching.h")))
+    run_one([*find_compiler().command, "-fPIC", "-shared", str(file), "-o", str(made)])
+    call = ctypes.CDLL(str(made)).call
+    if call() == -1:
+        pytest.skip("code is fetched on Linux with x86-64 alone")
+    assert call() in (2, 4)  # the first call fetches code and numbers; the second one if this process waited
+    before = call()
+    time.sleep(0.01)
+    assert call() == before + 2

@@ -2,8 +2,8 @@
 
 With samples in the lanes, calls and copies run one after the other; with one lane it is the scalar program
 of one sample. With copies in the lanes, one sample computes equal legs in parallel. Numbers that the copies
-share are then the same in all lanes. Lanes without a copy repeat the first copy. Sums add the copies in their
-order, with the same additions as the other driver.
+share are plain numbers. Lanes without a copy repeat the first copy. Sums add the copies in their order, with
+the same additions as the other driver. What has one copy runs on plain numbers where there is code for it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...spatial import Index
 from ..program import Add, Call, Constants, Each, Own, Program, Shared, Source, Target, Worst
 from .drivers import Block, Tables, driver
 
@@ -98,70 +97,65 @@ def _target(
     return block.vector(y, size)
 
 
-COPIES_HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
+COPIES_HEAD = "static void {name}_copies(const S *given, S *result, S *shared, V *own, S *guard) {{"
 
 
 def across_copies(
-    program: Program, names: list[str], lanes: int, tables: Tables, head: str = COPIES_HEAD
+    program: Program, names: list[str], lanes: int, tables: Tables, head: str, plain: Mapping[str, str]
 ) -> str:
-    """Return the C function `<program>_copies`, or the one that `head` declares."""
+    """Return the C function that `head` declares.
+
+    Args:
+        program: The program.
+        names: C name of each kernel.
+        lanes: Number of lanes.
+        tables: Collects the tables of the function.
+        head: Its declaration.
+        plain: C names of kernels on plain numbers, for calls of one copy, by the names of the others.
+    """
 
     def call(step: Call, name: str) -> list[str]:
-        """Return the lines of C that call a kernel for all copies: one by one, or in packs of lanes."""
-        if step.copies == 1:
-            return _alone(step, name, lanes, tables)
+        """Return the lines of C that call a kernel for all copies: on plain numbers, or in packs of lanes."""
+        if step.copies == 1 and name in plain:
+            block = Block.of(step, partial(_plain_source, tables), partial(_plain_target, tables), "S")
+            return block.lines(plain[name])
         packs = range(-(-step.copies // lanes))
         return [line for pack in packs for line in _Pack(step, pack, lanes, tables).text(name)]
 
-    return driver(program, head.format(name=program.name), names, tables, call)
+    return driver(program, head.format(name=program.name), names, tables, call, "copy_numbers")
 
 
-def _alone(call: Call, name: str, lanes: int, tables: Tables) -> list[str]:
-    """Return the call of a kernel with one copy, the same in every lane."""
-    block = Block.of(call, partial(_alone_source, tables, lanes), partial(_alone_target, tables))
-    return block.lines(name)
-
-
-def _lanes_of(source: Source, index: Index, lanes: int) -> tuple[str, Index]:
-    """Return the memory of a source as plain numbers, and where its numbers are, shape (entries, copies).
-
-    Args:
-        index: Where they are, as for one copy after the other, shape (copies, entries).
-    """
-    if source.memory == "shared":  # the same in all lanes
-        return "(const S *)shared", index.T * lanes
-    return source.memory, index.T
-
-
-def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Block) -> str:
-    """Return an argument that is read; scalars are first spread over the lanes."""
-    if source.memory in ("shared", "own") and source.handed:
-        return f"{source.memory} + {source.begin(1, tables)}"
+def _plain_source(tables: Tables, n: int, source: Source, block: Block) -> str:
+    """Return an argument of plain numbers that is read; entries that are not contiguous are gathered."""
+    if isinstance(source, Constants):
+        return tables.numbers(source.values)
+    if source.handed:
+        return _plain_place(tables, source)
     index = source.at(1)
     x = block.vector(f"x{n}", index.size)
-    if isinstance(source, Constants):
-        block.before.append(f"set_all({x}, {tables.numbers(source.values)}, {index.size});")
-    elif source.handed:
-        block.before.append(f"set_all({x}, {source.memory} + {index[0, 0]}, {index.size});")
-    else:
-        memory, at = _lanes_of(source, index, lanes)
-        block.before.append(f"gather_all({x}, {memory}, {tables.places(at)}, {index.size});")
+    block.before.append(f"gather_numbers({x}, {source.memory}, {tables.places(index)}, {index.size});")
     return x
 
 
-def _alone_target(tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:
-    """Return an argument that is written; results and the guard are taken from the first lane."""
+def _plain_place(tables: Tables, end: Source | Target) -> str:
+    """Return the place of the first of some plain numbers; those of `own` begin where its vector does."""
+    place = f"{end.memory} + {end.begin(1, tables)}"
+    return f"(S *)({place})" if end.memory == "own" else place
+
+
+def _plain_target(tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:
+    """Return an argument that is written; what cannot be written in place is copied afterwards."""
     y, index = f"y{n}", target.at(1)
     size = index.size
     if isinstance(target, Worst):
-        block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], 1);")
-    elif size and target.memory == "result":
-        block.after.append(f"scatter_first(result, {tables.places(index)}, {y}, {size});")
+        block.after.append(f"*guard = worst_number(*guard, {y}[0]);")
+    elif size and not target.handed:
+        block.after.append(f"scatter_numbers(result, {tables.places(index)}, {y}, {size});")
     elif size:
-        place = f"{target.memory} + {target.begin(1, tables)}"
+        place = _plain_place(tables, target)
         if free and not target.adds:
             return place
-        block.after.append(f"{'add' if target.adds else 'copy'}({place}, {y}, {size});")
+        block.after.append(f"{'add' if target.adds else 'copy'}_numbers({place}, {y}, {size});")
     return block.vector(y, size)
 
 
@@ -169,7 +163,7 @@ class _Pack:
     """Call of a kernel for one pack of copies, as many as there are lanes."""
 
     def __init__(self, call: Call, pack: int, lanes: int, tables: Tables) -> None:
-        self.call, self.pack, self.lanes, self.tables = call, pack, lanes, tables
+        self.call, self.pack, self.tables = call, pack, tables
         self.first = pack * lanes
         self.valid = min(lanes, call.copies - self.first)  # lanes with a copy of their own
         self.copies = np.arange(self.first, self.first + lanes)
@@ -180,17 +174,26 @@ class _Pack:
         return Block.of(self.call, self._source, self._target).lines(name)
 
     def _source(self, n: int, source: Source, block: Block) -> str:
-        """Return an argument that is read; the copies' numbers are first gathered into their lanes."""
+        """Return an argument that is read; numbers are first spread over the lanes, or gathered into them."""
+        alone = self.call.copies == 1
         match source:
-            case Shared(start, _):
-                return f"shared + {start}"
             case Own(start, size):
                 return f"own + {start + self.pack * size}"
-            case Constants(values):
+            case Constants(values) if not alone:
                 return f"(const V *){self.tables.numbers(values[self.copies].T)}"
-        memory, at = _lanes_of(source, source.at(self.call.copies)[self.copies], self.lanes)
-        x = block.vector(f"x{n}", len(at))
-        block.before.append(f"gather_lanes({x}, {memory}, {self.tables.places(at)}, {len(at)});")
+        index = source.at(self.call.copies)
+        size = index.shape[1]
+        x = block.vector(f"x{n}", size)
+        if isinstance(source, Constants):
+            move = f"set_lanes({x}, {self.tables.numbers(source.values)}, {size});"
+        elif isinstance(source, Shared) or (alone and source.handed):
+            move = f"set_lanes({x}, {source.memory} + {source.begin(1, self.tables)}, {size});"
+        elif alone:
+            move = f"gather_all({x}, {source.memory}, {self.tables.places(index)}, {size});"
+        else:
+            at = self.tables.places(index[self.copies].T)
+            move = f"gather_lanes({x}, {source.memory}, {at}, {size});"
+        block.before.append(move)
         return x
 
     def _target(self, n: int, target: Target, free: bool, block: Block) -> str:
@@ -207,13 +210,11 @@ class _Pack:
                 place = f"own + {start + self.pack * size}"
                 if free:
                     return place
-                block.after.append(f"copy({place}, {y}, {size});")
+                block.after.append(f"copy_lanes({place}, {y}, {size});")
             case Add(start, _):
                 block.after.append(f"add_lanes(shared + {start}, {y}, {size}, {valid});")
-            case Each():
+            case Shared() | Each():
                 block.after.append(f"spread_lanes(shared + {rows[0, 0]}, {y}, {size}, {valid});")
-            case Shared():
-                raise ValueError("several copies write shared numbers")
             case _:
                 along = valid > 1 and (np.diff(rows, axis=0) == 1).all()
                 move, at = ("store", rows[0]) if along else ("scatter", rows)

@@ -6,8 +6,10 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ...spatial import Array, Index
-from ..program import Call, Program, Source, Target
+from ..program import Call, Program, Source, Start, Target
 from .kernels import literal
 from .rules import overlap
 
@@ -60,8 +62,10 @@ class Block:
         before: Lines before the call: local vectors, and gathering into them.
         arguments: Arguments of the call.
         after: Lines after the call: copying from local vectors to their targets.
+        type: C type of the entries of local vectors.
     """
 
+    type: str = "V"
     before: list[str] = field(default_factory=list)
     arguments: list[str] = field(default_factory=list)
     after: list[str] = field(default_factory=list)
@@ -72,6 +76,7 @@ class Block:
         call: Call,
         source: Callable[[int, Source, Block], str],
         target: Callable[[int, Target, bool, Block], str],
+        type: str = "V",
     ) -> Block:
         """Build the block of a call from functions that return an argument that is read, or written.
 
@@ -79,7 +84,7 @@ class Block:
         An argument without numbers is the null pointer: a local vector would never be set, which compilers
         warn of.
         """
-        block = cls()
+        block = cls(type)
         for n, read in enumerate(call.sources):
             block.arguments.append(source(n, read, block) if read.at(call.copies).size else "0")
         for n, (written, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
@@ -88,7 +93,7 @@ class Block:
 
     def vector(self, name: str, size: int) -> str:
         """Declare a local vector and return its name."""
-        self.before.append(f"V {name}[{max(size, 1)}];")
+        self.before.append(f"{self.type} {name}[{max(size, 1)}];")
         return name
 
     def lines(self, kernel: str, head: str = "{") -> list[str]:
@@ -114,8 +119,9 @@ def summed(program: Program) -> dict[int, set[int]]:
 
 
 def driver(
-    program: Program, head: str, names: list[str], tables: Tables, call: Callable[[Call, str], list[str]]
-) -> str:
+    program: Program, head: str, names: list[str], tables: Tables, call: Callable[[Call, str], list[str]],
+    move: str = "set_all",
+) -> str:  # fmt: skip
     """Return the C function that runs a program's steps in order.
 
     Args:
@@ -123,15 +129,32 @@ def driver(
         names: C name of each kernel.
         tables: Collects its tables.
         call: Returns the lines of a call from the call and its kernel's name.
+        move: C function that sets shared numbers.
     """
     lines = [head, "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
-    for step in program.steps:
+    for step in _joined(program):
         if isinstance(step, Call):
             lines += call(step, names[step.kernel])
         elif len(step.values):
             table = tables.numbers(step.values)
-            lines.append(f"    set_all(shared + {step.start}, {table}, {len(step.values)});")
+            lines.append(f"    {move}(shared + {step.start}, {table}, {len(step.values)});")
     return "\n".join([*lines, "}"])
+
+
+def _joined(program: Program) -> list[Start | Call]:
+    """Return the steps, with starts in a row that set numbers in a row as one."""
+    steps: list[Start | Call] = []
+    for step in program.steps:
+        last = steps[-1] if steps else None
+        if (
+            isinstance(step, Start)
+            and isinstance(last, Start)
+            and step.start == last.start + len(last.values)
+        ):
+            steps[-1] = Start(last.start, np.concatenate([last.values, step.values]))
+        else:
+            steps.append(step)
+    return steps
 
 
 def in_place(call: Call) -> list[bool]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..program import Call, Program, stored
-from .across_lanes import HEAD, across_copies, across_samples
-from .alone import choice, code, lanes_of_codes, second_unit
+from .across_lanes import COPIES_HEAD, HEAD, across_copies, across_samples
+from .alone import CALLED_ALONE, in_sections, memory, plain_kernels, section
 from .drivers import Tables, summed
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
@@ -64,18 +64,18 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
             names[program.name].append(name)
             adding[program.name].append(_named(kernel_text(graph, sums[k]), bodies) if k in sums else name)
     lengths = {name: text.count("\n") for name, text in bodies.items()}
-    codes = {p.name: lanes_of_codes(p, [lengths[k] for k in names[p.name]], scalar.lanes) for p in programs}
-    driver = _driver_unit(programs, codes, names, adding, added, bodies, scalar, more)
-    units = [*_kernel_units(bodies, scalar), driver]
-    for program in programs:
-        for lanes in codes[program.name][1:]:
-            units.append(second_unit(program, names[program.name], bodies, Scalar(scalar.name, lanes)))
+    alone = programs if scalar.lanes > 1 else []
+    plain = {p.name: plain_kernels(p, names[p.name], lengths) for p in alone}
+    driver = _driver_unit(programs, plain, names, adding, added, bodies, scalar, more)
+    units = [*_kernel_units(bodies, scalar, in_sections(alone, names)), driver]
+    for program in alone:
+        again = {called: bodies.pop(name) for name, called in plain[program.name].items() if name in bodies}
+        texts = _kernel_units(again, Scalar(scalar.name, 1), dict.fromkeys(again, section(program)))
+        units += [f"#ifndef QUICK\n{text}\n#endif\n" for text in texts]
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
-        "programs": {
-            p.name: _about(p, scalar, [bodies[k] for k in names[p.name]], codes[p.name]) for p in programs
-        },
+        "programs": {p.name: _about(p, scalar, [lengths[k] for k in names[p.name]]) for p in programs},
         "steps": steps_in_c(programs, scalar),
     }
     return Source(tuple(units), about)
@@ -88,16 +88,15 @@ def _named(text: str, bodies: dict[str, str]) -> str:
     return name
 
 
-def _about(program: Program, scalar: Scalar, kernels: list[str], codes: list[int]) -> dict[str, Any]:
+def _about(program: Program, scalar: Scalar, lengths: list[int]) -> dict[str, Any]:
     """Return the description of a program for its callers."""
     calls = [step for step in program.steps if isinstance(step, Call)]
     return {
         "inputs": [list(x) for x in program.inputs],
         "outputs": [list(x) for x in program.outputs],
         "work": (sum(_sizes(program)) + 1) * scalar.bytes,
-        "statements": sum(call.copies * kernels[call.kernel].count("\n") for call in calls),
+        "statements": sum(call.copies * lengths[call.kernel] for call in calls),
         "notes": list(program.notes),
-        "codes": codes,
     }
 
 
@@ -107,9 +106,9 @@ def _sizes(program: Program) -> tuple[int, int, int, int]:
     return given, result, program.shared, program.own
 
 
-def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
+def _kernel_units(bodies: dict[str, str], scalar: Scalar, sections: dict[str, str]) -> list[str]:
     """Distribute the kernels, longest first, over files of about `STATEMENTS_PER_UNIT` statements."""
-    prelude = scalar.prelude()
+    prelude = "\n".join([scalar.prelude(), text_of("driver.h"), text_of("fetching.h")])
     parts: list[list[str]] = []
     room = 0
     for name, text in sorted(bodies.items(), key=lambda item: -item[1].count("\n")):
@@ -117,17 +116,18 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
         if not parts or room + length > STATEMENTS_PER_UNIT:
             parts.append([])
             room = 0
-        parts[-1].append(f"void {name}{text}")
+        place = f"IN_SECTION({sections[name]}) " if name in sections else ""
+        parts[-1].append(f"{place}void {name}{text}")
         room += length
     return ["\n\n".join([prelude, *part]) + "\n" for part in parts]
 
 
 def _driver_unit(
-    programs: list[Program], codes: dict[str, list[int]], names: dict[str, list[str]],
+    programs: list[Program], plain: dict[str, dict[str, str]], names: dict[str, list[str]],
     adding: dict[str, list[str]], added: dict[str, dict[int, set[int]]], bodies: dict[str, str],
     scalar: Scalar, more: str,
 ) -> str:  # fmt: skip
-    """Return the file with the drivers and tables; single calls choose among `codes`."""
+    """Return the file with the drivers and tables; single calls use the kernels `plain` on plain numbers."""
     tables = Tables()
     drivers = []
     for program in programs:
@@ -139,16 +139,27 @@ def _driver_unit(
         drivers.append(across_samples(program, called, tables, BATCH, between, sums))
         drivers.append(_batch(program))
         if scalar.lanes > 1:
-            drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
-            drivers += [
-                code(program, scalar.lanes, "copies", "static "),
-                _single(program, codes[program.name]),
-            ]
+            place = f"IN_SECTION({section(program)}) " if program.name in CALLED_ALONE else ""
+            head = place + COPIES_HEAD
+            called = names[program.name]
+            quick, full = (
+                across_copies(program, called, scalar.lanes, tables, head, on)
+                for on in ({}, plain[program.name])
+            )
+            drivers.append(full if quick == full else f"#ifdef QUICK\n{quick}\n#else\n{full}\n#endif")
+            drivers.append(_single(program))
     if steps_in_c(programs, scalar):
         drivers.append(_steps(programs))
     if more:
         drivers.append(more)
-    return "\n\n".join([driver_prelude(bodies, scalar), tables.text, *drivers]) + "\n"
+    again = {called: name for kernels in plain.values() for name, called in kernels.items()}
+    numbers = [f"void {x}{_arguments(bodies[name]).replace('V *', 'S *')};" for x, name in again.items()]
+    return "\n\n".join([driver_prelude(bodies, scalar), *numbers, tables.text, *drivers]) + "\n"
+
+
+def _arguments(text: str) -> str:
+    """Return the arguments of a kernel."""
+    return text[: text.index("{")]
 
 
 def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
@@ -180,12 +191,13 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
         text_of("driver.h"),
+        text_of("fetching.h"),
     ]
     if scalar.lanes > 1:
         lines += [scalar.moves(), text_of("numpy_array.h")]
     else:
         lines.append(text_of("rows_scalar.h"))
-    lines += [f"void {name}{text[: text.index('{')]};" for name, text in bodies.items()]
+    lines += [f"void {name}{_arguments(text)};" for name, text in bodies.items()]
     return "\n".join(lines)
 
 
@@ -231,28 +243,29 @@ def _batch(program: Program) -> str:
     )
 
 
-def _single(program: Program, codes: list[int]) -> str:
+def _single(program: Program) -> str:
     """Return the C functions that run one sample, from NumPy arrays and from pointers."""
     given = _sizes(program)[0]
     count = sum(size for _, size in program.outputs)
     arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]
     checks, copies, moves = [], [], []
+    fetch = [f"    FETCH({section(program)}, m->given, m->own);"] * (program.name in CALLED_ALONE)
     for n, (_, size, at) in enumerate(stored(program.inputs)):
         checks.append(f"    const S *in{n} = numbers(a{n}, {size});")
-        copies.append(f"    memcpy({program.name}_given + {at}, in{n}, sizeof(S[{size}]));")
-        moves.append(f"    memcpy({program.name}_given + {at}, in[{n}], sizeof(S[{size}]));")
+        copies.append(f"    memcpy({program.name}_memory.given + {at}, in{n}, sizeof(S[{size}]));")
+        moves.append(f"    memcpy({program.name}_memory.given + {at}, in[{n}], sizeof(S[{size}]));")
     handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
     all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
     name = program.name
-    chosen = f"#define {name}_on {name}_on{codes[0]}" if len(codes) == 1 else choice(program, codes)
     return "\n".join(
         [
-            chosen,
-            f"static S {name}_given[{max(given, 1)}] ALIGNED;",
+            memory(program),
             f"static int {name}_run(S *out, S *guard) {{",
             "    S worst_yet = 0;",
-            f"    for (int k = 0; k < {given}; k++) worst_yet += {name}_given[k] * 0; /* not finite: NaN */",
-            f"    {name}_on({name}_given, out, &worst_yet);",
+            f"    __typeof__({name}_memory) *m = &{name}_memory;",
+            *fetch,
+            f"    for (int k = 0; k < {given}; k++) worst_yet += m->given[k] * 0; /* not finite: NaN */",
+            f"    {name}_copies(m->given, out, m->shared, m->own, &worst_yet);",
             f"    worst_yet += none_of(out, {count}); /* not finite: NaN */",
             "    if (guard) *guard = worst_yet;",
             "    return worst_yet <= GUARD_LIMIT ? 0 : 2;",

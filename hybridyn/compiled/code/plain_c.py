@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..program import Call, Program, stored
-from .across_lanes import across_copies, across_samples
-from .alone import CALLED_ALONE, VECTOR_STATEMENT
+from .across_lanes import HEAD, across_copies, across_samples
+from .alone import CALLED_ALONE
 from .drivers import Tables
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
@@ -29,7 +29,7 @@ FUNCTIONS = (
 )  # fmt: skip
 
 #: First line of the drivers in lanes: the arguments of those on plain numbers, where V is S.
-COPIES = "static void {name}_samples(const S *given, S *result, V *shared, V *own, S *guard) {{"
+COPIES = "static void {name}_samples(const S *given, S *result, S *shared, V *own, S *guard) {{"
 
 #: Functions that drivers and kernels call; only those in use are printed.
 MOVES = {
@@ -53,6 +53,10 @@ WRITTEN = "Written by hybridyn"
 
 #: Numbers in a vector: doubles in a register of AVX.
 LANES = 4
+
+#: Time of a statement on vectors over that of one on numbers, with its moves: at most 1.5 (1.0 to 1.5).
+#: Where equal legs save fewer statements, the source has no vectors.
+VECTOR_STATEMENT = 1.5
 
 #: Sine and cosine of the C library, of a number and of each lane.
 SINES = """static void SINCOS(V x, V *s, V *c) {
@@ -80,27 +84,47 @@ def plain_source(
         dtype: "float64" or "float32".
         more: Programs without a public function, and C that calls them.
     """
-    ways = (1, LANES) if in_lanes(programs) else (1,)
+    lanes = in_lanes(programs)
     programs, (hidden, calling) = [trimmed(program) for program in programs], more
     every = [*programs, *map(trimmed, hidden)]
-    kernels: dict[str, str] = {}
+    kernels: dict[tuple[str, bool], str] = {}
     names: list[list[str]] = []
     for program in every:
         check(program)
-        texts = [kernel_text(kernel_graph(kernel)) for kernel in program.kernels]
+        legs = {x.kernel for x in program.steps if isinstance(x, Call) and x.copies > 1}
+        texts = [(kernel_text(kernel_graph(x)), k in legs) for k, x in enumerate(program.kernels)]
         for kernel, text in zip(program.kernels, texts, strict=True):
             kernels.setdefault(text, kernel.name)
         names.append([kernels[text] for text in texts])
-    bodies = [f"static void {called}{text}" for text, called in kernels.items()]
-    code = "\n\n".join(bodies)
-    arithmetic = _either([_arithmetic(code, dtype, lanes) for lanes in ways])
-    drivers = _either([_drivers(every, names, lanes, dtype) for lanes in ways])
+    places = {
+        called: f"IN_SECTION({_section(program, name)}) "
+        for program, its in zip(every, names, strict=True)
+        if program.name in CALLED_ALONE
+        for called in its
+    }
+    plain, each = (
+        "\n\n".join(
+            f"{places.get(x, '')}static void {x}{text}" for (text, of), x in kernels.items() if of is legs
+        )
+        for legs in (False, True)
+    )
+    alone = {called: called for (_, of), called in kernels.items() if not of}
+    own = [f"IN_SECTION({_section(x, name)}) " if x.name in CALLED_ALONE else "" for x in every]
+    drivers = _drivers(every, names, dtype, own)
+    vectors = ""
+    if lanes:
+        in_vectors = _drivers_in_lanes(every, names, dtype, own, alone)
+        vectors = f"#ifdef VECTORS\n{_vectors(plain + each, dtype)}\n#endif"
+        drivers = f"#ifdef VECTORS\n{in_vectors}\n#else\n{drivers}\n#endif"
     single = "#define SINGLE\n" if dtype == "float32" else ""
     parts = [
         f'/* {WRITTEN}. What it offers stands in {name}.h. */\n#include <math.h>\n\n#include "{name}.h"',
         single + text_of("plain.h").strip(),
-        arithmetic,
-        code,
+        text_of("fetching.h").strip(),
+        _arithmetic(plain + each, dtype),
+        plain,
+        vectors,
+        each,
         drivers,
         *(_call(program, name, dtype) for program in programs),
         calling,
@@ -108,9 +132,9 @@ def plain_source(
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _either(ways: list[str]) -> str:
-    """Return the C source on plain numbers, or also the one in lanes for compilers that have vectors."""
-    return ways[0] if len(ways) == 1 else f"#ifdef VECTORS\n{ways[1]}\n#else\n{ways[0]}\n#endif"
+def _section(program: Program, name: str) -> str:
+    """Return the name of the section with the code of a program's single calls."""
+    return f"{name}_{program.name}_code"
 
 
 def prototype(program: Program, name: str, dtype: str = "float64") -> str:
@@ -124,8 +148,8 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
 def work_type(program: Program, name: str, dtype: str = "float64", *, lanes: bool = False) -> str:
     """Return the C type of the workspace of a program's function; `lanes` as from `in_lanes`."""
     given, result, shared, own = _sizes(program)
-    vectors = LANES * (shared + own + 1) if lanes else shared + own  # from an aligned place on
-    room = f"{REAL[dtype]} numbers[{given + result + vectors}]"
+    vectors = LANES * (own + 1) if lanes else own  # from an aligned place on
+    room = f"{REAL[dtype]} numbers[{given + result + shared + vectors}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
 
 
@@ -147,34 +171,53 @@ def _calls(programs: list[Program]) -> list[tuple[ca.Function, int]]:
     ]
 
 
-def _arithmetic(code: str, dtype: str, lanes: int) -> str:
-    """Return the C source of the arithmetic of kernels, on plain numbers or in lanes."""
-    if lanes == 1:
-        used = [word for word in FUNCTIONS if re.search(rf"\b{word}\(", code)]
-        parts = [text_of("plain_scalar.h"), *(f"#define {word} FUNCTION({word.lower()})" for word in used)]
-    else:
-        vector = text_of("vector.h").replace("/* intrinsics.h */\n\n", "")
-        parts = [f"#define W {lanes}", text_of("plain_vector.h"), vector]
-        parts += [text_of("functions.h"), moves_of_copies(lanes)]
+def _functions(code: str) -> list[str]:
+    """Return the functions of the C library that kernels call."""
+    return [word for word in FUNCTIONS if re.search(rf"\b{word}\(", code)]
+
+
+def _arithmetic(code: str, dtype: str) -> str:
+    """Return the C source of the arithmetic of kernels on plain numbers."""
+    parts = [text_of("plain_scalar.h"), *(f"#define {x} FUNCTION({x.lower()})" for x in _functions(code))]
     if "SINCOS(" in code:
-        library = SINES if lanes == 1 else SINES_OF_LANES
         own = dtype == "float64"
-        parts += [f"#ifdef EXACT\n{own_sines(lanes)}#else\n{library}\n#endif" if own else library]
+        parts.append(f"#ifdef EXACT\n{own_sines(1)}#else\n{SINES}\n#endif" if own else SINES)
     return "\n".join(part.strip() for part in parts)
 
 
-def _drivers(programs: list[Program], names: list[list[str]], lanes: int, dtype: str) -> str:
-    """Return the tables and drivers of programs, on plain numbers or in lanes, and what they call."""
+def _vectors(code: str, dtype: str) -> str:
+    """Return the C source of the arithmetic of kernels in lanes, after that on plain numbers."""
+    vector = text_of("vector.h").replace("/* intrinsics.h */\n\n", "")
+    parts = [text_of("after_plain.h"), *(f"#undef {word}" for word in _functions(code)), f"#define W {LANES}"]
+    parts += [text_of("plain_vector.h"), vector, text_of("functions.h"), moves_of_copies(LANES)]
+    if "SINCOS(" in code:
+        own = dtype == "float64"
+        parts.append(own_sines(LANES) if own else f"#define SINCOS SINCOS_LANES\n{SINES_OF_LANES}")
+    return "\n".join(part.strip() for part in parts)
+
+
+def _drivers(programs: list[Program], names: list[list[str]], dtype: str, places: list[str]) -> str:
+    """Return the tables and drivers of programs on plain numbers, and what they call."""
     tables = Tables(dtype)
     drivers = [
-        across_samples(program, called, tables)
-        if lanes == 1
-        else across_copies(program, called, lanes, tables, COPIES)
-        for program, called in zip(programs, names, strict=True)
+        across_samples(program, called, tables, place + HEAD)
+        for program, called, place in zip(programs, names, places, strict=True)
     ]
     code = "\n\n".join(drivers)
     moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
     return "\n\n".join(part for part in (*moves, tables.text, code) if part)
+
+
+def _drivers_in_lanes(
+    programs: list[Program], names: list[list[str]], dtype: str, places: list[str], alone: dict[str, str]
+) -> str:
+    """Return the tables and drivers of programs in lanes; the kernels `alone` are on plain numbers."""
+    tables = Tables(dtype)
+    drivers = [
+        across_copies(program, called, LANES, tables, place + COPIES, alone)
+        for program, called, place in zip(programs, names, places, strict=True)
+    ]
+    return "\n\n".join([tables.text, *drivers])
 
 
 def _sizes(program: Program) -> tuple[int, int, int, int]:
@@ -190,8 +233,10 @@ def _call(program: Program, name: str, dtype: str) -> str:
     lines = [
         f"{prototype(program, name, dtype)} {{",
         f"    S guard = 0, *given = work->numbers, *result = given + {given};",
-        f"    V *shared = ROOM(result + {result}), *own = shared + {shared};",
+        f"    S *shared = result + {result};",
+        f"    V *own = ROOM(shared + {shared});",
         "    int k;",
+        *[f"    FETCH({_section(program, name)}, given, own);"] * (program.name in CALLED_ALONE),
         *(each.format(n, f"given[{at} + k] = {word}[k]") for word, n, at in stored(program.inputs)),
         f"{each.format(given, 'guard += given[k] * (S)0')} /* not finite: NaN */",
         f"    {program.name}_samples(given, result, shared, own, &guard);",
@@ -234,7 +279,8 @@ class ControlStep:
         lines = [
             f"{prototype(self.form, name, dtype)} {{",
             f"    {real} *from = work->numbers, *given = from + {near}, *result = given + {given};",
-            f"    V *shared = ROOM(result + {result}), *own = shared + {max(self.inverse.shared, 1)};",
+            f"    {real} *shared = result + {result};",
+            f"    V *own = ROOM(shared + {max(self.inverse.shared, 1)});",
             f"    {real} guard = 0;",
             "    int k, n;",
             f"    for (k = 0; k < {near}; k++) from[k] = near[k];",

@@ -32,7 +32,7 @@ FLAGS = (
 )
 
 #: Flags of a quick build (-O1 takes half more time), with the same bits: no flag lets the compiler reorder
-#: or contract arithmetic. Single calls have no code of their own (`code.alone`).
+#: or contract arithmetic. Kernels on plain numbers are left out.
 QUICK_FLAGS = ("-DQUICK", *("-Og" if flag == "-O3" else flag for flag in FLAGS))
 
 #: Further flags of a huge C file [bytes]: GCC then chooses registers in half the time, or less.

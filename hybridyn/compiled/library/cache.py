@@ -35,7 +35,6 @@ from ...description.cache_folder import VARIABLE, check_ownership, folder, hashe
 from ...description.writing import appearing
 from ...errors import CompileError
 from .building import FLAGS, NATIVE, QUICK_FLAGS, Runner, build, find_compiler, machine, run_at_once
-from .choosing import with_choices
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -145,7 +144,7 @@ def cached(
         found = _load(at, name)
         if found is None:
             made = functools.partial(build, source.units, find_compiler(), libraries=libraries)
-            found = _build(at, name, source, functools.partial(made, flags=flags, run=run), measure=not quick)
+            found = _build(at, name, source, functools.partial(made, flags=flags, run=run))
         found = replace(found, quick=flags is QUICK_FLAGS)
         accept(found)
         _write(pointer, name.encode())
@@ -219,8 +218,8 @@ def _load(at: Path, name: str) -> Built | None:
         return None
 
 
-def _build(at: Path, name: str, source: Source, make: Callable[[Path], None], *, measure: bool) -> Built:
-    """Build a library at a path with `make`, and move it to its place; or also `measure` its single calls."""
+def _build(at: Path, name: str, source: Source, make: Callable[[Path], None]) -> Built:
+    """Build a library at a path with `make`, and move it to its place."""
     at.mkdir(parents=True, exist_ok=True)  # the cache may have been emptied meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
@@ -230,11 +229,10 @@ def _build(at: Path, name: str, source: Source, make: Callable[[Path], None], *,
         path.parent.mkdir(exist_ok=True, mode=0o700)
         target.chmod(0o700)
         os.replace(target, path)
-    about = with_choices(path, source.about) if measure else source.about
-    record = {"name": name, "library": digest, "about": about}
+    record = {"name": name, "library": digest, "about": source.about}
     _write(at / "models" / f"{name}.json", json.dumps(record).encode())
     remove_unused(at)
-    return Built(path, about)
+    return Built(path, source.about)
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -18,7 +18,6 @@ from ..code.scalars import GUARD_LIMIT, Scalar
 from ..program import stored
 from .building import best_lanes
 from .cache import Built, cached
-from .choosing import use_choice
 from .direct_calls import function_of, knows_arrays
 from .steps import Steps
 
@@ -66,8 +65,6 @@ class Library:
             name: Calls(name, about, built.about["number"], built.about["lanes"], free, held, plain)
             for name, about in built.about["programs"].items()
         }
-        for name, about in built.about["programs"].items():
-            use_choice(held, name, about)
         steps = alone and built.about["steps"]
         self.steps = None
         if steps:
