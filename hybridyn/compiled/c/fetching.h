@@ -5,15 +5,15 @@
 #define FETCHED 64 /* bytes of a line */
 #define LONG_AGO 100000 /* ticks of the clock, some 30 us */
 #define IN_SECTION(part) __attribute__((section(#part)))
-#define HIDDEN __attribute__((visibility("hidden")))
+#define ENDS __attribute__((visibility("hidden"), weak)) /* null where the compiler leaves nothing in it */
 static __attribute__((noinline, unused)) void fetch(const void *from, const void *to) {
     const char *line = (const char *)from; /* read, for wishes are dropped where the page is unknown, too */
     for (; line < (const char *)to; line += FETCHED) (void)*(const volatile char *)line;
 }
 #define FETCH(part, from, to)                                      \
     do {                                                           \
-        extern const char __start_##part[] HIDDEN;                 \
-        extern const char __stop_##part[] HIDDEN;                  \
+        extern const char __start_##part[] ENDS;                 \
+        extern const char __stop_##part[] ENDS;                  \
         static unsigned long long last;                            \
         const unsigned long long now = __builtin_ia32_rdtsc();     \
         if (now - __atomic_load_n(&last, __ATOMIC_RELAXED) > LONG_AGO) { \

@@ -97,7 +97,7 @@ def plain_source(
             kernels.setdefault(text, kernel.name)
         names.append([kernels[text] for text in texts])
     places = {
-        called: f"IN_SECTION({_section(program, name)}) "
+        called: _place(program, name)
         for program, its in zip(every, names, strict=True)
         if program.name in CALLED_ALONE
         for called in its
@@ -109,7 +109,7 @@ def plain_source(
         for legs in (False, True)
     )
     alone = {called: called for (_, of), called in kernels.items() if not of}
-    own = [f"IN_SECTION({_section(x, name)}) " if x.name in CALLED_ALONE else "" for x in every]
+    own = [_place(program, name) for program in every]
     drivers = _drivers(every, names, dtype, own)
     vectors = ""
     if lanes:
@@ -135,6 +135,11 @@ def plain_source(
 def _section(program: Program, name: str) -> str:
     """Return the name of the section with the code of a program's single calls."""
     return f"{name}_{program.name}_code"
+
+
+def _place(program: Program, name: str) -> str:
+    """Return the attribute of the functions of a program whose code a call fetches."""
+    return f"IN_SECTION({_section(program, name)}) " if program.name in CALLED_ALONE else ""
 
 
 def prototype(program: Program, name: str, dtype: str = "float64") -> str:
@@ -231,7 +236,7 @@ def _call(program: Program, name: str, dtype: str) -> str:
     given, result, shared, _ = _sizes(program)
     each = "    for (k = 0; k < {}; k++) {};"
     lines = [
-        f"{prototype(program, name, dtype)} {{",
+        f"{_place(program, name)}{prototype(program, name, dtype)} {{",
         f"    S guard = 0, *given = work->numbers, *result = given + {given};",
         f"    S *shared = result + {result};",
         f"    V *own = ROOM(shared + {shared});",
