@@ -6,7 +6,6 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,7 +22,7 @@ from ...library.cache import Built
 from ...library.closed_rows import ClosedRows, Place
 from ..sources import Artifact, kept, robot_key
 from .checking import check_rows, from_place, place_of
-from .choosing import Part, lanes_for, module_requests, numbers, parts_of, structure_of
+from .choosing import Closing, lanes_for, module_requests, numbers, parts_of, structure_of
 
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
@@ -38,19 +37,6 @@ SAME_LEAD = 1e-9
 Rows = tuple[Array, Array, Array]
 
 
-@dataclass(frozen=True)
-class Closing:
-    """The program for one choice of given joints and targets.
-
-    Attributes:
-        parts: The modules that it closes.
-        rows: The loaded library.
-    """
-
-    parts: list[Part]
-    rows: ClosedRows
-
-
 class Assembler:
     """Assembles one robot in C.
 
@@ -61,12 +47,8 @@ class Assembler:
     def __init__(self, robot: HybridRobot) -> None:
         """Start without any program: each is written when requests need it."""
         self.robot, self.recomputed = robot, 0
-        self._known: dict[tuple[object, ...], Closing | None] = {}
+        self._known: dict[tuple[object, ...], Closing[ClosedRows] | None] = {}
         self._home: dict[tuple[object, ...], Place | None] = {}
-
-    def closing_of(self, requests: Requests) -> Closing | None:
-        """Return the program for requests that have been assembled before, if there is one."""
-        return self._known.get(structure_of(requests))
 
     def follow_motors(self, requests: Requests, q: Array) -> ClosedRows | None:
         """Return the program that closes a row from motors after a posture, see `ClosedRows.from_motors`.
@@ -75,7 +57,7 @@ class Assembler:
             requests: The requests for the posture, which has been assembled: positions of all motors.
             q: The posture, shape (nq,).
         """
-        closing = self.closing_of(requests)
+        closing = self._known.get(structure_of(requests))
         place = None if closing is None else place_of(self.robot, closing.parts, q)
         if closing is None or place is None:
             return None
@@ -110,7 +92,7 @@ class Assembler:
         given = numbers(closing.parts, wanted)
         return _Table(self, closing, requests, given, guess).close(place)
 
-    def _closing(self, wanted: list[ModuleRequest], key: tuple[object, ...]) -> Closing | None:
+    def _closing(self, wanted: list[ModuleRequest], key: tuple[object, ...]) -> Closing[ClosedRows] | None:
         """Load the program for some requests; build it if it is new."""
         parts, lanes = parts_of(self.robot, wanted), best_lanes()
         alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # rows share one workspace
@@ -133,7 +115,7 @@ class Assembler:
         rows = Artifact(robot, name, write, check).tried(ClosedRows, otherwise)
         return None if rows is None else Closing(parts, rows)
 
-    def _start(self, closing: Closing, key: tuple[object, ...], guess: Array) -> Place | None:
+    def _start(self, closing: Closing[ClosedRows], key: tuple[object, ...], guess: Array) -> Place | None:
         """Return the closed posture at a guess; that of the home posture is kept."""
         if not np.array_equal(guess, self.robot.home):
             return place_of(self.robot, closing.parts, guess)
@@ -149,7 +131,12 @@ class _Table:
     """One table of rows."""
 
     def __init__(
-        self, assembler: Assembler, closing: Closing, requests: Requests, given: Rows, guess: Array
+        self,
+        assembler: Assembler,
+        closing: Closing[ClosedRows],
+        requests: Requests,
+        given: Rows,
+        guess: Array,
     ) -> None:
         self.assembler, self.closing, self.requests = assembler, closing, requests
         self.given, self.guess = given, guess

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from .given import Given, given_of, numbers_of
 
 if TYPE_CHECKING:
     from ...equations.parts import Spin
+
+Rows = TypeVar("Rows")
 
 #: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
 #: the general path.
@@ -64,6 +66,19 @@ class Part:
     def platforms(self) -> int:
         """Number of the platforms' coordinates."""
         return 7 * len(self.module.mechanism.spec.platforms)
+
+
+@dataclass(frozen=True)
+class Closing(Generic[Rows]):
+    """The program for one choice of given joints and targets.
+
+    Attributes:
+        parts: The modules that it closes.
+        rows: The loaded library.
+    """
+
+    parts: list[Part]
+    rows: Rows
 
 
 def places_at(parts: Sequence[Part], postures: Sequence[Array], samples: int) -> tuple[Array, Array]:

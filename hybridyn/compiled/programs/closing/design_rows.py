@@ -24,7 +24,7 @@ from ...library.closed_rows import ClosedDesigns
 from ..designs import DesignsInSlots, designs_to_verify
 from ..sources import Artifact, kept, robot_key
 from .checking import Closer, check_rows
-from .choosing import Part, module_requests, numbers, parts_of, places_at, structure_of
+from .choosing import Closing, Part, module_requests, numbers, parts_of, places_at, structure_of
 
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
@@ -49,19 +49,6 @@ class DesignStates:
 
 
 @dataclass(frozen=True)
-class DesignClosing:
-    """The program for one choice of given joints and targets.
-
-    Attributes:
-        parts: The modules that it closes.
-        library: The loaded library.
-    """
-
-    parts: list[Part]
-    library: ClosedDesigns
-
-
-@dataclass(frozen=True)
 class DesignRequests:
     """A table as the programs take it.
 
@@ -73,7 +60,7 @@ class DesignRequests:
     """
 
     samples: int
-    closing: DesignClosing | None
+    closing: Closing[ClosedDesigns] | None
     given: States
     strict: bool
 
@@ -83,7 +70,7 @@ class DesignRows:
 
     def __init__(self, designs: DesignsInSlots, threads: int = 1, *, quick: bool = False) -> None:
         self.designs, self.robot, self.threads, self.quick = designs, designs.robot, threads, quick
-        self._known: dict[tuple[object, ...], DesignClosing | None] = {}
+        self._known: dict[tuple[object, ...], Closing[ClosedDesigns] | None] = {}
 
     def requests(self, requests: Requests) -> DesignRequests:
         """Return a table as the programs take it."""
@@ -136,27 +123,27 @@ class DesignRows:
         certain = np.zeros(len(slots), dtype=bool)
         if table.closing is not None:
             start = _guess(table.closing.parts, self.robot.home)
-            close = table.closing.library.close
+            close = table.closing.rows.close
             certain = close(slots, start, table.given, room, self.threads, strict=table.strict)
         for x in room if not certain.all() else ():
             x[~certain] = np.nan
         return DesignStates(*room, certain)
 
-    def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
+    def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> Closing[ClosedDesigns] | None:
         """Return the program for a choice of given joints and targets, or None."""
         try:
             return kept(self._known, structure_of(requests), partial(self._loaded, requests, wanted))
         except HybridynError:  # the nominal design cannot be assembled: others may be
             return None
 
-    def _loaded(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
+    def _loaded(self, requests: Requests, wanted: list[ModuleRequest]) -> Closing[ClosedDesigns] | None:
         """Load the program for a choice of given joints and targets; None if there is none."""
         parts = parts_of(self.robot, wanted)
         if parts is None:
             return None
         otherwise = "designs: the general path closes the loops"
         library = self._artifact(parts, requests).tried(ClosedDesigns, otherwise, quick=self.quick)
-        return DesignClosing(parts, library) if library else None
+        return Closing(parts, library) if library else None
 
     def _artifact(self, parts: list[Part], requests: Requests) -> Artifact:
         """Return the library of some parts; a new one is compared with the general path at some designs."""
