@@ -36,10 +36,9 @@ from ...spatial import Array, Index
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...tables.trajectory import Motion
-from .design_measures import measures_of
 from .evaluation import Designer
 from .following import Follower, follow
-from .measures import OF_MOTORS
+from .measures import OF_MOTORS, measures_of
 from .slot_numbers import SlotNumbers, Slotted
 from .study_file import PYTHON, TaskTable
 

@@ -11,6 +11,8 @@ from .study_file import MOST_DESIGNS, ParameterTable, StudyFile
 
 #: Smallest probability: a normal distribution is unbounded at 0 and 1.
 LEAST = 2.0**-53
+#: Ends of a range that is not stated, as that of a list of values.
+UNIT = (0.0, 1.0)
 
 
 class Designs:
@@ -55,10 +57,9 @@ class Designs:
         if self.method == "grid":
             places = np.unravel_index(numbers, [len(axis) for axis in self._axes])
             return np.column_stack([axis[at] for axis, at in zip(self._axes, places, strict=True)])
-        if self.method == "table":
-            assert self._all is not None
-            return self._all[start:stop]
         unit = self._unit(numbers)
+        if self.method == "table":
+            return unit
         columns = zip(unit.T, self.parameters.values(), strict=True)
         return np.column_stack([_quantile(part, one) for part, one in columns])
 
@@ -92,9 +93,8 @@ def _axis(one: ParameterTable) -> Array:
     """Return the values of a parameter on a grid."""
     if one.values is not None:
         return np.array(one.values)
-    assert one.range is not None
-    assert one.steps is not None
-    return np.linspace(one.range[0], one.range[1], one.steps)
+    lower, upper = one.range or UNIT
+    return np.linspace(lower, upper, one.steps or 1)
 
 
 def _quantile(unit: Array, one: ParameterTable) -> Array:
@@ -107,6 +107,5 @@ def _quantile(unit: Array, one: ParameterTable) -> Array:
         mean, deviation = one.normal
         out: Array = mean + deviation * ndtri(np.clip(unit, LEAST, 1 - LEAST))
         return out
-    assert one.range is not None
-    lower, upper = one.range
+    lower, upper = one.range or UNIT
     return lower + (upper - lower) * unit

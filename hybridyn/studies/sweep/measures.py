@@ -11,22 +11,23 @@ from __future__ import annotations
 import importlib.util
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.records import Description
+from ...description.records import Description, Joint
 from ...description.side_cars.toml_file import Keys
 from ...dynamics.link_motion import kinematics
 from ...errors import HybridynError, ModelError, TrajectoryError
-from ...spatial import Array
+from ...spatial import Array, Index
 from ...streams.postures import Postures
 from ...structure.robot import HybridRobot
 from ...tables.over_time import mean_over, rms_over
 from ...tables.signals import TWIST, UNITS
+from ...tables.trajectory import Motion
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
 from .study_file import PYTHON, StudyFile, python_of
@@ -87,6 +88,9 @@ def _of_link(robot: HybridRobot, block: Postures, link: str, quantity: str, comp
 def _absent(what: str, name: str, known: tuple[str, ...] | list[str]) -> TrajectoryError:
     return TrajectoryError(f"there is no {what} '{name}'{did_you_mean(name, known)}")
 
+
+if TYPE_CHECKING:
+    from ...compiled.programs.evaluating import DesignTable
 
 Loads = list[MotorLoad]
 
@@ -386,3 +390,69 @@ def call(functions: Mapping[str, Callable[..., Any]], word: str, robot: HybridRo
         raise
     except Exception as error:
         raise ModelError(f"'{word}': {type(error).__name__}: {error}") from error
+
+
+def measures_of(
+    robot: HybridRobot,
+    descriptions: Sequence[Description],
+    wanted: Mapping[str, str],
+    motion: Motion,
+    table: DesignTable,
+    chosen: Index,
+) -> list[dict[str, float] | None]:
+    """Compute the measures of designs that can make the whole motion.
+
+    A design's measures do not depend on the others.
+
+    Args:
+        robot: The robot whose models were compiled.
+        descriptions: Description of each chosen design, of which limits are read.
+        wanted: The measures by name; none is a function in Python.
+        table: Motions and efforts of designs.
+        chosen: Numbers of the chosen designs in the table.
+
+    Returns:
+        Measures of each chosen design by name; None where a column cannot be computed.
+    """
+    of_motors = {name: word for name, word in wanted.items() if word in OF_MOTORS}
+    others = {name: word for name, word in wanted.items() if word not in OF_MOTORS}
+    out: list[dict[str, float] | None] = [{} for _ in chosen]
+    if of_motors:
+        out = [*_loads(robot, descriptions, of_motors, motion, table, chosen)]
+    for i, k in enumerate(chosen.tolist() if others else ()):
+        gauge = Gauge(replace(robot, description=descriptions[i]), others, {})
+        try:
+            gauge.add(Postures(motion, table.q[k], table.v[k], table.a[k]), table.tau[k])
+            out[i] = {**(out[i] or {}), **gauge.values()}
+        except Exception:  # the general path says what is wrong
+            out[i] = None
+    return out
+
+
+def _loads(
+    robot: HybridRobot,
+    descriptions: Sequence[Description],
+    words: Mapping[str, str],
+    motion: Motion,
+    table: DesignTable,
+    chosen: Index,
+) -> list[dict[str, float]]:
+    """Compute measures of motors, which stand side by side, those of a design together."""
+    records: dict[int, list[Joint]] = {}
+    joints = []
+    for description in descriptions:
+        if id(description) not in records:
+            by_name = {joint.name: joint for joint in description.joints}
+            records[id(description)] = [by_name[name] for name in robot.motors]
+        joints += records[id(description)]
+    sizing = Sizing(robot, joints)
+    position, speed = motor_rows(robot, table.q[chosen], table.v[chosen])
+    sizing.add(motion.time, motion.first_row, *map(_aside, (position, speed, table.tau[chosen])))
+    loads, count = sizing.loads(), len(robot.motors)
+    own = [loads[i : i + count] for i in range(0, len(loads), count)]
+    return [{name: OF_MOTORS[word](each) for name, word in words.items()} for each in own]
+
+
+def _aside(x: Array) -> Array:
+    """Return rows of designs, shape (designs, T, motors), side by side, shape (T, designs x motors)."""
+    return x.swapaxes(0, 1).reshape(x.shape[1], -1)

@@ -16,10 +16,9 @@ Paths are relative to the study's folder; a shipped robot needs only its name.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
@@ -140,20 +139,15 @@ class Study(Schema):
     def _values(self) -> Study:
         for name, one in self.parameters.items():
             if self.designs.method != "table":
-                with_name(name, exactly_one, one, "range", "normal", "values")
+                try:
+                    exactly_one(one, "range", "normal", "values")
+                except ValueError as error:
+                    raise ValueError(f"parameter '{name}': {error}") from None
             elif one.range or one.normal or one.values:
                 raise ValueError(f"parameter '{name}': its values are those of the table")
             if self.designs.method == "grid" and not (one.values or one.steps):
                 raise ValueError(f"parameter '{name}': a grid needs 'values', or a 'range' with 'steps'")
         return self
-
-
-def with_name(name: str, check: Callable[..., None], *arguments: Any) -> None:
-    """Run a check of a parameter; a ValueError names the parameter."""
-    try:
-        check(*arguments)
-    except ValueError as error:
-        raise ValueError(f"parameter '{name}': {error}") from None
 
 
 #: Between file and function of a measure in Python.

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from ...linkage.targets import COORDINATES
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits
 from ...structure.robot import HybridRobot
-from .measures import Measures
 from .sweep import Sweep, pose_of
 
 #: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
@@ -127,28 +125,6 @@ MOST = 200_000
 Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
 
 
-def in_this_process(function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-    """Apply a function to tuples of arguments, one after the other."""
-    return itertools.starmap(function, tasks)
-
-
-@dataclass(frozen=True)
-class Work:
-    """The computations on chunks of postures. Pickled once for each other process.
-
-    Attributes:
-        closing: Steps from poses to neighbouring ones.
-        measures: Measures postures.
-    """
-
-    closing: Closing
-    measures: Measures
-
-    def __call__(self, what: str, *arguments: Any) -> Any:
-        """Run one of the two computations, "close" or "measure"."""
-        return self.closing(*arguments) if what == "close" else self.measures(*arguments)
-
-
 #: A lattice point: steps from the origin along each axis.
 Point = tuple[int, ...]
 #: A step from one point to a neighbour.
@@ -158,15 +134,16 @@ Pair = tuple[Point, Point]
 class Flood:
     """The lattice points that are reached, and the steps that remain to be tried."""
 
-    def __init__(self, work: Work, start: Array, step: Array, q: Array) -> None:
+    def __init__(self, close: Closing, start: Array, step: Array, q: Array) -> None:
         """Start at the origin.
 
         Args:
+            close: Steps from poses to neighbouring ones.
             start: Coordinates of the origin, shape (names,), [m, rad].
             step: Step of each swept coordinate, shape (axes,), [m, rad].
             q: Posture of the module at the origin, shape (its nq,).
         """
-        self.work, self.close, self.start, self.step = work, work.closing, start, step
+        self.close, self.start, self.step = close, start, step
         names = self.close.sweep.names
         self.columns = [names.index(axis) for axis in self.close.sweep.axes]
         self.angular = [COORDINATES.index(axis) >= 3 for axis in self.close.sweep.axes]
@@ -201,7 +178,7 @@ class Flood:
         while (found := self._next()) is not None:
             level, pairs = found
             done = 0
-            for q, state in spread(self.work, self._chunks(level, pairs)):
+            for q, state in spread(self.close, self._chunks(level, pairs)):
                 for posture, what, pair in zip(q, state, pairs[done : done + len(q)], strict=True):
                     self._record(level, pair, posture, int(what))
                 done += len(q)
@@ -252,4 +229,4 @@ class Flood:
         for i in range(0, len(pairs), CHUNK):
             part = pairs[i : i + CHUNK]
             before, after = (self.values(np.array([pair[side] for pair in part])) for side in (0, 1))
-            yield "close", PARTS[level], before, after, np.array([self.reached[at] for at, _ in part])
+            yield PARTS[level], before, after, np.array([self.reached[at] for at, _ in part])

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import starmap
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ...linkage.targets import COORDINATES
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot, joint_position
 from ...threads import one_thread
-from .flood import CHUNK, OUT_OF_REACH, REACHED, Closing, Flood, Spread, Work, in_this_process
+from .flood import CHUNK, OUT_OF_REACH, REACHED, Closing, Flood, Spread
 from .measures import Measures
 from .sweep import Sweep, find_sweep, values_at
 
@@ -75,7 +76,7 @@ def workspace(
     at: Mapping[str, float] | None = None,
     steps: Mapping[str, float] | None = None,
     limits: bool = True,
-    spread: Spread = in_this_process,
+    spread: Spread = starmap,
     progress: Callable[[int], None] | None = None,
 ) -> Workspace:
     """Find every pose on a lattice that a module's platform reaches from home.
@@ -102,12 +103,12 @@ def workspace(
     home = _closed_home(robot)
     sweep = find_sweep(robot, module, link, axes, home)
     start, step = values_at(sweep, at or {}), _steps(robot, sweep, steps or {})
-    work = Work(Closing(robot, sweep, limits), Measures(robot, sweep))
+    close, measures = Closing(robot, sweep, limits), Measures(robot, sweep)
     columns = robot.modules[sweep.module].q_index
     q0 = home.copy()
-    q0[columns] = _at_start(work.closing, start, home)
-    _check_origin(work.closing, q0[columns])
-    flood = Flood(work, start, step, q0[columns])
+    q0[columns] = _at_start(close, start, home)
+    _check_origin(close, q0[columns])
+    flood = Flood(close, start, step, q0[columns])
     flood.run(spread, progress)
     index, inner = flood.found()
     q = np.tile(q0, (len(index), 1))
@@ -120,7 +121,7 @@ def workspace(
         coordinates=flood.values(index),
         q=q,
         motors=_motors(robot, sweep, q),
-        measures=_measured(work, q, spread),
+        measures=_measured(measures, q, spread),
         blocked=dict(flood.blocked),
     )
 
@@ -130,8 +131,13 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
     for name in given:
         if name not in sweep.axes:
             raise TrajectoryError(f"'{name}' is not swept; the swept coordinates are {', '.join(sweep.axes)}")
-    length = robot.modules[sweep.module].mechanism.length
-    return np.array([_step(name, sweep, length, given) for name in sweep.axes])
+    length, dimensions, out = robot.modules[sweep.module].mechanism.length, len(sweep.axes), []
+    for name in sweep.axes:
+        linear = COORDINATES.index(name) < 3
+        out.append(given.get(name, length / POINTS[dimensions] if linear else TURNS[dimensions]))
+        if not 0 < out[-1] < np.inf:
+            raise ModelError(f"the step of '{name}' must be positive, not {out[-1]:g}")
+    return np.array(out, dtype=float)
 
 
 def _check_origin(close: Closing, q: Array) -> None:
@@ -148,9 +154,9 @@ def _check_origin(close: Closing, q: Array) -> None:
     )
 
 
-def _measured(work: Work, q: Array, spread: Spread) -> dict[str, Array]:
+def _measured(measures: Measures, q: Array, spread: Spread) -> dict[str, Array]:
     """Compute the measures of postures, shape (n,) each."""
-    parts = list(spread(work, (("measure", q[i : i + CHUNK]) for i in range(0, len(q), CHUNK))))
+    parts = list(spread(measures, ((q[i : i + CHUNK],) for i in range(0, len(q), CHUNK))))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -189,12 +195,3 @@ def _at_start(close: Closing, start: Array, home: Array) -> Array:
         "origin",
         module=close.robot.modules[sweep.module].name,
     )
-
-
-def _step(name: str, sweep: Sweep, length: float, steps: Mapping[str, float]) -> float:
-    """Return the step of one coordinate [m or rad]; ModelError if it is not positive."""
-    linear, dimensions = COORDINATES.index(name) < 3, len(sweep.axes)
-    step = steps.get(name, length / POINTS[dimensions] if linear else TURNS[dimensions])
-    if not 0 < step < np.inf:
-        raise ModelError(f"the step of '{name}' must be positive, not {step:g}")
-    return float(step)
