@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -139,30 +139,6 @@ def motors_given(robot: HybridRobot, parts: Sequence[Part]) -> list[int]:
     return order if sorted(order) == list(range(len(robot.motors))) else []
 
 
-class Placed(Mapping[int, Motion]):
-    """The motions of bodies that requests may refer to; those that do not matter are at rest.
-
-    A pose relative to the base of its own module needs no motion of the base.
-    """
-
-    def __init__(self, samples: int) -> None:
-        self.known = {0: Motion.at_rest(samples)}
-        self.reached = {0}
-        self._still = self.known[0]
-
-    def __contains__(self, body: object) -> bool:
-        return body in self.reached
-
-    def __getitem__(self, body: int) -> Motion:
-        return self.known.get(body, self._still)
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self.reached)
-
-    def __len__(self) -> int:
-        return len(self.reached)
-
-
 def modules_of(robot: HybridRobot) -> list[tuple[int, Module]]:
     """Return the modules that requests close, with their numbers: all but a free base."""
     first = 1 if robot.base == "floating" else 0
@@ -172,17 +148,20 @@ def modules_of(robot: HybridRobot) -> list[tuple[int, Module]]:
 def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleRequest] | None:
     """Build the request for each module; None if one depends on the posture of another module.
 
+    A pose relative to the base of its own module needs no motion of the base.
+
     Raises:
         HybridynError: As in `assembly.module_request`.
     """
-    placed, out = Placed(requests.samples), []
+    still, out = Motion.at_rest(requests.samples), list[ModuleRequest]()
+    placed, known = {0: still}, {0}  # the motions that are not known do not matter
     far = not on_own_bases(requests, robot)
     for k, module in modules_of(robot):
         base = robot.bodies.place[module.base][0]
         poses = [p for p in requests.poses if robot.body_owner[robot.bodies.place[p.link][0]][0] == k]
         for pose in poses:
             other = robot.bodies.place[pose.other][0]
-            if other != base and other in placed and not {other, base} <= placed.known.keys():
+            if other != base and other in placed and not {other, base} <= known:
                 return None
         own = [pose for pose in poses if _is_own(robot, pose, base)]
         others = tuple(pose for pose in poses if pose not in own)
@@ -192,9 +171,13 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
             body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
             request.give_floating(module.mechanism.cut.tree_body(body) - 1, _of_platform(robot, pose))
         out.append(request)
+        placed |= dict.fromkeys((robot.body_of_joint[joint] for joint in module.joints), still)
         for pose in poses if far else ():
-            _place(robot, placed, pose)
-        placed.reached |= {robot.body_of_joint[joint] for joint in module.joints}
+            other = robot.bodies.place[pose.other][0]
+            if pose.motion is not None and other in known:
+                body = robot.bodies.place[pose.link][0]
+                placed[body] = _of_body(robot, pose, placed[other])
+                known.add(body)
     return out
 
 
@@ -224,14 +207,13 @@ def _of_platform(robot: HybridRobot, pose: PoseRequest) -> Motion:
     )  # fmt: skip
 
 
-def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
-    """Add the motion of a body whose whole pose is given."""
-    body, R, p = robot.bodies.place[pose.link]
-    other, R_other, p_other = robot.bodies.place[pose.other]
-    if pose.motion is not None and other in placed.known:
-        samples = len(pose.motion.p)
-        link = placed.known[other].then(Motion.at_rest(samples, R_other, p_other)).then(pose.motion)
-        placed.known[body] = link.then(Motion.at_rest(samples, R.T, -R.T @ p))
+def _of_body(robot: HybridRobot, pose: PoseRequest, other: Motion) -> Motion:
+    """Compute the motion of the body whose whole pose is given in another body, of known motion."""
+    _, R, p = robot.bodies.place[pose.link]
+    assert pose.motion is not None
+    in_other = Motion.at_rest(len(pose.motion.p), *robot.bodies.place[pose.other][1:])
+    link = other.then(in_other).then(pose.motion)
+    return link.then(Motion.at_rest(len(pose.motion.p), R.T, -R.T @ p))
 
 
 def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
