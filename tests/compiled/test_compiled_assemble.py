@@ -240,7 +240,8 @@ def condition_of(robot: hybridyn.HybridRobot, q: Array) -> float:
             x = m.cut.positions(q[:, module.q_index])
             K = m.reduction.scaled(m.closures.matrix(m.tree.sweep(x)))
             s = np.linalg.svd(np.delete(K, module.motor_columns, axis=2), compute_uv=False)
-            worst = max(worst, float((s[:, 0] / s[:, min(m.reduction.rank, s.shape[1]) - 1]).max()))
+            if s.size:  # motors may leave no other freedom
+                worst = max(worst, float((s[:, 0] / s[:, min(m.reduction.rank, s.shape[1]) - 1]).max()))
     return worst
 
 
