@@ -15,8 +15,8 @@ import pytest
 import hybridyn
 from hybridyn.effects import choose
 from hybridyn.scenes.stage import Stage, stage
-from hybridyn.studies.cost import models, points, quantities, runner, runs, settings
-from hybridyn.studies.cost.models import UNJUDGED, Measured, Trajectory, study_models
+from hybridyn.studies.cost import models, points, quantities, runs, settings
+from hybridyn.studies.cost.models import UNJUDGED, Measured, Trajectory, by_rates, study_models
 from hybridyn.studies.cost.points import (
     Point,
     Study,
@@ -29,10 +29,8 @@ from hybridyn.studies.cost.points import (
     fronts,
     timed,
 )
-from hybridyn.studies.cost.runner import Runner, distance, errors
-from hybridyn.studies.cost.runs import needed_effects, study_runs, typical_step
+from hybridyn.studies.cost.runs import Runner, distance, errors, needed_effects, study_runs, typical_step
 from hybridyn.studies.cost.settings import effects_fragment
-from hybridyn.studies.cost.stages import by_rates
 from hybridyn.tables.rates import derivatives
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
@@ -193,11 +191,12 @@ def test_friction_matters_more_when_the_same_path_is_slower() -> None:
 
 
 def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    def absent(*_: object) -> None:
+    def absent(*_: object, **__: object) -> None:
         """Have no compiler."""
         raise hybridyn.CompileError("no compiler")
 
-    monkeypatch.setattr(quantities.Models, "compiled", absent)
+    for room in (quantities, models):
+        monkeypatch.setattr(room, "compile", absent)
     monkeypatch.setattr(models, "exact", absent)
     monkeypatch.setattr(points, "clock", Clock(tick=1e-3))
     robot = hybridyn.load("five_bar")
@@ -293,8 +292,8 @@ def swing() -> Study:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(settings, "FACTORS", (8.0, 4.0))
         patch.setattr(settings, "TOLERANCES", (1e-3, 1e-7))
-        patch.setattr(runner, "LADDER", (1e-10, 1e-12))
-        patch.setattr(runner, "clock", Clock(tick=1e-6))  # times are numbers of steps
+        patch.setattr(runs, "LADDER", (1e-10, 1e-12))
+        patch.setattr(runs, "clock", Clock(tick=1e-6))  # times are numbers of steps
         return study_runs(stage(SWING), SHORT)
 
 
@@ -433,7 +432,7 @@ def test_an_event_ends_every_run(tmp_path: Path) -> None:
 def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(runner, "clock", Clock(tick=1.0))
+    monkeypatch.setattr(runs, "clock", Clock(tick=1.0))
     scene = Runner(stage(SWING), 2.0)
     usual = settings.usual_setting(scene.ready.source, compiled=False)
     early, _ = scene.run(usual, 3.5)
@@ -451,7 +450,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
 @pytest.mark.slow
 def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
     needs("compiled")
-    monkeypatch.setattr(runner, "clock", Clock(tick=0.1))  # s a step
+    monkeypatch.setattr(runs, "clock", Clock(tick=0.1))  # s a step
     study = study_runs(stage(SWING), 2.0)
     assert any("s are measured: --seconds gives more time" in said for said in study.remarks)
     assert advice(study, 1e-3)[0].startswith("For 0.1 % on the last posture, take")

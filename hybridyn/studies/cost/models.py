@@ -6,38 +6,42 @@ setting replaces one of them. Compiled ways come early, since they are the ones 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...assembly.assemble import assemble
+from ...compiled.compiling import compile
+from ...description.names import listed
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from ...tables.rates import derivatives
 from ..compare.engine import NotComparableError
 from ..compare.methods import Method, each, methods_of, swept, written
-from .points import ADVISED, ROUNDS, Point, Progress, Step, Study, fill, timed
+from .points import ADVISED, ROUNDS, Point, Progress, Step, Study, Worth, fill, timed
 from .quantities import (
     EVERY,
     GENERAL,
     IN_C,
     QUANTITIES,
     SLOWER,
-    Models,
     Way,
     blocks,
     exact,
     extrapolated,
+    in_c,
     motors_of,
     off,
+    operations,
     solver,
     ways,
 )
-from .stages import by_effects, by_rates, optional
+from .settings import model_fragment
 
 if TYPE_CHECKING:
     from ...tables.trajectory import Motion
@@ -123,8 +127,7 @@ def study_models(
         )
     run = Measured(study, robot, trajectory, effects, quantity)
     steps: list[Step] = [
-        (way.method.name, len(way.method.settings), run.by_way(way))
-        for way in ways(run.models, quantity, effects)
+        (way.method.name, len(way.method.settings), run.by_way(way)) for way in ways(quantity, effects)
     ]
     motion = trajectory.motion
     if quantity == "close" or (run.stages and motion and {*motion.joints} == {*robot.motors}):
@@ -145,7 +148,6 @@ class Measured:
     Attributes:
         study: Receives the reference and remarks.
         robot, trajectory, effects, quantity: As `study_models` takes them.
-        models: The compiled models.
         motions: States of the motion, and of the same path at another speed.
         exact: The quantity there, as blocks of shape (T, ...).
         rows: Numbers of the states that are computed one by one.
@@ -158,7 +160,7 @@ class Measured:
     ) -> None:
         """Compute the states and the reference."""
         self.study, self.robot, self.trajectory = study, robot, trajectory
-        self.effects, self.quantity, self.models = effects, quantity, Models(robot)
+        self.effects, self.quantity = effects, quantity
         self.closing = dict.fromkeys((GENERAL, IN_C), 0.0)
         self.stages = quantity == "idm" and trajectory.motion is not None
         count = min(len(trajectory.q), DERIVED if quantity.endswith("jacobian") else SAMPLES)
@@ -174,7 +176,7 @@ class Measured:
         """Return the quantity at both motions, its own error, and how it was found."""
         asked = self.quantity, self.robot, self.effects
         if self.quantity.endswith("jacobian"):
-            both = [extrapolated(self.models, self.quantity, self.effects, state) for state in self.motions]
+            both = [extrapolated(*asked, state) for state in self.motions]
             return [x[0] for x in both], max(x[1] for x in both), "extrapolated central differences"
         try:
             found = [exact(*asked, state) for state in self.motions]
@@ -225,7 +227,7 @@ class Measured:
         """Time closing, the model, and both in one, in turn; remark if the stages do not add up."""
         assert self.trajectory.motion is not None
         part = self.trajectory.motion.part(0, CLOSED_SLOWLY if stage == GENERAL else CLOSED)
-        model = None if stage == GENERAL else self.models.compiled(self.effects)
+        model = None if stage == GENERAL else compile(self.robot, self.effects)
         close: Any = model.assemble if model else partial(assemble, self.robot)
         given = {"motors": part.joints, "platforms": part.platforms, "guess": self.trajectory.q[0]}
         call = partial(close, **given)
@@ -242,7 +244,7 @@ class Measured:
 
     def by_ticks(self) -> Iterator[Point]:
         """Measure calls from the motors, tick after tick, as a controller makes them."""
-        model, name = self.models.compiled(self.effects), TICKS[self.quantity]
+        model, name = compile(self.robot, self.effects), TICKS[self.quantity]
         motors = motors_of(self.robot, *(x[:TICKED] for x in self.trajectory[:3]))
 
         def calls() -> None:
@@ -273,3 +275,104 @@ class Measured:
                 refusals.append(str(error))
         if len(refusals) >= len(methods):
             raise NotComparableError("; ".join(dict.fromkeys(refusals)))
+
+
+#: Effects that are never omitted: those of platforms and serial links.
+KEPT = ("gravity", "inertia")
+
+#: Number of rows at either end that are ignored, since the rates of a spline are inaccurate there.
+EDGE = 40
+
+#: If efforts differ by less than this (relative), the table had no rates: its rates are those of the spline.
+SAME_RULE = 1e-12
+
+
+def optional(effects: Effects) -> list[str]:
+    """Return the names of the effects that may be left out."""
+    return [name for name in effects.names if name not in KEPT]
+
+
+def without(effects: Effects, gone: Sequence[str]) -> Effects:
+    """Return effects without some of them."""
+    return effects.only([name for name in effects.names if name not in gone])
+
+
+def spared(worth: Sequence[Worth], target: float, error: Callable[[list[str]], float]) -> list[str]:
+    """Return the effects that an error allows to leave out, the least important first.
+
+    Args:
+        error: Gives the error without some effects together.
+    """
+    gone: list[str] = []
+    for one in sorted((one for one in worth if one.computed), key=lambda one: one.error):
+        if one.error > target or error([*gone, one.effect]) > target:
+            break
+        gone.append(one.effect)
+    return gone
+
+
+def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
+    """Measure what each effect is worth; then build and run the set that suffices for an error.
+
+    Errors without an effect are those of the general path; its time follows from the operations of the
+    compiled model.
+    """
+    quantity, robot, on = run.quantity, run.robot, run.effects
+    every, worth = operations(robot, on, quantity), list[Worth]()
+
+    def error(gone: Sequence[str]) -> float:
+        """Return the error without some effects, infinite for a motion without mass."""
+        try:
+            return run.errors(solver(quantity, robot, without(on, gone)))[0]
+        except HybridynError:
+            return float("inf")
+
+    for name in optional(on):
+        share = 1.0 - operations(robot, without(on, [name]), quantity) / every
+        worth.append(Worth(name, error([name]), share, computed=True))
+        yield worth[-1]
+    if gone := spared(worth, target, error):
+        left = without(on, gone)
+        method = Method(IN_C, quantity, partial(in_c, quantity, left, "float64"), batches=True)
+        names = listed([name.replace("_", " ") for name in gone])
+        what, lines = f"drop {names} and compute in C", model_fragment(left.names, "compiled", quantity)
+        yield from run.by_way(Way(method, "command", what, lines, f"without {names}"))
+
+
+def by_rates(run: Measured) -> Iterator[Point]:
+    """Compare rates from a spline and from differences of the motors' positions with those of the table.
+
+    Raises:
+        HybridynError: There is nothing to compare.
+    """
+    robot, time, (q, v, a) = run.robot, run.trajectory.time, run.trajectory[:3]
+    kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
+    if time is None or len(time) < 3 * EDGE:
+        raise HybridynError(f"not measured: needs times and {3 * EDGE} rows or more")
+    if robot.base != "fixed" or kinds - {"revolute", "prismatic"}:
+        raise HybridynError("not measured: needs a fixed base and motors on revolute and prismatic joints")
+    x, inner = q[:, robot.motor_q], slice(EDGE, len(time) - EDGE)
+    efforts, model = solver("idm", robot, run.effects), compile(robot, run.effects)
+    (wanted,) = blocks(efforts(q[inner], v[inner], a[inner]))
+    after = next(point.seconds for point in run.study.points if point.line == IN_C)
+    rules = {
+        "quintic spline": partial(derivatives, time, x, slice(0, len(time))),
+        "central differences": partial(_differences, time, x),
+    }
+    for words, rule in rules.items():
+        moved = model.assemble(motors=(x, *rule()), guess=q[0])
+        error = off(efforts(*(one[inner] for one in moved)), wanted)
+        if error < SAME_RULE:
+            raise HybridynError("not measured: the table states none, so there is nothing to compare with")
+        own = timed(rule)[0] / len(time)
+        yield Point(
+            "rates of the trajectory", words, error, own + after,
+            f"# rates by {words} of the motors' positions", use="program", what=f"take rates by {words}",
+            own=own,
+        )  # fmt: skip
+
+
+def _differences(time: Array, x: Array) -> tuple[Array, Array]:
+    """Fit rates by central differences."""
+    rate = np.gradient(x, time, axis=0)
+    return rate, np.gradient(rate, time, axis=0)

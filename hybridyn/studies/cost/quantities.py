@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -68,31 +67,6 @@ class Way(NamedTuple):
     threads: int = 1
 
 
-class Models:
-    """The compiled models of a robot, built when they are first requested, and kept.
-
-    Attributes:
-        robot: The robot.
-    """
-
-    def __init__(self, robot: HybridRobot) -> None:
-        self.robot, self._found = robot, dict[tuple[Any, ...], CompiledRobot]()
-
-    def compiled(
-        self, effects: Effects, dtype: str = "float64", threads: int = 1, parameters: Sequence[str] = ()
-    ) -> CompiledRobot:
-        """Return a model.
-
-        Raises:
-            HybridynError: It cannot be built.
-        """
-        key = effects.names, dtype, threads, parameters
-        options: dict[str, Any] = {"dtype": dtype, "threads": threads, "parameters": parameters}
-        if key not in self._found:
-            self._found[key] = compile(self.robot, effects, **options)
-        return self._found[key]
-
-
 def off(found: Array, exact: Array, rows: Any = slice(None)) -> float:
     """Compare a block: efforts each with the peak of its motor, other numbers with the largest of all."""
     peak = np.abs(exact).max(axis=0) if exact.ndim == 2 else np.abs(exact).max()
@@ -106,12 +80,12 @@ def blocks(found: Any) -> list[Array]:
     return [np.asarray(x, dtype=float) for x in (parts if isinstance(parts, tuple | list) else [parts])]
 
 
-def ways(models: Models, quantity: str, effects: Effects) -> list[Way]:
+def ways(quantity: str, effects: Effects) -> list[Way]:
     """Return the ways to compute a quantity, the usual one first."""
     call = "# hybridyn.compile(robot, effects{}).{}"
     if quantity.endswith("jacobian"):
         derive = Method(IN_C, quantity, partial(_derivatives, quantity, effects), batches=True)
-        setup = partial(differences, models, quantity, effects)
+        setup = partial(differences, quantity, effects)
         swept = Method(DIFFERENCES, quantity, setup, grid(step=STEPS))
         return [
             Way(derive, "usual", "keep the derivatives in C", f'# hybridyn.{quantity}(coordinates="motors")'),
@@ -119,7 +93,7 @@ def ways(models: Models, quantity: str, effects: Effects) -> list[Way]:
         ]
     slow = Method(GENERAL, quantity, lambda robot: lambda _: solver(quantity, robot, effects), batches=True)
     fast, single = (
-        Method(line, quantity, partial(in_c, models, quantity, effects, dtype), batches=True, threads=True)
+        Method(line, quantity, partial(in_c, quantity, effects, dtype), batches=True, threads=True)
         for line, dtype in ((IN_C, "float64"), (SINGLE, "float32"))
     )
     if quantity == "close":
@@ -160,12 +134,11 @@ def solver(quantity: str, robot: HybridRobot, effects: Effects, model: CompiledR
     return partial(idm if quantity == "idm" else ddm, robot, effects=effects)
 
 
-def in_c(
-    models: Models, quantity: str, effects: Effects, dtype: str, robot: HybridRobot, threads: int = 1
-) -> Any:
+def in_c(quantity: str, effects: Effects, dtype: Any, robot: HybridRobot, threads: int = 1) -> Any:
     """Prepare a compiled model."""
     free = tuple(design_of(robot)) if quantity == "designs" else ()
-    solve = solver(quantity, robot, effects, models.compiled(effects, dtype, threads, free))
+    model = compile(robot, effects, dtype=dtype, threads=threads, parameters=free)
+    solve = solver(quantity, robot, effects, model)
     return lambda setting: solve
 
 
@@ -193,9 +166,9 @@ def _derivatives(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
     return lambda setting: derive
 
 
-def differences(models: Models, quantity: str, effects: Effects, robot: HybridRobot) -> Any:
+def differences(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
     """Prepare central differences of the compiled model over the motors."""
-    model, n = models.compiled(effects), len(robot.motors)
+    model, n = compile(robot, effects), len(robot.motors)
     inverse = quantity == "idm_jacobian"
 
     def at_setting(setting: Setting) -> Any:
@@ -232,7 +205,9 @@ def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> 
     return [np.asarray(x, dtype=float) for x in found]
 
 
-def extrapolated(models: Models, quantity: str, effects: Effects, state: State) -> tuple[list[Array], float]:
+def extrapolated(
+    quantity: str, robot: HybridRobot, effects: Effects, state: State
+) -> tuple[list[Array], float]:
     """Compute derivatives by central differences, extrapolated to a step of zero.
 
     Code of derivatives in 113 bits takes minutes to build.
@@ -240,7 +215,7 @@ def extrapolated(models: Models, quantity: str, effects: Effects, state: State) 
     Returns:
         Blocks of shape (T, motors, motors), and their own error, relative to the largest number of each.
     """
-    at = differences(models, quantity, effects, models.robot)
+    at = differences(quantity, effects, robot)
     samples = [*zip(*state, strict=True)]
     coarse, middle, fine = (
         np.array([at({"step": factor * EXTRAPOLATED})(*sample) for sample in samples]) for factor in (4, 2, 1)

@@ -8,17 +8,25 @@ every effect that is stated, and of the effects that are needed. Single effects 
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
+from ...compiled.compiling import compile
 from ...effects.choice import UNITS, Effects, choose, stated_names
 from ...errors import HybridynError
 from ...scenes.stage import Stage
+from ...simulation.result import Result
+from ...simulation.simulate import simulate
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from .models import spared, without
 from .points import ADVISED, SECONDS, Point, Progress, Step, Study, Worth, cheapest, fill
 from .quantities import SLOWER, operations
-from .runner import Runner, errors
 from .settings import (
     FACTORS,
     Setting,
@@ -27,7 +35,154 @@ from .settings import (
     setting_of,
     usual_setting,
 )
-from .stages import spared, without
+
+#: Number of measurements of a short run, and the longest time of such a run [s].
+ROUNDS, SHORT = 3, 0.3
+#: Part of a time that the first run takes at most. Where it is stopped, the scene is as many times as short,
+#: since tighter tolerances take longer.
+SHORTER = 4.0
+#: Times at which postures are compared, as parts of a run; early ones judge a run that is stopped. A
+#: controller in Python takes long at each.
+OUTPUTS = np.array([0.0, 0.01, 0.03, 0.1, 0.3, 0.6, 1.0])
+#: Part of a scene that is run in C before anything is timed.
+BEGINNING = 1e-6
+#: Relative tolerances: of the run that finds the end, and of those that lead to the reference.
+FIRST, LADDER = 1e-6, (1e-8, 1e-10, 1e-11, 1e-12)
+
+
+#: The outputs of a run so far, and its computing time [s].
+Run = tuple[Result, float]
+
+
+class Runner:
+    """Runs one scene with any setting.
+
+    Attributes:
+        ready: The scene.
+        duration: Time to simulate [s].
+        start: Positions and rates at the start.
+        reference, exact, own_error: Setting and run of the reference, and its error.
+        near: The looser settings that led to the reference, with their runs, until they are measured.
+    """
+
+    def __init__(self, ready: Stage, duration: float) -> None:
+        self.ready, self.duration, self.start = ready, duration, (ready.q0, ready.v0)
+        self.near = dict[str, tuple[Setting, Run]]()
+
+    def run(
+        self, setting: Setting, limit: float, *, effects: Effects | None = None, watch: bool = False
+    ) -> Run:
+        """Run once.
+
+        Args:
+            limit: Processor time after which the run is stopped [s].
+            effects: The effects; those of the scene by default.
+            watch: Whether the scene's events may end the run.
+
+        Raises:
+            HybridynError: The run fails.
+        """
+        ready, on = self.ready, self.ready.effects if effects is None else effects
+        model = compile(ready.robot, on) if setting.compiled else None
+        stopped, start = False, clock.process_time()
+
+        def after_step(t: float, end: float) -> None:
+            """Stop a run that takes too long."""
+            nonlocal stopped
+            if clock.process_time() - start > limit:
+                stopped = True
+                raise KeyboardInterrupt
+
+        result = simulate(
+            ready.robot, *self.start, (0.0, self.duration), effort=ready.effort, effects=on, compiled=model,
+            events=ready.events if watch else (), progress=after_step,
+            output_times=self.duration * OUTPUTS, **setting.options,
+        )  # fmt: skip
+        seconds = clock.process_time() - start
+        if result.status == "interrupted" and not stopped:
+            raise KeyboardInterrupt
+        if result.status not in ("finished", "event", "interrupted"):
+            raise HybridynError(f"the run ended at {result.t[-1]:.3g} s: {result.status} {result.message}")
+        return result, seconds
+
+    def measured(self, setting: Setting, limit: float) -> Run:
+        """Run, several times if a run is quick, and return the least time.
+
+        Raises:
+            HybridynError: As `run`.
+        """
+        result, seconds = self.near.pop(setting.fragment, (setting, None))[1] or self.run(setting, limit)
+        again = ROUNDS - 1 if seconds < SHORT else 0
+        return result, min([seconds, *(self.run(setting, limit)[1] for _ in range(again))])
+
+    def find_reference(self, compiled: bool, limit: float) -> Result:
+        """Find the end of the scene, and the reference: the tightest tolerance that takes so long.
+
+        dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish. Where the end
+        is not reached in time, the scene ends early.
+
+        Args:
+            compiled: Whether accelerations are computed in C.
+            limit: Time that the runs take together [s]; the one before takes a part of it at most.
+
+        Returns:
+            The run that found the end.
+
+        Raises:
+            HybridynError: There are no two runs to compare.
+        """
+        whole, why = self.duration, "two runs by dopri5 or the implicit method must finish"
+        for method in ("dopri5", "implicit"):
+            found: list[tuple[Setting, Run]] = []
+            try:
+                if compiled:
+                    self.duration = BEGINNING * whole
+                    self.run(setting_of(method, FIRST, compiled), np.inf)  # builds and loads what it needs
+                self.duration = whole
+                first, _ = self.run(setting_of(method, FIRST, compiled), limit / SHORTER, watch=True)
+                self.duration = float(first.state.t) / (1.0 if first.status != "interrupted" else SHORTER)
+                left = limit
+                for setting in (setting_of(method, rtol, compiled) for rtol in LADDER):
+                    run, seconds = self.run(setting, limit)
+                    if run.status == "interrupted":
+                        break
+                    found.append((setting, (run, seconds)))
+                    left -= seconds
+                    if len(found) > 1 and left < 2.0 * seconds:  # the next one takes longer
+                        break
+            except HybridynError as error:
+                why = str(error)
+            if len(found) > 1:
+                self.reference, (self.exact, _) = found.pop()
+                own = errors(self.ready.robot, found[-1][1][0], self.exact)["error"]
+                self.near = {setting.fragment: (setting, run) for setting, run in found}
+                self.own_error = max(own, 2.0**-53)
+                return first
+        raise HybridynError(
+            f"no reference: {why}. Simulate only the beginning (--until {self.duration / 2:.2g}), or give "
+            "more time (--seconds)"
+        )
+
+
+def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:
+    """Return the errors of a run as far as it came: of its last posture, path, energy, and its closures."""
+    count = min(len(found.t), len(exact.t))
+    if count < 2:  # it was stopped before there was a posture to compare
+        return {"error": np.inf}
+    away = [distance(robot, *pair) for pair in zip(found.q[:count], exact.q[:count], strict=True)]
+    lost = (found.kinetic + found.potential)[:count] - (exact.kinetic + exact.potential)[:count]
+    energy = float(np.abs(lost).max() / (exact.kinetic.max() or 1.0))
+    return {
+        "error": away[-1], "path": max(away), "energy": energy,
+        "closure": float(found.residual[:count].max()),
+    }  # fmt: skip
+
+
+def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
+    """Return the largest displacement of a joint between two postures, in radians or module lengths."""
+    move = pin.difference(robot.unchanged_model, q0, q1)
+    return float(np.abs(move / robot.unit).max(initial=0.0))
+
 
 #: Parts of `SECONDS`: for one family of settings, for the reference, and for each effect.
 ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 40
@@ -69,7 +224,7 @@ def study_runs(
     study.second = f"a motion that begins where this one ends, at {SLOWER:g} times the rates"
     runner, limit, in_c = Runner(ready, duration), seconds * ONE_FAMILY, True
     try:
-        runner.models.compiled(ready.effects)
+        compile(ready.robot, ready.effects)
     except HybridynError as error:
         in_c = False
         study.remarks.append(f"no compiled models: {error}")
@@ -92,7 +247,13 @@ def study_runs(
     tried = dict[str, Setting]()
     steps: list[Step] = [
         (family[0].line, len(family), _family(runner, family, tried, limit))
-        for family in (quick, [usual], *([[general]] * in_c), *others)
+        for family in (
+            [setting for setting, _ in runner.near.values()],
+            quick,
+            [usual],
+            *([[general]] * in_c),
+            *others,
+        )
     ]
     every = every_effect(ready)
     steps.insert(
@@ -120,7 +281,7 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
         tried: Receives the settings, by their lines to paste.
         left: Time of the family [s].
     """
-    for setting in family:
+    for setting in (one for one in family if one.use == "usual" or one.fragment not in tried):
         try:
             run, seconds = runner.measured(setting, left)
         except HybridynError:  # a step that is too long for the motion
