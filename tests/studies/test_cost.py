@@ -407,16 +407,19 @@ def test_effects_that_a_scene_needs() -> None:
     assert needed_effects(study, ready, 1e-7) != []
 
 
-@pytest.mark.parametrize(("apart", "kept"), [(5e-4, 3), (2e-3, 4)])
+@pytest.mark.parametrize(("here", "there", "kept"), [(5e-4, 5e-4, 3), (2e-3, 5e-4, 4), (5e-4, 2e-3, 3)])
 def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
-    monkeypatch: pytest.MonkeyPatch, apart: float, kept: int
+    monkeypatch: pytest.MonkeyPatch, here: float, there: float, kept: int
 ) -> None:
-    """Single effects may be known of the beginning alone: their set is run to the end."""
+    """Single effects may be known of the beginning alone: their set is run to the end, and from there."""
     ready = stage(ROOT / "models/lx4/sag.toml")
     every = ready.effects.only(["gravity", "inertia", "leg_inertia", "velocity"])
-    monkeypatch.setattr(runs, "errors", lambda *_: {"error": apart})
-    runner = SimpleNamespace(ready=ready, run=lambda *_, **__: (None, 0.0))
-    needed, said = runs._checked(runner, every, ["gravity", "inertia", "leg_inertia"], 1e-3, True, 1.0)
+    end = SimpleNamespace(state=SimpleNamespace(q=ready.q0, v=ready.v0))
+    runner = SimpleNamespace(ready=ready, run=lambda *_, **__: (end, 0.0), start=None)
+    monkeypatch.setattr(runs, "errors", lambda *_: {"error": here if runner.start is None else there})
+    some = ["gravity", "inertia", "leg_inertia"]
+    needed, said = runs._checked(runner, every, some, 1e-3, True, 1.0, "another")
+    assert ("do not carry over to another" in said[-1]) == (there > 1e-3)
     assert len(needed) == kept
     assert ("fewer miss the target" in said[0]) == (kept == 4)
 
