@@ -111,6 +111,7 @@ TEXTS = [
     ),
     ('<sdf version="1.9"><world name="a"/><world name="b"/></sdf>', "2 worlds and models: 'a', 'b'"),
     (f'<sdf version="1.9"><world name="a">{link("c")}</world></sdf>', "unknown in <world"),
+    (f'<sdf version="1.11"><world name="a">{HINGE}</world></sdf>', "unknown in <world"),
     (
         sdf(*(f'<model name="m{n}">' for n in range(60)), link("c"), *["</model>"] * 60),
         "nested more than 50 deep",

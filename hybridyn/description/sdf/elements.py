@@ -57,7 +57,7 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
 #: Children of each element that are read, beside its numbers.
 READ: dict[str, tuple[str, ...]] = {
     "sdf": ("model", "world"),
-    "world": ("model", "include", "joint", "frame", "gravity", "physics"),
+    "world": ("model", "include", "gravity", "physics"),
     "model": ("static", "pose", "frame", "link", "joint", "include", "model"),
     "include": ("uri", "name", "pose", "static"),
     "frame": ("pose",),

@@ -276,8 +276,6 @@ class Models:
         self._items: dict[str, dict[Kind, Item]] = {}
         own, model, files = library.robot()
         self.world = library.root.child("world") or library.root
-        for node in self.world.children("joint", "frame"):
-            self._add(node, None)
         self.robot = self._add_model(own, model, None, files)
         self._links: dict[Item | None, Item | None] = {None: None}
         for item, holder in self._ordered(self._carrier, "frames are attached to each other in a circle: {}"):
@@ -321,7 +319,7 @@ class Models:
             hint = did_you_mean(name, known) or f"; known: {listed(known) or 'none'}"
             raise node.error(f"unknown frame '{name[:80]}'{hint}")
         kinds = [kind for kind in KINDS if kind in found]
-        if len(kinds) > 1 and (minor_of(self._library.root) if scope is None else scope.minor) >= 7:
+        if len(kinds) > 1 and scope is not None and scope.minor >= 7:
             raise node.error(
                 f"'{name[:80]}' is the name of a {' and a '.join(kinds)}; since SDFormat 1.7 names differ: "
                 "rename one"

@@ -32,8 +32,6 @@ EXTRAS = {"example-robot-data": "robots"}
 IN_WORDS: dict[type[BaseException], str] = {
     MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
 }  # fmt: skip
-#: Longest message of xacro that is passed on [characters].
-LONGEST_MESSAGE = 400
 #: Most nodes that macros, blocks and includes may insert; a stack of 1,000 modules inserts some 5 million.
 MOST_NODES = 20_000_000
 
@@ -312,8 +310,6 @@ def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
     for package, extra in EXTRAS.items():
         if f"package '{package}' is not found" in message:
             message += f", or {install_advice(extra)}"
-    if len(message) > LONGEST_MESSAGE:
-        message = message[:LONGEST_MESSAGE] + " ..."
     stack = [name for name in xacro.filestack if name]
     where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
     line = getattr(error, "lineno", None)
