@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.files import existing_file
 from .common.options import RobotChoice, RobotCommand, known_names
 
 if TYPE_CHECKING:
@@ -30,7 +29,6 @@ def _engines() -> Iterable[str]:
 @click.command(
     "compare", cls=RobotCommand, short_help="Compare how other engines simulate a robot and its loops."
 )
-@click.argument("trajectory", required=False, callback=existing_file, type=click.Path())
 @click.option(
     "--with",
     "engines",
@@ -61,7 +59,6 @@ def _engines() -> Iterable[str]:
 )
 def command(
     load: RobotChoice,
-    trajectory: str | None,
     engines: tuple[str, ...],
     samples: int,
     seed: int,
@@ -69,7 +66,7 @@ def command(
     as_json: bool,
     fail_on: str,
 ) -> int:
-    """Compare ROBOT in other engines with hybridyn, at closed states near home or of TRAJECTORY.
+    """Compare ROBOT in other engines with hybridyn, at closed states near home.
 
     Each engine gets the robot twice: read by its own reader from the file, and built from hybridyn's model.
     The table shows the number of degrees of freedom; which closures the engine enforces, softens or ignores;
@@ -81,19 +78,12 @@ def command(
     from ..studies.compare.compare import compare
     from ..studies.compare.report import as_text
 
-    robot = load()
-    postures = None
-    if trajectory is not None:
-        from ..streams.one_pass import read_postures
-
-        postures = read_postures(robot, trajectory)[1].q
     found = compare(
-        robot,
+        load(),
         engines,
         samples=samples,
         seed=seed,
         tolerance=tolerance,
-        postures=postures,
         xacro_args=load.xacro_args or None,
         package_dirs=load.package_dirs,
     )

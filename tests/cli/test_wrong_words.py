@@ -39,7 +39,6 @@ USAGE = [
     ("idm nowhere/arm.urdf traj.csv", "no folder 'nowhere'"),
     ("idm fivebar", "did you mean 'five_bar'"),
     ("idm five_bar five_bar/trj.csv", "there is no folder 'five_bar'"),
-    ("compare five_bar five_bar/trajectory.csv", "there is no folder 'five_bar'"),
     ("compare five_bar --with bullet", "there is no engine 'bullet'"),
     *(
         (words, f"'{words.split()[-1]}' is not a regular file but a pipe or a device")

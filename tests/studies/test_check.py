@@ -10,7 +10,7 @@ from lxml import etree
 import hybridyn
 from hybridyn.description.reading import open_robot
 from hybridyn.errors import install_advice
-from hybridyn.studies.check.check import CODES, Finding, is_readable, worst
+from hybridyn.studies.check.check import CODES, Finding, is_readable
 from hybridyn.studies.check.masses import unit_guess
 from tests import ROOT
 from tests.extras import needs
@@ -285,8 +285,6 @@ def test_the_worst_comes_first(tmp_path: Path) -> None:
     text = arm(inside=inertial(2, -1, 1, 1), effort=0, lower=0, upper=0)
     severities = [finding.severity for finding in found(tmp_path, text)]
     assert severities == ["error", "warning", "note"]
-    assert worst(found(tmp_path, text)) == "error"
-    assert worst([]) is None
 
 
 def test_a_line_is_that_of_the_element(tmp_path: Path) -> None:

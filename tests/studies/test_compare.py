@@ -186,18 +186,6 @@ def test_command(two_bars: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.slow
-def test_states_of_a_trajectory(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table = save(
-        tmp_path,
-        "time,drive/position\n" + "".join(f"{t / 10},{0.1 + t / 50}\n" for t in range(8)),
-        "motion.csv",
-    )
-    options = ["--with", "pinocchio", "--samples", "2"]
-    for asked in ([two_bars, table], ["five_bar", "five_bar/traj.csv"]):
-        assert "2 closed states" in call(capsys, "compare", *asked, *options, status=1).out
-
-
-@pytest.mark.slow
 def test_the_page_shows_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
     """Numbers and times differ from machine to machine; engines, ways, freedoms and fates do not."""
     needs("mjcf")

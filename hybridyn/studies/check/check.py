@@ -21,14 +21,14 @@ from ...description.urdf.xml_node import Node
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
 from ...structure.robot import HybridRobot
-from .finding import CODES, SEVERITIES, Finding, Severity, worst
+from .finding import CODES, SEVERITIES, Finding, Severity
 from .joints import check_couplings, check_limits, check_units
 from .loops import check_branch, check_dangling_chains, check_lost_loops, check_modules
 from .masses import check_masses
 from .shapes import check_shapes, read_shapes
 from .subject import Subject
 
-__all__ = ["CODES", "SEVERITIES", "Finding", "Severity", "check", "is_readable", "worst"]
+__all__ = ["CODES", "SEVERITIES", "Finding", "Severity", "check", "is_readable"]
 
 UNREADABLE = ("unreadable", "duplicate-name")
 NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")

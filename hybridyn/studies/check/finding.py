@@ -102,8 +102,3 @@ class Finding:
         if self.file is None:
             return ""
         return f"{self.file}:{self.line}" if self.line else self.file
-
-
-def worst(findings: list[Finding]) -> Severity | None:
-    """Return the worst severity among findings, or None if there are none."""
-    return next((level for level in SEVERITIES if any(f.severity == level for f in findings)), None)

@@ -14,7 +14,6 @@ from typing import Any
 
 from ...dynamics.direct import ddm
 from ...errors import install_advice
-from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
 from .engine import own_file
@@ -86,7 +85,6 @@ def compare(
     samples: int = SAMPLES,
     seed: int = 0,
     tolerance: float = TOLERANCE,
-    postures: Array | None = None,
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | PathLike[str]] = (),
 ) -> Comparison:
@@ -97,7 +95,6 @@ def compare(
         samples: Number of closed states.
         seed: Seed of the states.
         tolerance: Largest relative difference that counts as the same robot.
-        postures: Closed postures to take the states from, shape (T, nq); None draws them near home.
         xacro_args: Arguments of the robot's xacro file, for engines that read the file themselves.
         package_dirs: Folders that hold packages.
 
@@ -105,7 +102,7 @@ def compare(
         ModelError: An engine is unknown, or the robot has no closed states to compare at.
     """
     files = {name: engine_file(name) for name in engines}
-    states = draw_states(robot, samples, seed, postures)
+    states = draw_states(robot, samples, seed)
     own = own_file(robot, xacro_args, package_dirs)
     verdicts, skipped = [_ourselves(robot, states[0])], []
     for name, file in files.items():

@@ -6,7 +6,7 @@ and limits are switched off in every engine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Protocol
@@ -75,10 +75,6 @@ class OwnFile:
     path: str = ""
     format: str = ""
     text: str = ""
-
-
-#: The ways of a robot into an engine: in words, and the function that goes each.
-Ways = Callable[[HybridRobot, OwnFile], Iterator[tuple[str, Callable[[], Engine]]]]
 
 
 def own_file(

@@ -47,13 +47,12 @@ class State:
     K: Array
 
 
-def draw_states(robot: HybridRobot, count: int, seed: int, postures: Array | None = None) -> list[State]:
-    """Draw states near home, or at given postures.
+def draw_states(robot: HybridRobot, count: int, seed: int) -> list[State]:
+    """Draw states near home.
 
     Args:
         count: Number of states.
         seed: Seed of the draws.
-        postures: Closed postures, shape (T, nq), from which `count` are taken evenly; None draws them.
 
     Raises:
         ModelError: The robot is too large, its base is moved, or no states with a solution were found.
@@ -66,17 +65,13 @@ def draw_states(robot: HybridRobot, count: int, seed: int, postures: Array | Non
     manifold, home = Manifold(robot), start_posture(robot)
     out: list[State] = []
     last: HybridynError | None = None
-    starts = None if postures is None else postures[np.linspace(0, len(postures) - 1, count).astype(int)]
     for _ in range(DRAWS * count):
-        if len(out) == count:
-            return out
         try:
-            start = None if starts is None else starts[len(out)]
-            out.append(_draw(robot, manifold, rng, home, start))
+            out.append(_draw(robot, manifold, rng, home))
         except HybridynError as error:  # a singular or unreachable draw
             last = error
-    if len(out) == count:
-        return out
+        if len(out) == count:
+            return out
     raise ModelError(f"no {count} closed states were found near home: {last}")
 
 
@@ -95,16 +90,13 @@ def start_posture(robot: HybridRobot) -> Array:
         return found[0].q
 
 
-def _draw(
-    robot: HybridRobot, manifold: Manifold, rng: np.random.Generator, home: Array, start: Array | None
-) -> State:
+def _draw(robot: HybridRobot, manifold: Manifold, rng: np.random.Generator, home: Array) -> State:
     unit = manifold.unit
-    if start is None:
-        K = closure_rows(robot, home) * unit
-        away = _kept(K, rng.normal(size=robot.nv)) * STEP * unit
-        if robot.base == "floating":
-            away[:6] = rng.normal(size=6) * STEP
-        start = manifold.retraction.move(home, away)
+    K = closure_rows(robot, home) * unit
+    away = _kept(K, rng.normal(size=robot.nv)) * STEP * unit
+    if robot.base == "floating":
+        away[:6] = rng.normal(size=6) * STEP
+    start = manifold.retraction.move(home, away)
     q, v = manifold.project(start, np.zeros(robot.nv))
     K = closure_rows(robot, q) * unit
     v = _kept(K, rng.normal(size=robot.nv)) * unit
