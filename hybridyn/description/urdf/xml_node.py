@@ -81,7 +81,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         raise ModelError(f"not readable as XML: {error}", file=file) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise ModelError("a DOCTYPE is not allowed in a robot file; remove it", file=file, line=1)
-    count = sum(1 for _ in root.iter("*"))
+    count = int(cast("float", root.xpath("count(//*)")))
     if count > MOST_ELEMENTS:
         raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
     if placed:
@@ -311,15 +311,15 @@ class Node(NamedTuple):
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
         """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
-        written, nodes = self.attributes(), {node.tag: node for node in self.children()}
+        written, nodes = self.attributes(), {_written(xml): xml for xml in self.xml}
         for name in written:
             if name not in attributes and (
                 best := closest(name, [x for x in attributes if x not in written])
             ):
                 raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
-        for tag, node in nodes.items():
+        for tag, xml in nodes.items():
             if tag not in children and (best := closest(tag, [x for x in children if x not in nodes])):
-                raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
+                raise Node(xml, self.file).error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
         if infinite and _INFINITE.fullmatch(word):
