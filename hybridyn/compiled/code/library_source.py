@@ -66,8 +66,10 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
     lengths = {name: text.count("\n") for name, text in bodies.items()}
     alone = programs if scalar.lanes > 1 else []
     plain = {p.name: plain_kernels(p, names[p.name], lengths) for p in alone}
-    driver = _driver_unit(programs, plain, names, adding, added, bodies, scalar, more)
-    units = [*_kernel_units(bodies, scalar, in_sections(alone, names)), driver]
+    units = _kernel_units(bodies, scalar, in_sections(alone, names))
+    units += [_batch_unit(p, adding[p.name], added[p.name], bodies, scalar) for p in programs]
+    if alone or more:
+        units.append(_driver_unit(programs, plain, names, adding, added, bodies, scalar, more))
     for program in alone:
         again = {called: bodies.pop(name) for name, called in plain[program.name].items() if name in bodies}
         texts = _kernel_units(again, Scalar(scalar.name, 1), dict.fromkeys(again, section(program)))
@@ -122,22 +124,30 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar, sections: dict[str, st
     return ["\n\n".join([prelude, *part]) + "\n" for part in parts]
 
 
+def _batch_unit(
+    program: Program, called: list[str], sums: dict[int, set[int]], bodies: dict[str, str], scalar: Scalar
+) -> str:
+    """Return the file with a program's batches; a file of its own is compiled beside the others."""
+    tables = Tables()
+    between = f"{program.name}_ahead(in, out, s + W, {{t}});"
+    rows = across_samples(program, called, tables, BATCH, between, sums)
+    kernels = {name: bodies[name] for name in called}
+    parts = [driver_prelude(kernels, scalar), tables.text, _ahead(program), rows, _batch(program)]
+    return "\n\n".join(parts) + "\n"
+
+
 def _driver_unit(
     programs: list[Program], plain: dict[str, dict[str, str]], names: dict[str, list[str]],
     adding: dict[str, list[str]], added: dict[str, dict[int, set[int]]], bodies: dict[str, str],
     scalar: Scalar, more: str,
 ) -> str:  # fmt: skip
-    """Return the file with the drivers and tables; single calls use the kernels `plain` on plain numbers."""
+    """Return the file with single calls and `more`; they use the kernels `plain` on plain numbers."""
     tables = Tables()
     drivers = []
     for program in programs:
         called, sums = adding[program.name], added[program.name]
         if more:
             drivers.append(across_samples(program, called, tables, sums=sums))
-        drivers.append(_ahead(program))
-        between = f"{program.name}_ahead(in, out, s + W, {{t}});"
-        drivers.append(across_samples(program, called, tables, BATCH, between, sums))
-        drivers.append(_batch(program))
         if scalar.lanes > 1:
             place = f"IN_SECTION({section(program)}) " if program.name in CALLED_ALONE else ""
             head = place + COPIES_HEAD
@@ -154,7 +164,8 @@ def _driver_unit(
         drivers.append(more)
     again = {called: name for kernels in plain.values() for name, called in kernels.items()}
     numbers = [f"void {x}{_arguments(bodies[name]).replace('V *', 'S *')};" for x, name in again.items()]
-    return "\n\n".join([driver_prelude(bodies, scalar), *numbers, tables.text, *drivers]) + "\n"
+    arrays = text_of("numpy_array.h") if scalar.lanes > 1 else ""
+    return "\n\n".join([driver_prelude(bodies, scalar), arrays, *numbers, tables.text, *drivers]) + "\n"
 
 
 def _arguments(text: str) -> str:
@@ -194,7 +205,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
         text_of("fetching.h"),
     ]
     if scalar.lanes > 1:
-        lines += [scalar.moves(), text_of("numpy_array.h")]
+        lines.append(scalar.moves())
     else:
         lines.append(text_of("rows_scalar.h"))
     lines += [f"void {name}{_arguments(text)};" for name, text in bodies.items()]
