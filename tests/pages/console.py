@@ -63,5 +63,5 @@ def run_commands(text: str, capsys: pytest.CaptureFixture[str], *, whole: bool =
             for found, wanted in zip_longest((said.out + said.err).splitlines(), expected.splitlines()):
                 assert found is not None, (command, wanted)
                 assert wanted is not None, (command, found)
-                assert same_line(found, wanted) or "busy" in wanted, (command, found, wanted)
+                assert same_line(found, wanted) or "ms per design" in wanted, (command, found, wanted)
     return said

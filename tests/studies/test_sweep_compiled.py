@@ -149,7 +149,7 @@ def both_ways(study: Path) -> Swept:
     assert state.why_general == ""
     assert 0 < state.difference <= SAME
     general = hybridyn.sweep(study, "general", compiled=False)
-    assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
+    assert state.statuses == general.statuses
     ours, theirs = rows_of("compiled"), rows_of("general")
     for name in ("design", "status", "unreachable", "singular", "message"):
         assert ours[name] == theirs[name]
