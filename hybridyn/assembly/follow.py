@@ -191,7 +191,8 @@ def _solved(task: Task, starts: Array, samples: Index) -> Closed:
     if len(samples) > 1:  # the first of the whole task is named
         lacking = shortfall(task, np.tile(starts[:1], (len(task.known), 1)), np.arange(len(task.known)))
         first = np.flatnonzero(lacking > 0.0)[:1]
-        result, lacking = task.solve(starts[:1], first, impatient=True), lacking[first]
+        lacking = lacking[first]
+    result = task.solve(starts[:1], first)  # to its end: the error tells the least residual
     raise _unreachable(task, result, int(first[0]), float(lacking[0]))
 
 

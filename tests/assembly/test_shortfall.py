@@ -98,7 +98,7 @@ def test_what_is_proven_out_of_reach_is_refused_without_further_starts(name: str
     error = refused(
         lambda: hybridyn.assemble(robot, platforms=platforms), AssemblyError, "lacks .* in any posture"
     )
-    assert error.iterations <= 25  # of one start, which stalls
+    assert error.iterations <= 60  # of one start
 
 
 def test_a_motion_out_of_reach_is_refused_at_its_first_such_sample_without_a_step_towards_it(
@@ -122,7 +122,7 @@ def test_a_motion_out_of_reach_is_refused_at_its_first_such_sample_without_a_ste
         r"m1_tool.* at sample \d+: .* \(a loop lacks 0\.\d+ m in any posture\) .* move it",
     )
     assert error.sample == first
-    assert error.iterations <= 25  # of one start, which stalls
+    assert error.iterations <= 60  # of one start
 
 
 def test_where_no_sample_is_in_reach_none_is_closed() -> None:
