@@ -100,6 +100,20 @@ def test_an_engine_that_only_says_that_it_holds_the_loop(two_bars: Path) -> None
     assert not verdict.agrees(1, 1.0)
 
 
+def test_an_engine_without_numbers_does_not_agree(two_bars: Path) -> None:
+    """Accelerations that are nan are told as nan, not as zero."""
+    loaded = hybridyn.load(two_bars)
+    lost: Any = SimpleNamespace(
+        way="lost", notes=(), freedoms=lambda q: 1, call=lambda *state: lambda: None,
+        forward=lambda q, v, force: np.full(loaded.nv, np.nan),
+        inverse=lambda q, v, a: np.full(loaded.nv, np.nan),
+    )  # fmt: skip
+    verdict = judge(loaded, lost, draw_states(loaded, 2, 0), ("other", "1"), 1e-6)
+    assert np.isnan(verdict.acceleration)
+    assert np.isnan(verdict.effort)
+    assert not verdict.agrees(1, 1.0)
+
+
 def test_states_are_closed(two_bars: Path) -> None:
     loaded = hybridyn.load(two_bars)
     for state in draw_states(loaded, 3, 1):

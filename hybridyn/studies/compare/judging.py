@@ -80,7 +80,8 @@ class Verdict:
         return (
             self.freedoms == robot_freedoms
             and all(closure.fate == "held" for closure in self.closures)
-            and max(self.acceleration, self.effort) <= tolerance
+            and self.acceleration <= tolerance
+            and self.effort <= tolerance
         )
 
 
@@ -117,13 +118,12 @@ def judge(
         names: Name and version of the engine.
         tolerance: Part of the free opening up to which a closure counts as held.
     """
-    left, acceleration = np.zeros(len(closure_names(robot))), 0.0
-    effort = 0.0
-    for state in states:
+    left, acceleration, effort = np.zeros(len(closure_names(robot))), np.zeros(()), np.zeros(())
+    for state in states:  # np.maximum keeps nan
         theirs = engine.forward(state.q, state.v, state.force)
         left = np.maximum(left, _left(robot, state, theirs))
-        acceleration = max(acceleration, _difference(theirs, state.a))
-        effort = max(effort, _effort_error(robot, engine, state))
+        acceleration = np.maximum(acceleration, _difference(theirs, state.a))
+        effort = np.maximum(effort, _effort_error(robot, engine, state))
     fates = tuple(
         ClosureFate(name, float(part), _fate(float(part), tolerance))
         for (name, _), part in zip(closure_names(robot), left, strict=True)
@@ -134,8 +134,8 @@ def judge(
         engine.way,
         freedoms=engine.freedoms(first.q),
         closures=fates,
-        acceleration=acceleration,
-        effort=effort,
+        acceleration=float(acceleration),
+        effort=float(effort),
         seconds=call_time(engine.call(first.q, first.v, first.force)),
         notes=engine.notes,
     )
