@@ -242,22 +242,16 @@ def _check_words(method: str, reference: Any, prior: float, every: int | None) -
     Raises:
         ModelError: There is no such method, a number is out of range, or instruments have no reference.
     """
-    for wrong, says in (
-        (
-            method not in METHODS,
-            f"there is no method '{method}'{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}",
-        ),
-        (
-            (method == "iv") != (reference is not None),
-            "the method 'iv' takes a reference, the commanded motion, and other methods take none",
-        ),
-        (
-            not prior > 0 or (every is not None and every < 1),
-            f"the prior must be above 0 and every at least 1; they are {prior:g} and {every}",
-        ),
-    ):
-        if wrong:
-            raise ModelError(says)
+    if method not in METHODS:
+        raise ModelError(
+            f"there is no method '{method}'{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}"
+        )
+    if (method == "iv") != (reference is not None):
+        raise ModelError(
+            "the method 'iv' takes a reference, the commanded motion, and other methods take none"
+        )
+    if not prior > 0 or (every is not None and every < 1):
+        raise ModelError(f"the prior must be above 0 and every at least 1; they are {prior:g} and {every}")
 
 
 def _judged(data: Rows, x: Array, constants: Array | None, weights: Array | None = None) -> Residuals:
