@@ -470,6 +470,14 @@ def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "120 rows or more" in out.out
 
 
+@pytest.mark.slow
+def test_what_is_closed_in_python_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """A full pose states more than the three freedoms of tanev's platform; C hands such postures over."""
+    needs("compiled")
+    said = call(capsys, "cost", "tanev", "tanev/traj.csv", "--seconds", "5")
+    assert re.search(r"closing: \d+ of \d+ samples are closed in Python", said.out)
+
+
 def test_a_table_with_wrenches_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Most settings cannot compute a load on a link: without the word, the errors are of another task."""
     table = tmp_path / "held.csv"
