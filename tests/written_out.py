@@ -9,7 +9,7 @@ from hybridyn.structure.robot import HybridRobot
 
 
 class Interpreted:
-    """What `hybridyn.compiled.library.Library` offers to `verify`, slow and without a compiler."""
+    """What `hybridyn.compiled.library.calls.Library` offers to `verify`, slow and without a compiler."""
 
     dtype = np.dtype("float64")
 

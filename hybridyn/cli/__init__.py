@@ -47,6 +47,8 @@ OPTIONS = {
     "allow_python=True": "--allow-python",
     "resume=True": "--resume",
     "holds it with package_dirs": "holds it with --package-dir",
+    "another origin (at)": "another origin (--at)",
+    "limits=False": "--no-limits",
 }
 
 #: New objects after which Python searches for cycles; with its own 700, this takes a tenth of a start.

@@ -49,7 +49,7 @@ class Written:
         text: The content of the file.
         notes: Remarks for the user that are no losses.
         beside: Content of the files beside it that hybridyn also reads, by their ending: ".model.toml" after
-            the file's name (see `writing_toml`), ".yaml" in place of its ending.
+            the file's name, ".yaml" in place of its ending.
         losses: What the format cannot say, one line each, with the names of joints, links and closures. What
             hybridyn reads back from the files beside is not lost. `convert.write` adds them.
     """

@@ -189,7 +189,8 @@ def _refuse_inside(node: Node, above: Node, top: Node) -> None:
     """
     direct = above.xml is top.xml
     if top.tag not in READ_TAGS:
-        in_gazebo = top.tag == "gazebo" and direct and "reference" not in top.attributes()  # see `gazebo.py`
+        # urdf/gazebo.py reads joints of a whole robot
+        in_gazebo = top.tag == "gazebo" and direct and "reference" not in top.attributes()
         if node.tag == "joint" and node.children("parent") and node.children("child") and not in_gazebo:
             raise _refusal(node, f"an SDF joint inside <{top.tag}> (Gazebo)")
         if node.tag in LOOP_TAGS:

@@ -75,11 +75,6 @@ class Effects:
     base: BaseMotion | None = None
     names: tuple[str, ...] = ()
 
-    @property
-    def absent(self) -> tuple[str, ...]:
-        """Names of the effects that are not selected."""
-        return tuple(name for name in UNITS if name not in self.names)
-
     def only(self, names: Collection[str]) -> Effects:
         """Return the effects restricted to some names."""
 

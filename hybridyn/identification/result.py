@@ -38,8 +38,7 @@ class Residuals:
         residual: Measured less predicted efforts, shape (T, motors).
         relative: RMS of the residual over that of the effort, shape (motors,).
         frequency: Frequencies of the spectrum, shape (F,), [Hz].
-        spectrum: Power density of the residual, shape (F, motors).
-        cumulative: Its cumulative share, shape (F, motors): a straight line for white noise.
+        cumulative: Cumulative share of its power density, shape (F, motors): a straight line for white noise.
         probability: Probability of such a spectrum if the residual is white noise, shape (motors,).
     """
 
@@ -48,7 +47,6 @@ class Residuals:
     residual: Array
     relative: Array
     frequency: Array
-    spectrum: Array
     cumulative: Array
     probability: Array
 
@@ -78,7 +76,7 @@ def residuals(time: Array, measured: Array, residual: Array, weights: Array | No
     size = np.sqrt(np.mean(measured**2, axis=0))
     relative = np.sqrt(np.mean(residual**2, axis=0)) / np.where(size > 0, size, 1.0)
     return Residuals(
-        time, measured, residual, relative, frequency, spectrum, cumulative, kolmogorov(np.sqrt(count) * away)
+        time, measured, residual, relative, frequency, cumulative, kolmogorov(np.sqrt(count) * away)
     )
 
 

@@ -2,7 +2,7 @@
 
 Read `joints`, `tree` (its motion), `closures` (rows K and drift), `reduction` (x_dot = Psi u), `newton`
 (loop closing), `generic_postures` (where ranks are determined). `elimination` factors matrices by pivoted QR;
-`retraction` applies joint displacements; `gimbal_lock` detects gimbal lock of wrists.
+`retraction` applies joint displacements; `targets` are poses that are given.
 
 May import: `description` and below.
 """

@@ -94,7 +94,7 @@ def as_positions(
     """Return positions as an array of shape (T, nq), and whether the input was a single sample.
 
     Args:
-        array: Positions, shape (nq,) or (T, nq), or a table with named columns (`named_columns.py`).
+        array: Positions, shape (nq,) or (T, nq), or a table with named columns (`tables/named_columns.py`).
         name: Name of the array in error messages.
         base_given: False if the pose of the base is not read, because an effect prescribes it.
 
@@ -126,7 +126,7 @@ def as_rates(
     """Return rates or accelerations as an array of shape (T, nv), and whether the input was a single sample.
 
     Args:
-        array: Rates, shape (nv,) or (T, nv), or a table with named columns (`named_columns.py`).
+        array: Rates, shape (nv,) or (T, nv), or a table with named columns (`tables/named_columns.py`).
         name: Name of the array in error messages.
         quantity: "velocity" or "acceleration": the columns of a table.
 

@@ -9,12 +9,11 @@ import pytest
 import hybridyn
 from hybridyn.structure.robot import HybridRobot
 from tests.description.reading import save_all
-from tests.extras import needs
 from tests.files import save
 from tests.samples import slow
 from tests.sdf_texts import WORLD, joint, link, random_pair, sdf
 
-pydrake = needs("drake", "pydrake")
+pydrake = pytest.importorskip("pydrake", reason="pip install drake")
 
 #: Two programs that multiply the same few matrices.
 AGAINST_DRAKE = 1e-13

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.effects.choice import UNITS
 from hybridyn.scenes.effects import units
 from hybridyn.scenes.scene_file import SceneFile, read_scene
 from hybridyn.scenes.stage import Stage, identity, play, stage
@@ -140,7 +141,7 @@ def test_power_balance_under_every_effect(tmp_path: Path) -> None:
     from scipy.integrate import simpson
 
     ready = everything(tmp_path)
-    assert ready.effects.absent == ()
+    assert set(ready.effects.names) == set(UNITS)
     result = play(ready)
     assert result.status == "finished"
     robot, on = ready.robot, ready.effects
