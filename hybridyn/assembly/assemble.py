@@ -39,6 +39,7 @@ def assemble(
     motors: Mapping[str, object] | ArrayLike | None = None,
     platforms: Mapping[str, object] | None = None,
     guess: Array | None = None,
+    nearest: bool = False,
 ) -> tuple[Array, Array, Array]:
     """Compute a posture that closes all loops from motor positions, platform poses, or a mixture.
 
@@ -60,6 +61,8 @@ def assemble(
             moves straight from there to the first sample, on the guess's assembly branch. From another one,
             and from the home posture, which is the default, the first sample is on that branch if the branch
             reaches it. A trajectory is followed from its first sample without leaving the branch.
+        nearest: Whether rates and accelerations may contradict one another, as measured ones do, or those of
+            a spline through positions.
 
     Returns:
         q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.
@@ -68,12 +71,12 @@ def assemble(
 
     Raises:
         AssemblyError: A target is out of reach, a step would leave the branch, or the posture is
-            underdetermined; or rates contradict one another by more than 0.01 of the largest, or
-            accelerations, unless all are zero.
+            underdetermined; or rates contradict one another by more than 0.01 of the sample's
+            largest (at least 1 rad/s or module length per second), or accelerations, unless all are zero.
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
-    requests = gather_requests(robot, motors, platforms)
+    requests = gather_requests(robot, motors, platforms, nearest)
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
     requests = requests._replace(strict=guess is not None)

@@ -84,6 +84,7 @@ def gather_requests(
     robot: HybridRobot,
     motors: Mapping[str, object] | ArrayLike | None,
     platforms: Mapping[str, object] | None,
+    nearest: bool = False,
 ) -> Requests:
     """Check the caller's input, see `assemble`, and build the requests.
 
@@ -121,8 +122,8 @@ def gather_requests(
             poses.append(PoseRequest(link, other, _motion(key, one, T), {}))
     accelerations = [levels[2] for one in triples for levels in one.values()]
     accelerations += [one[2] for one in given.values() if isinstance(one, list)]
-    nearest = () if any(np.any(x) for x in accelerations) else MOTIONS[1:]  # none are given
-    return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion, nearest=nearest)
+    unchecked = MOTIONS if nearest else () if any(map(np.any, accelerations)) else MOTIONS[1:]  # none given
+    return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion, nearest=unchecked)
 
 
 def _known(name: str, known: Collection[str], what: str) -> None:

@@ -28,7 +28,8 @@ SINGULAR_ROWS = 1e-10
 #: Ratio of computed to prescribed rates above which a singularity is suspected.
 BOUNDED = 1e6
 #: Given rates and accelerations may differ from the nearest ones that keep the loops closed by this part of
-#: the largest: noise of measured ones and of differences passes, a wrong or missing one does not.
+#: the sample's largest, which counts as 1 rad or module length per second at least: rounding passes, also at
+#: rest, a wrong or missing one does not.
 CONTRADICTION = 1e-2
 #: Rows that contradict one another within the tolerance are accepted if their reciprocal condition number
 #: is above this.
@@ -205,8 +206,8 @@ def check_agreement(
     given, loops = np.flatnonzero(~problem.free), module.mechanism.closures.rows
     of_targets = np.einsum("tij,tj->ti", K[:, loops:], x) - wanted[:, loops:]
     off = np.abs(np.concatenate([x[:, given] - asked[:, given], of_targets], axis=1))
-    limit = CONTRADICTION * max(float(np.abs(y).max(initial=0.0)) for y in (x, asked, wanted[:, loops:]))
-    bad = np.flatnonzero(off.max(axis=1, initial=0.0) > limit)
+    largest = np.abs(np.concatenate([x, asked, wanted[:, loops:]], axis=1)).max(axis=1, initial=1.0)
+    bad = np.flatnonzero(off.max(axis=1, initial=0.0) > CONTRADICTION * largest)
     if not len(bad):
         return
     t, i = int(bad[0]), int(np.argmax(off[bad[0]]))
@@ -217,7 +218,7 @@ def check_agreement(
         name, there = module.freedom_names()[k], f"has {number:.6g}, where closed loops allow {near:.6g}"
     raise AssemblyError(
         f"module '{module.name}': the {what} given{AT_SAMPLE} contradict one another: {name} {there}, which "
-        f"is {off[t, i] / limit * CONTRADICTION:.2g} of the largest apart (limit {CONTRADICTION:g}). Give "
+        f"is {off[t, i] / largest[t]:.2g} of the largest apart (limit {CONTRADICTION:g}). Give "
         f"{module.mobility} motors or coordinates of its platform only, or {what} that keep the loops closed",
         module=module.name,
         sample=t,

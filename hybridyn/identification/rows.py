@@ -7,8 +7,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from scipy import interpolate, linalg
 
-from ..assembly.assemble import assemble_requests
-from ..assembly.requests import MOTIONS, first_guess, gather_requests
+from ..assembly.assemble import assemble
 from ..compiled.model import CompiledRobot
 from ..description.names import did_you_mean
 from ..errors import HybridynError, ModelError, TrajectoryError
@@ -150,11 +149,9 @@ class Source:
 
     def closed(self, motors: Triple, guess: Array | None) -> Triple:
         """Close the loops for a measured motion, the nearest of redundant motors; return q, v, a."""
-        requests = gather_requests(self.robot, motors, None)
-        requests = requests._replace(strict=guess is not None, nearest=MOTIONS)
         if self.compiled is not None:
-            return self.compiled.assemble_requests(requests, guess)
-        return assemble_requests(self.robot, requests, first_guess(self.robot, guess))
+            return self.compiled.assemble(motors=motors, guess=guess, nearest=True)
+        return assemble(self.robot, motors=motors, guess=guess, nearest=True)
 
     def instruments(self, reference: Log, data: Rows) -> Array:
         """Compute the regressor of the commanded motion at the times of the rows, shape (T, motors, rank).

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..assembly.assemble import assemble_requests
-from ..assembly.requests import MOTIONS, first_guess, gather_requests
+from ..assembly.requests import first_guess, gather_requests
 from ..description.side_cars.toml_file import Keys
 from ..effects import Effects, choose, with_effects
 from ..linkage.joints import NV
@@ -280,9 +280,8 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
     with naming(source, ("initial",)):
         if not joints and not platforms:
             return robot.home.copy(), np.zeros(robot.nv)
-        requests = gather_requests(robot, joints, platforms)._replace(
-            strict=guess is not None, nearest=MOTIONS
-        )
+        requests = gather_requests(robot, joints, platforms, nearest=True)
+        requests = requests._replace(strict=guess is not None)
         q, v, _ = assemble_requests(robot, requests, first_guess(robot, guess))
     if not initial.project:
         _check_rates(source, robot, v[0])

@@ -67,7 +67,7 @@ def postures(
     if not layout.full_state:
         with rows_named(layout, motion):
             try:
-                return Postures(motion, *_assembled(robot, motion, guess, assemble))
+                return Postures(motion, *_assembled(robot, motion, layout, guess, assemble))
             except (AssemblyError, SingularityError) as error:
                 from .other_units import question
 
@@ -81,22 +81,26 @@ def postures(
 
 
 def _assembled(
-    robot: HybridRobot, motion: Motion, guess: Array | None, assemble: Assemble | None
+    robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None, assemble: Assemble | None
 ) -> tuple[Array, Array, Array]:
-    """Assemble rows: with time as one motion, without as independent samples."""
+    """Assemble rows: with time as one motion, without as independent samples.
+
+    Rates of a spline may contradict one another; its positions do not.
+    """
     import numpy as np
 
     import hybridyn
 
     assemble = assemble or functools.partial(hybridyn.assemble, robot)
+    fitted = any(signal.missing for signal in layout.signals)
     if motion.time is not None:
         check_unwrapped(robot, motion.time, motion.joints)
-        return assemble(motors=motion.joints, platforms=motion.platforms, guess=guess)
+        return assemble(motors=motion.joints, platforms=motion.platforms, guess=guess, nearest=fitted)
     rows = []
     for index in range(motion.size):
         row = motion.part(index, index + 1)
         try:
-            rows.append(assemble(motors=row.joints, platforms=row.platforms))
+            rows.append(assemble(motors=row.joints, platforms=row.platforms, nearest=fitted))
         except AssemblyError as error:
             error.sample = index
             raise

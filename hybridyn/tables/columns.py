@@ -201,7 +201,7 @@ def _input_faults(
             )
         return
     passive = [name for name in layout.joints if name not in motors]
-    if len(passive) > most:
+    if passive and len(passive) > most:
         rest = [name for name in movable if name not in layout.joints]
         message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
         message += f"; for the motion of output joints, 'hybridyn idm --map {','.join(passive)}'"

@@ -488,6 +488,25 @@ def test_more_motors_than_freedoms_that_contradict_one_another_are_refused(
         assert part in str(error)
 
 
+def test_rounding_at_rest_contradicts_nothing_whatever_else_moves() -> None:
+    """A sample is judged by its own numbers, not by its neighbours, nor by rounding at rest."""
+    robot = build_robot(shipped("rps3"))
+    platform, (pose, twist, acceleration), _ = full_pose(robot, 3)
+    twist[2], acceleration[2] = 1e-12 * twist[2][::-1], 1e-9 * acceleration[2][::-1]
+    for samples in (slice(0, 3), slice(2, 3)):
+        given = pose[samples], twist[samples], acceleration[samples]
+        _, v, _ = hybridyn.assemble(robot, platforms={platform: given})
+        assert np.abs(v[-1]).max() < 1e-10
+
+
+def test_measured_motions_may_contradict_themselves() -> None:
+    robot, states = redundant()
+    given = of_motors(robot, states)
+    given[1][7, 2] += 0.5
+    _, v, _ = hybridyn.assemble(robot, motors=tuple(given), nearest=True)
+    assert 0.05 < np.abs(v[7] - states[1][7]).max() < 0.5
+
+
 def test_accelerations_that_are_left_out_are_the_nearest() -> None:
     robot, states = redundant()
     q, v, a = hybridyn.assemble(robot, motors=tuple(of_motors(robot, states)[:2]))

@@ -23,7 +23,7 @@ from hybridyn.streams.one_pass import MOST_ROWS
 from hybridyn.tables.opening import open_table
 from tests import ROOT
 from tests.clocks import Clock
-from tests.command_line import program, table_text
+from tests.command_line import call, program, table_text
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
@@ -402,3 +402,21 @@ def test_progress_is_drawn_only_when_it_takes_long(capsys, monkeypatch) -> None:
 
 def test_cells_are_set_in_columns() -> None:
     assert aligned_rows([["a", "1.5"], ["long", "10"]], right=(1,)) == ["a     1.5", "long   10"]
+
+
+def test_two_motors_of_one_freedom_share_its_power(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a parallelogram the elbow turns back what the drive turns: their difference is the effort of one."""
+    time = np.linspace(0.0, 1.0, 60)
+    angle = 0.5 + 0.2 * np.sin(5 * time)
+    efforts = []
+    for motors, sides in (("drive,elbow", (1, -1)), ("drive", (1,))):
+        names = [f"{name}/position" for name in motors.split(",")]
+        table = np.column_stack([time, *(side * angle for side in sides)])
+        file = save(tmp_path, table_text(["time", *names], table), f"{motors}.csv")
+        robot = ROOT / "benchmarks" / "robots" / "parallelogram.urdf"
+        out = call(capsys, "idm", robot, file, "--motors", motors).out
+        rows = np.loadtxt(out.splitlines(), delimiter=",", skiprows=1)
+        efforts.append(rows[:, 1 : 1 + len(sides)] @ sides)
+    np.testing.assert_allclose(*efforts, rtol=1e-8)

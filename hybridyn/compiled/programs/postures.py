@@ -52,6 +52,7 @@ class Postures:
         motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
+        nearest: bool = False,
     ) -> tuple[Array, Array, Array]:
         """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
 
@@ -63,6 +64,7 @@ class Postures:
             motors: As in `hybridyn.assemble`.
             platforms: As in `hybridyn.assemble`.
             guess: Initial posture, shape (nq,), such as the last one; the home posture by default.
+            nearest: As in `hybridyn.assemble`.
 
         Returns:
             q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision. Rods that
@@ -72,7 +74,7 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        return self.assemble_requests(gather_requests(self.robot, motors, platforms), guess)
+        return self.assemble_requests(gather_requests(self.robot, motors, platforms, nearest), guess)
 
     def designs(
         self,

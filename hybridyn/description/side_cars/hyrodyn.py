@@ -48,7 +48,9 @@ Submechanism: Any = table(
     jointnames_active=list[str] | None, jointnames_spanningtree=list[str] | None,
     loop_constraints=Annotated[list[Constraint], Field(min_length=1)] | None,
 )  # fmt: skip
-File: Any = table("File", Open, submechanisms=Annotated[list[Submechanism], Field(min_length=1)])
+File: Any = table(
+    "File", Open, submechanisms=Annotated[list[Submechanism], Field(min_length=1)], exoskeletons=(Any, None)
+)
 
 
 def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
@@ -73,6 +75,8 @@ def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
         line = document.lines[("submechanisms",)][0]
         where = f"jointnames_active of {file}"
         robot.motors.append(MotorStatement("side-car", where, tuple(motors), document.file, line))
+    if content.exoskeletons:
+        robot.notes.append(f"exoskeletons of {file} are not read")
 
 
 def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> list[str]:

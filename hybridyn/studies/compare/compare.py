@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
-from multiprocessing import get_context
 from os import PathLike
-from typing import Any
 
 from ...dynamics.direct import ddm
 from ...errors import install_advice
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
+from .apart import judged_apart
 from .engine import own_file
 from .judging import ClosureFate, Verdict, call_time, judge_way
 from .methods import ENGINES, engine_file
@@ -65,16 +62,6 @@ class Comparison:
             for one in self.verdicts
             if not one.refusal and not one.agrees(self.freedoms, self.tolerance)
         ]
-
-
-def judged_apart(way: str, *task: Any) -> Verdict:
-    """Judge as `judge_way` does, in another process: its crash is a refusal."""
-    with ProcessPoolExecutor(1, get_context("spawn")) as process:
-        try:
-            return process.submit(judge_way, way, *task).result()
-        except BrokenProcessPool:
-            engine, number = task[3]
-            return Verdict(engine, number, way, "its process ended without a result")
 
 
 @one_thread()

@@ -39,9 +39,10 @@ class TableAssembler:
         motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
+        nearest: bool = False,
     ) -> tuple[Array, Array, Array]:
         """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
-        requests = gather_requests(self._robot, motors, platforms)
+        requests = gather_requests(self._robot, motors, platforms, nearest)
         requests = requests._replace(strict=guess is not None)
         start = first_guess(self._robot, guess)
         self.rows += requests.samples
