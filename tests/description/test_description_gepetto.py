@@ -166,6 +166,7 @@ def test_what_pairs_nothing_is_refused(texts: Texts, messages: list[str], tmp_pa
     ("text", "value"),
     [
         ("1.0e-10", 1e-10),
+        ("1e-10", 1e-10),  # text for PyYAML, a number for those who write it
         ("1.", 1.0),
         ("12", 12),
         ("true", True),
@@ -205,6 +206,8 @@ BOMB = "a: &a [x]\n" + "".join(
         ("\tb: 1", 1, "not readable as YAML"),
         (b"a: \xff", None, "UTF-8"),
         ("a: " + "x" * 2**20, None, "larger than 1 MiB"),
+        ("a: 1\nb: 012", 2, "no number to the base ten"),  # ten for PyYAML
+        ("a: [0, 1:30]", 1, "no number to the base ten"),
     ],
 )
 def test_traps(text: str | bytes, line: int | None, message: str) -> None:

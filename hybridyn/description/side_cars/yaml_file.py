@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,7 +23,19 @@ MOST_VALUES = 100_000
 #: Ends of the tags of scalars that are read.
 SCALARS = ("null", "bool", "int", "float", "str")
 
+#: Whole numbers that PyYAML reads to another base than ten: `012` is ten, `1:30` ninety.
+OTHER_BASES = re.compile(r"[-+]?0[0-9_]+|.*:.*")
+
 Place = tuple[str | int, ...]
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads `1e-10`, which many programs write, as the number; PyYAML wants a dot."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
+)
 
 
 @dataclass
@@ -71,7 +84,7 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
         raise ModelError(f"is larger than {LARGEST_YAML // 2**20} MiB", file=file)
     document = YamlFile(file)
     try:
-        loader = yaml.SafeLoader(text.decode("utf-8"))
+        loader = _Loader(text.decode("utf-8"))
         node = loader.get_single_node()
         document.data = None if node is None else _value(document, loader, node, ())
     except UnicodeDecodeError as error:
@@ -118,6 +131,8 @@ def _value(document: YamlFile, loader: yaml.SafeLoader, node: yaml.Node, place: 
                 raise document.error((*place, name), problem)
             values[name] = _value(document, loader, value, (*place, name))
         return values
+    if kind in ("int", "float") and OTHER_BASES.fullmatch(node.value):
+        raise document.error(place, f"'{node.value}' is no number to the base ten; leave the 0 or : out")
     if isinstance(node, yaml.ScalarNode) and kind in SCALARS:
         return loader.construct_object(node)
     raise document.error(place, f"tag '{node.tag}' is not allowed")
