@@ -38,7 +38,7 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | Non
                 x = found.q
                 q[at] = spanning_positions(part.module, x, m.tree.sweep(x), q[at])[0]
         cut.append(x)
-    p, g = places_at(parts, cut)
+    p, g = places_at(parts, cut, 1)
     return Place(q, p[0], g[0])
 
 

@@ -81,16 +81,17 @@ class Closing(Generic[Rows]):
     rows: Rows
 
 
-def places_at(parts: Sequence[Part], postures: Sequence[Array]) -> tuple[Array, Array]:
-    """Compute the coordinates of all platforms and what is prescribed, at a posture of each part.
+def places_at(parts: Sequence[Part], postures: Sequence[Array], samples: int) -> tuple[Array, Array]:
+    """Compute the coordinates of all platforms and what is prescribed, at postures of each part.
 
     Args:
-        postures: Position of the tree after the cuts of each part, shape (1, its nq).
+        postures: Positions of the tree after the cuts of each part, shape (T, its nq).
+        samples: Number T.
 
     Returns:
-        Shapes (1, platforms), (1, numbers).
+        Shapes (T, platforms), (T, numbers).
     """
-    platforms, given = [np.zeros((1, 0))], [np.zeros((1, 0))]
+    platforms, given = [np.zeros((samples, 0))], [np.zeros((samples, 0))]
     for part, x in zip(parts, postures, strict=True):
         m = part.module.mechanism
         platforms += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]

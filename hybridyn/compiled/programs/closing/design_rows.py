@@ -180,7 +180,7 @@ class DesignRows:
 def _guess(parts: list[Part], q: Array) -> States:
     """Return a guess, shape (nq,), its platforms, as the nominal design has them, and what is given there."""
     cut = [part.module.mechanism.cut.positions(q[None, part.module.q_index]) for part in parts]
-    p, g = places_at(parts, cut)
+    p, g = places_at(parts, cut, 1)
     return q, p[0], g[0]
 
 
