@@ -151,7 +151,7 @@ class ComputedTorque(Pd):
         return tau
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
-        """Return the control for steps in C; None if motors do not determine the motion.
+        """Return the control for steps in C; None for idle joints besides redundant motors or a moving base.
 
         The first call for a robot, and for effects other than those that act, builds programs.
         """
@@ -161,14 +161,15 @@ class ComputedTorque(Pd):
             return None
         try:
             closing, models = closing_of_motors(self._robot), compiled
-            if closing is None:
+            redundant = any(len(module.motors) > module.mobility for module in self._robot.modules)
+            if closing is None and (redundant or self._robot.base == "moving"):
                 return None
             if not same_without_limits(self._robot, compiled.effects, self._on):
                 models = compile_models(self._robot, self._on)
         except HybridynError as error:
             log.warning("computed torque is evaluated in Python, which takes longer: %s", error)
             return None
-        self._programs = TorquePrograms(closing, models.library.built)  # the law holds their addresses
+        self._programs = TorquePrograms(models.library.built, closing)  # the law holds their addresses
         return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), self._programs.at)
 
 

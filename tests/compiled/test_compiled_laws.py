@@ -1,5 +1,6 @@
 """Laws of efforts in time steps in C: controllers, and programs in Python; against the loop in Python."""
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -8,16 +9,18 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.compiled.library.laws import Law
 from hybridyn.compiled.library.steps import Steps, Taken
 from hybridyn.compiled.programs.control import closing_of_motors
 from hybridyn.effects import Limits
 from hybridyn.scenes import controllers
-from hybridyn.scenes.references import Point, Reference, follow_motion, from_points
+from hybridyn.scenes.references import MotorAxes, Point, Reference, follow_motion, from_points
 from hybridyn.simulation import stepping
 from hybridyn.simulation.result import Result
 from hybridyn.simulation.runge_kutta import RK4, Explicit
 from tests.comparing import close_to, refused, same_bits
 
+LEFT = "m1_left_drive"
 SOLVED = 1e-12  # two solutions of the loops and of the inertia, relative
 STIFF = (100.0, 8.0)  # gains [N m/rad, N m s/rad]
 LIMIT = 1e3  # above what the five-bar needs [N m], as in test_compiled_steps.py
@@ -180,11 +183,43 @@ def test_a_prescribed_motion_on_the_compiled_path(
     close_to(levels(ours)[1:5], levels(theirs)[1:5], SOLVED, 1.0)
 
 
-def test_computed_torque_of_a_free_joint_stays_in_python(
-    model: hybridyn.CompiledRobot, laws: dict[str, Any]
-) -> None:
-    robot = hybridyn.load("five_bar", motors=model.robot.motors[:1])
+@pytest.mark.parametrize(
+    ("name", "options"), [("five_bar", {"motors": [LEFT]}), ("snake", {"base": "floating"})]
+)
+def test_computed_torque_with_free_joints_is_that_in_python(name: str, options: Any) -> None:
+    """The direct model inverted for the motors' accelerations, against the recursion for the others."""
+    robot = hybridyn.load(name, **options)
     assert closing_of_motors(robot) is None
+    limits = Limits(dict.fromkeys(robot.motors, LIMIT))  # which the efforts keep, not the models
+    model, t = hybridyn.compile(robot, ["default", limits]), np.linspace(0.0, 0.3, 7)
+    moved = [LEFT, "m1_right_drive"] if name == "five_bar" else robot.motors
+    x = {joint: (0.01 * np.sin(t + k), np.cos(9 * t + k), 0 * t) for k, joint in enumerate(moved)}
+    q, v, _ = hybridyn.assemble(robot, motors=x)
+    if robot.base == "floating":
+        v[:, :6] = np.linspace(-1.0, 1.0, 42).reshape(7, 6)
+    points = [Point(0.0, {}, {}), Point(0.3, {robot.motors[0]: 0.01}, {})]
+    law = controllers.ComputedTorque(robot, from_points(robot, points, robot.home), 900.0, 60.0)
+    ours = model.library.steps.efforts(law.in_c(model), t, q, v)
+    theirs = np.array([law(*state) for state in zip(t, q, v, strict=True)])
+    close_to([ours], [theirs], SOLVED)
+
+
+def test_motors_that_move_the_same_are_left_to_python(
+    model: hybridyn.CompiledRobot, reference: Reference
+) -> None:
+    @ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.POINTER(ctypes.c_void_p)] * 2)
+    def together(given: Any, out: Any) -> int:
+        """Accelerate all joints by the sum of the efforts."""
+        tau = np.ctypeslib.as_array(ctypes.cast(given[2], ctypes.POINTER(ctypes.c_double)), (2,))
+        np.ctypeslib.as_array(ctypes.cast(out, ctypes.POINTER(ctypes.c_double)), (4,))[:] = tau.sum() / 3
+        return 0
+
+    at, gains = ctypes.cast(together, ctypes.c_void_p).value or 0, (np.ones(2), np.ones(2))
+    law = Law.tracking(reference.pieces, MotorAxes.of(model.robot), gains, {"ddm": at})
+    assert model.library.steps.efforts(law, np.zeros(1), model.robot.home[None], np.zeros((1, 4))) is None
+
+
+def test_computed_torque_that_stays_in_python(model: hybridyn.CompiledRobot, laws: dict[str, Any]) -> None:
     other = hybridyn.load("five_bar")
     law = controllers.ComputedTorque(other, laws["torque"]._reference, 1.0, 1.0)
     assert law.in_c(model) is None  # of another robot

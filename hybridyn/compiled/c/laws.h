@@ -13,9 +13,11 @@ typedef struct {
     const Long *at, *column, *turns;  /* of the motors, as `scenes.references.MotorAxes` */
 #ifndef __cplusplus
     int (*close)(const S *const *, S *), (*idm)(const S *const *, S *);
+    int (*ddm)(const S *const *, S *); /* in place of both where the loops do not give all accelerations */
     int (*function)(S);               /* reads q and v, writes `effort` */
 #endif
     S *effort, *q, *v;
+    S *gain;                          /* room for a matrix (EFFORTS, EFFORTS), where `ddm` is called */
 } Law;
 
 /* Motors' positions, rates and accelerations (or efforts in place of the positions) of the reference. */
@@ -54,8 +56,47 @@ static void missed(const Law *law, const S *q, const S *v, S x[3][ROOM]) {
     }
 }
 
+#ifndef __cplusplus
+/* The efforts that give the motors the accelerations x, other joints none: accelerations are those without efforts, and
+   a symmetric matrix times the efforts, which Cholesky's method solves. Large efforts find its columns exactly. */
+static int driving(const Law *law, const S *q, const S *v, const S *x, S *tau) {
+    const S large = 1LL << 30, *in[3] = {q, v, tau};
+    S a[NV], free[ROOM], *L = law->gain;
+    for (int k = -1; k < EFFORTS; k++) {
+        for (int m = 0; m < EFFORTS; m++) tau[m] = m == k ? large : 0;
+        if (law->ddm(in, a)) return 1;
+        for (int m = 0; m < EFFORTS; m++) {
+            if (k < 0) free[m] = a[law->column[m]];
+            else L[m * EFFORTS + k] = a[law->column[m]] - free[m];
+        }
+    }
+    for (int k = 0; k < EFFORTS; k++) {
+        S *row = L + k * EFFORTS;
+        const S least = (S)1e-10 * row[k];
+        tau[k] = x[k] - free[k];
+        for (int m = 0; m <= k; m++) {
+            const S *other = L + m * EFFORTS;
+            for (int i = 0; i < m; i++) row[m] -= row[i] * other[i];
+            if (m < k) row[m] /= other[m], tau[k] -= row[m] * tau[m];
+        }
+        if (!(row[k] > least)) return 1; /* motors that move the same */
+        row[k] = SCALAR(sqrt)(row[k]);
+        tau[k] /= row[k];
+    }
+    for (int k = EFFORTS - 1; k >= 0; k--) {
+        for (int m = k + 1; m < EFFORTS; m++) tau[k] -= L[m * EFFORTS + k] * tau[m];
+        tau[k] /= L[k * EFFORTS + k];
+    }
+    for (int k = 0; k < EFFORTS; k++) tau[k] *= large;
+    return 0;
+}
+#endif
+
 /* The inverse model of the motors' accelerations in x[2], of which the loops give those of all joints. */
 static int inverse_of(const Law *law, const S *q, const S *v, const S x[3][ROOM], S *tau) {
+#ifndef __cplusplus
+    if (law->ddm) return driving(law, q, v, x[2], tau);
+#endif
     S a[NV], closed[NQ + 2 * NV];
     for (int i = 0; i < NV; i++) a[i] = 0;
     for (int m = 0; m < EFFORTS; m++) a[law->column[m]] = x[2][m];

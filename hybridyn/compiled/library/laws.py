@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -27,8 +27,8 @@ class _Fields(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("kind", "pieces", "holds")),
         ("latest", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("bound", "time", "width", "piece", "kp", "kd", "at")),
-        *((name, ctypes.c_void_p) for name in ("column", "turns", "close", "idm", "function", "effort")),
-        *((name, ctypes.c_void_p) for name in ("q", "v")),
+        *((name, ctypes.c_void_p) for name in ("column", "turns", "close", "idm", "ddm", "function")),
+        *((name, ctypes.c_void_p) for name in ("effort", "q", "v", "gain")),
     )
 
 
@@ -141,7 +141,7 @@ class Law:
 
     @staticmethod
     def tracking(
-        pieces: Pieces, axes: Axes, gains: tuple[Array, Array], models: tuple[int, int] | None = None
+        pieces: Pieces, axes: Axes, gains: tuple[Array, Array], models: Mapping[str, int] | None = None
     ) -> Law:
         """Return the control of the motors along a reference.
 
@@ -149,15 +149,17 @@ class Law:
             pieces: Positions of the motors over time.
             axes: The motors in q and v.
             gains: Gains of position and rate errors, shape (motors,) each.
-            models: Addresses of the programs "close" and "idm" for computed torque; None for proportional-
-                derivative control.
+            models: Addresses of the programs "close" and "idm", or of "ddm" alone, for computed torque; None
+                for proportional-derivative control.
         """
         of_motors = {"at": axes.at, "column": axes.columns, "turns": axes.turns}
-        own = {name: np.ascontiguousarray(x, dtype=np.int64) for name, x in of_motors.items()}
+        own: dict[str, Any] = {name: np.ascontiguousarray(x, dtype=np.int64) for name, x in of_motors.items()}
         own |= {name: np.ascontiguousarray(x) for name, x in zip(("kp", "kd"), gains, strict=True)}
         if models is None:
             return Law("pd", **_polynomials(pieces), **own)
-        return Law("torque", **_polynomials(pieces), **own, close=models[0], idm=models[1])
+        if "ddm" in models:
+            own["gain"] = np.empty((len(own["kp"]), len(own["kp"])))
+        return Law("torque", **_polynomials(pieces), **own, **models)
 
     @staticmethod
     def function(effort: Callable[[float, Array, Array], Array], sizes: tuple[int, int, int]) -> Law:

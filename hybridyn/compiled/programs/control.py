@@ -50,23 +50,27 @@ class Control:
             self.at_once = function_of(held, "control_call", np.array([rows.close_row], np.uintp))
 
 
-#: What a warning says that is done without a library.
-IN_PYTHON = "computed torque is evaluated in Python, which takes longer"
-
-
 class TorquePrograms:
-    """Programs "following" and "idm" of a robot whose motors determine its motion.
+    """Programs of computed torque.
 
     Attributes:
-        at: Addresses of the functions that run them for one sample.
+        at: Addresses of the functions that run them for one sample, by what `Law.tracking` calls them.
     """
 
-    def __init__(self, closing: Built, models: Built) -> None:
-        """Load the programs; they stay loaded as long as this object."""
-        self._held = ctypes.PyDLL(str(closing.path)), ctypes.PyDLL(str(models.path))
-        functions = self._held[0].following_single_at, self._held[1].idm_single_at
-        close, idm = (ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions)
-        self.at = close, idm
+    def __init__(self, models: Built, closing: Built | None) -> None:
+        """Load the programs; they stay loaded as long as this object.
+
+        Args:
+            closing: Gives all accelerations from those of the motors, for the inverse model; None where the
+                direct model is inverted.
+        """
+        programs = {"close": (closing, "following"), "idm": (models, "idm")}
+        if closing is None:
+            programs = {"ddm": (models, "ddm")}
+        self._held = [ctypes.PyDLL(str(built.path)) for built, _ in programs.values() if built]
+        found = zip(self._held, programs.items(), strict=True)
+        functions = {name: getattr(held, f"{program}_single_at") for held, (name, (_, program)) in found}
+        self.at = {name: ctypes.cast(x, ctypes.c_void_p).value or 0 for name, x in functions.items()}
 
 
 def closing_of_motors(robot: HybridRobot) -> Built | None:
@@ -78,7 +82,7 @@ def closing_of_motors(robot: HybridRobot) -> Built | None:
     u = located(robot, robot.motors, chosen=False)
     if any(len(own) != m.mobility for m, own in zip(robot.modules, u.own, strict=True)):
         return None
-    return artifact_of(robot, u, "float64").tried(lambda built: built, IN_PYTHON)
+    return artifact_of(robot, u, "float64").tried(lambda built: built, "computed torque takes longer")
 
 
 def same_without_limits(robot: HybridRobot, first: Effects, second: Effects) -> bool:
