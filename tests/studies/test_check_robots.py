@@ -20,11 +20,8 @@ from tests.studies.test_check import arm, boxed, inertial
 OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".urdf", ".xacro"))
 SAMPLE = ("quadrotor_base.urdf", "quadrotor_base.xacro")
 MUTATIONS = 300  # 9,000 were run once
-#: Findings of the shipped robots: the UR5 has placeholders, and a hinge closes the five-bar's planar loop.
-KNOWN = {
-    "stewart_ur5": {"inertia-too-large"},
-    "five_bar": {"redundant-closures"},
-}
+#: Findings of the shipped robots: the UR5 has placeholders.
+KNOWN = {"stewart_ur5": {"inertia-too-large"}}
 
 
 @pytest.mark.parametrize("name", main_names())

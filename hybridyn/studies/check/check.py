@@ -17,21 +17,18 @@ import numpy as np
 
 from ...description import read
 from ...description.reading import open_robot
-from ...description.urdf.xml_node import Node
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
 from ...structure.robot import HybridRobot
 from .finding import CODES, SEVERITIES, Finding, Severity
-from .joints import check_couplings, check_limits, check_units
-from .loops import check_branch, check_dangling_chains, check_lost_loops, check_modules
+from .joints import check_limits, check_mimics, check_units
+from .loops import check_dangling_chains, check_lost_loops, check_modules
 from .masses import check_masses
 from .shapes import check_shapes, read_shapes
 from .subject import Subject
 
 __all__ = ["CODES", "SEVERITIES", "Finding", "Severity", "check", "is_readable"]
 
-UNREADABLE = ("unreadable", "duplicate-name")
-NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")
 REPORTED_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both ignored")
 
 
@@ -70,14 +67,14 @@ def check(
         root = open_robot(file, xacro_args, package_dirs)
     except ModelError as error:
         return [_unreadable(error, fspath(path))]
-    found = duplicated_names(root)
     if robot is not None:
         description = robot.description
     else:
         try:
             description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
         except HybridynError as error:
-            return found or [_unreadable(error, file)]
+            return [_unreadable(error, file)]
+    found = list[Finding]()
     with np.errstate(all="ignore"):  # overflow and underflow are findings, not NumPy warnings
         subject = Subject(root, description, read_shapes(root, package_dirs, meshes=meshes), robot)
         if robot is None:
@@ -88,8 +85,8 @@ def check(
             except HybridynError as error:
                 found.append(_not_built(subject, error))
         checks = (
-            check_masses, check_units, check_limits, check_couplings, check_notes, check_shapes,
-            check_lost_loops, check_dangling_chains, check_branch, check_modules,
+            check_masses, check_units, check_limits, check_mimics, check_notes, check_shapes,
+            check_lost_loops, check_dangling_chains, check_modules,
         )  # fmt: skip
         found += [finding for run_check in checks for finding in run_check(subject)]
     return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))
@@ -97,32 +94,7 @@ def check(
 
 def is_readable(findings: Sequence[Finding]) -> bool:
     """Return whether the file of these findings could be read."""
-    return not any(finding.code in UNREADABLE for finding in findings)
-
-
-def duplicated_names(root: Node) -> list[Finding]:
-    """Return a finding for every name that two elements of one kind share. Such a file cannot be read."""
-    out = []
-    for kind in NAMED:
-        known: dict[str, tuple[str, int | None]] = {}
-        for node in root.children(kind):
-            name = str(node.xml.get("name", "")).strip()
-            if name and name in known:
-                place = node.place
-                first = "" if known[name] == place else ", first in {}:{}".format(*known[name])
-                out.append(
-                    Finding(
-                        "duplicate-name",
-                        f"{kind} '{name}'",
-                        f"is stated twice{first}",
-                        "a reference to the name may mean either element",
-                        "rename one of the two, and every reference to it",
-                        *place,
-                    )
-                )
-            elif name:
-                known[name] = node.place
-    return out
+    return not any(finding.code == "unreadable" for finding in findings)
 
 
 def check_notes(subject: Subject) -> Iterator[Finding]:
@@ -147,7 +119,7 @@ def _not_built(subject: Subject, error: HybridynError) -> Finding:
         subject.description.closures,
         key=lambda closure: (closure.name != element, element not in (closure.link_a, closure.link_b)),
     )
-    place = subject.closure_place([closure.name for closure in closures[:1]])
+    place = subject.first_place(closure.name for closure in closures[:1])
     if isinstance(error, AssemblyError):
         return Finding(
             "loops-close-nowhere",

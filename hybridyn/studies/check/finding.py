@@ -13,7 +13,6 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 CODES: dict[str, tuple[Severity, str]] = {
     # the file
     "unreadable": ("error", "the file cannot be read as a robot"),
-    "duplicate-name": ("error", "two links, joints or closures have one name"),
     "reader": ("note", "the reader ignored something in the file, or interpreted it in a particular way"),
     # masses
     "negative-inertia": ("error", "a principal moment of inertia is negative"),
@@ -38,30 +37,23 @@ CODES: dict[str, tuple[Severity, str]] = {
     "unread-meshes": ("note", "mesh files were not read, because trimesh is not installed"),
     # limits
     "limits-crossed": ("error", "a lower limit is above the upper one"),
-    "limits-empty": ("note", "lower and upper limit are equal"),
-    "limits-missing": ("note", "a motor's position is not limited"),
     "limits-zero": ("warning", "a motor's effort or speed limit is zero, which counts as none"),
     "home-outside-limits": ("warning", "the home posture is outside the limits"),
-    # mimic and couplings
+    # mimic
     "mimic-motor": ("warning", "a joint with a motor mimics another joint"),
-    "mimic-zero": ("warning", "a joint mimics another one with multiplier zero"),
     # loops
     "lost-loops": ("warning", "the robot seems to have loops that its file does not state"),
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
     "rank-in-doubt": ("error", "the mobility is uncertain because the file is rounded"),
     "no-robot": ("error", "no robot can be built from the file"),
-    "branch": ("note", "postures are assembled on the branch of a home posture away from zero"),
     "open-at-home": ("warning", "loops are open at the home posture"),
     "locked": ("error", "closures leave a module no degree of freedom"),
-    "redundant-closures": ("note", "some closure rows depend on others"),
     "rounded": ("note", "some closure rows depend on others, but only up to the file's rounding"),
     # motors
     "no-motors": ("warning", "the robot has no motor"),
     "motor-cannot-move": ("error", "closures prevent a motor from moving"),
     "motors-missing": ("warning", "no motor drives some motion of a module"),
     "motors-opposed": ("error", "two motors drive the same motion, and no motor drives another motion"),
-    "motors-redundant": ("note", "a module has more motors than degrees of freedom"),
-    "idle-motion": ("note", "a motion moves no platform and no centre of mass"),
     "architectural": ("error", "there is a motion that the motors cannot drive, at every posture"),
     # singularities at home
     "singular-closures": ("warning", "the home posture is a constraint singularity"),

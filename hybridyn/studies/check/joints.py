@@ -63,18 +63,14 @@ def _angles(subject: Subject) -> Iterator[Finding]:
             )
 
 
-ONE_FREEDOM = ("revolute", "prismatic")
-
-
 def check_limits(subject: Subject) -> Iterator[Finding]:
     """Check the limits of every joint."""
     yield from _crossed(subject)
-    motors = set(subject.description.motors)
     followers = {coupling.name for coupling in subject.description.couplings}
     for joint in subject.description.joints:
-        if joint.kind in ONE_FREEDOM:
-            yield from _range(subject, joint, joint.name in motors)
-        if joint.name in motors and joint.name not in followers:
+        if joint.kind in ("revolute", "prismatic"):
+            yield from _home(subject, joint)
+        if joint.name in subject.description.motors and joint.name not in followers:
             yield from _motor(subject, joint)
 
 
@@ -88,22 +84,6 @@ def _crossed(subject: Subject) -> Iterator[Finding]:
             "hybridyn treats the joint as not limited; other programs may not move it",
             "exchange the two limits, or correct a sign",
         )
-
-
-def _range(subject: Subject, joint: Joint, driven: bool) -> Iterator[Finding]:
-    stated = f"lower {joint.lower:g}, upper {joint.upper:g} {unit_of(joint.kind)}"
-    if joint.lower == joint.upper:
-        yield subject.of_joint(
-            "limits-empty",
-            joint.name,
-            f"{stated}: the range is empty, so the limits are ignored",
-            "a workspace or a controller that respects limits would never move the joint"
-            if driven
-            else "exporters write 0 and 0 for passive joints; hybridyn does not stop them there",
-            "state the true range, or omit lower and upper",
-        )
-    else:
-        yield from _home(subject, joint)
 
 
 def _home(subject: Subject, joint: Joint) -> Iterator[Finding]:
@@ -142,36 +122,16 @@ def _motor(subject: Subject, joint: Joint) -> Iterator[Finding]:
                 f"state its {what} limit, or omit <limit {'effort' if what == 'effort' else 'velocity'}> "
                 "if it is not known",
             )
-    endless = not np.isfinite([joint.lower, joint.upper]).all()
-    if joint.kind == "prismatic" and endless:
-        yield subject.of_joint(
-            "limits-missing",
-            joint.name,
-            "is a driven slide without lower and upper limit",
-            "a workspace or a simulation will move it past its end stop",
-            "state <limit lower= upper=> in metres",
-        )
 
 
-def check_couplings(subject: Subject) -> Iterator[Finding]:
-    """Check every coupling that was read from a `<mimic>` element."""
+def check_mimics(subject: Subject) -> Iterator[Finding]:
+    """Check that no joint with a motor follows another joint by `<mimic>`."""
     for coupling in subject.description.couplings:
-        name, factors = coupling.name, [k for _, k in coupling.terms[1:]]
-        if name != coupling.terms[0][0]:
-            continue
-        if name in subject.description.motors:
+        if coupling.name == coupling.terms[0][0] and coupling.name in subject.description.motors:
             yield subject.of_joint(
                 "mimic-motor",
-                name,
+                coupling.name,
                 "is a motor and mimics another joint",
                 "one motion then has two motors, or a motor that does not exist",
                 "remove it from the motors, or remove <mimic>",
-            )
-        if 0.0 in factors:
-            yield subject.of_joint(
-                "mimic-zero",
-                name,
-                "mimics a joint with multiplier 0",
-                "it does not move, whatever the other joint does",
-                'state the multiplier, or make the joint type="fixed"',
             )

@@ -11,11 +11,10 @@ from ...assembly.free_motions import free_motions, own_inertia
 from ...assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
 from ...assembly.task import residuals
 from ...description.loop_signs import lost_loops
-from ...description.names import LISTED_NAMES, counted, listed
+from ...description.names import counted, listed
 from ...linkage.reduction import ROUNDED_ROWS
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from ..home import far_from_zero
 from .finding import Finding
 from .subject import Subject
 
@@ -48,20 +47,6 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
         yield from _ModuleCheck(subject, robot, module, open_by).findings()
 
 
-def check_branch(subject: Subject) -> Iterator[Finding]:
-    """Note the branch on which postures are assembled, where home is not zero."""
-    far = far_from_zero(subject.robot) if subject.robot is not None else ""
-    if far:
-        yield Finding(
-            "branch",
-            "",
-            f"postures are assembled on the branch of the home posture, {far}",
-            "loops may close in several postures with the motors at the same positions",
-            "nothing to do if this is intended; 'hybridyn home --all' lists the other postures",
-            subject.places.file,
-        )
-
-
 def check_lost_loops(subject: Subject) -> Iterator[Finding]:
     """Find signs of loops that the files do not state."""
     why = "without its loops the robot has too many freedoms, and efforts are wrong"
@@ -72,7 +57,7 @@ def check_lost_loops(subject: Subject) -> Iterator[Finding]:
         elif sign.joint:
             yield subject.of_joint("lost-loops", sign.joint, *texts)
         else:
-            yield Finding("lost-loops", "", *texts, subject.places.file)
+            yield Finding("lost-loops", "", *texts, subject.root.file)
 
 
 def check_dangling_chains(subject: Subject) -> Iterator[Finding]:
@@ -84,7 +69,7 @@ def check_dangling_chains(subject: Subject) -> Iterator[Finding]:
     ends = {link: _chain(subject, link) for link in subject.links if not subject.carried[link]}
     free = {link: one[:2] for link, one in ends.items() if alike[one[:2]] > 1 and not taken & {*one[2]}}
     for link, key in free.items():
-        if subject.body(link) == link and list(free.values()).count(key) < alike[key]:
+        if subject.body[link] == link and list(free.values()).count(key) < alike[key]:
             yield subject.of_link(
                 "lost-loops",
                 link,
@@ -97,20 +82,13 @@ def check_dangling_chains(subject: Subject) -> Iterator[Finding]:
 
 def _chain(subject: Subject, link: str) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     """Return where the chain that ends at a link starts, the kinds of its joints, and its bodies."""
-    kinds, bodies, at = list[str](), list[str](), subject.body(link)
+    kinds, bodies, at = list[str](), list[str](), subject.body[link]
     while at in subject.joint_above and (not kinds or subject.carried[at] == 1):
         joint = subject.joint_above[at]
         kinds.append(joint.kind)
         bodies.append(at)
-        at = subject.body(joint.parent)
+        at = subject.body[joint.parent]
     return at, tuple(kinds), tuple(bodies)
-
-
-def _named(motions: tuple[str, ...]) -> str:
-    """List the names of motions, each once; a long list is shortened."""
-    names = [*dict.fromkeys(motions)]
-    more = f" and {len(names) - LISTED_NAMES} more" if len(names) > LISTED_NAMES else ""
-    return ", ".join(names[:LISTED_NAMES]) + more
 
 
 class _ModuleCheck:
@@ -154,16 +132,13 @@ class _ModuleCheck:
                 f"check types and axes of {listed(module.closures)}: perhaps a weld ('6d', 'fixed') stands "
                 "in place of a hinge or a ball",
             )
-        if (spare := report.rows - report.rank) > 0:
-            rounded = report.dropped > ROUNDED_ROWS
+        if (spare := report.rows - report.rank) > 0 and report.dropped > ROUNDED_ROWS:
             yield self._about(
-                "rounded" if rounded else "redundant-closures",
-                f"{spare} of {report.rows} closure rows depend on the others"
-                + (f", up to the file's rounding ({report.dropped:.1e} relative)" if rounded else ""),
+                "rounded",
+                f"{spare} of {report.rows} closure rows depend on the others, up to the file's rounding "
+                f"({report.dropped:.1e} relative)",
                 "wrenches inside the loops are not unique; motion and motor efforts are",
-                f"write more digits if you do not expect a mobility of {module.mobility}"
-                if rounded
-                else "nothing to do if this is intended; a spherical closure has fewer rows than a hinge",
+                f"write more digits if you do not expect a mobility of {module.mobility}",
             )
 
     def _motors(self) -> Iterator[Finding]:
@@ -183,35 +158,21 @@ class _ModuleCheck:
             )
             return
         opposed = len(module.motors) - module.mobility + len(free.uncontrolled) + len(free.idle)
+        undriven = listed(dict.fromkeys(free.uncontrolled)).replace("'", "")
         counts = f"{counted(len(module.motors), 'motor')} for {counted(module.mobility, 'freedom')}"
         if free.uncontrolled and module.motors and opposed > 0:
             yield self._about(
                 "motors-opposed",
-                f"{counts}, but none drives the motion of {_named(free.uncontrolled)}, while {opposed} "
-                "work against others",
+                f"{counts}, but none drives the motion of {undriven}, while {opposed} work against others",
                 "that motion has no effort, and other efforts are not unique",
                 "choose one motor per freedom: motors = [...] in model.toml",
             )
         elif free.uncontrolled and self.robot.motors:
             yield self._about(
                 "motors-missing",
-                f"{counts}: no motor drives the motion of {_named(free.uncontrolled)}",
+                f"{counts}: no motor drives the motion of {undriven}",
                 'idm rejects a motion that needs an effort there; passive="solved" computes the free motion',
                 "add a motor, or nothing if the passive motion is intended",
-            )
-        elif opposed > 0:
-            yield self._about(
-                "motors-redundant",
-                f"{counts}",
-                "many efforts cause the same motion; effort limits or weights select one of them",
-                "pass --weights to idm if the distribution matters",
-            )
-        if free.idle:
-            yield self._about(
-                "idle-motion",
-                f"the motion of {_named(free.idle)} moves no platform and no centre of mass",
-                "a rod between two balls spins freely; hybridyn uses its least-norm rate and raises no error",
-                "nothing to do; a universal joint in place of one ball removes the motion",
             )
 
     def _held_motors(self) -> Iterator[Finding]:

@@ -25,6 +25,13 @@ SMALLER = 0.02
 WHOLE = 3.0
 #: An inertia below this part of mass x (robot's size)^2 counts as zero, as that of a point mass.
 POINT = 1e-12
+#: Confusions of units, and the factor of a radius of gyration beyond which each is likely.
+UNITS = (
+    (3e3, "it looks like g mm^2 (1 g mm^2 = 1e-9 kg m^2) beside a mass in kg: "),
+    (1e2, "it looks like kg mm^2 (1e-6 kg m^2), or g mm^2 with the mass in grams: "),
+    (8, "it looks like kg cm^2 (1e-4 kg m^2): "),
+)
+FAR_POINT = "perhaps it is taken about a point far from the centre of mass: "
 
 
 def check_masses(subject: Subject) -> Iterator[Finding]:
@@ -137,13 +144,7 @@ def unit_guess(ratio: float) -> str:
     Args:
         ratio: Radius of gyration over the size of the shape, about 0.3 to 1 if the units are right.
     """
-    if ratio > 3e3:
-        return "it looks like g mm^2 (1 g mm^2 = 1e-9 kg m^2) beside a mass in kg: "
-    if ratio > 1e2:
-        return "it looks like kg mm^2 (1e-6 kg m^2), or g mm^2 with the mass in grams: "
-    if ratio > 8:
-        return "it looks like kg cm^2 (1e-4 kg m^2): "
-    return "perhaps it is taken about a point far from the centre of mass: "
+    return next((text for least, text in UNITS if ratio > least), FAR_POINT)
 
 
 def _missing(subject: Subject) -> Iterator[Finding]:

@@ -6,8 +6,10 @@ if the robot's file names a mesh.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -15,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...description.names import counted
 from ...description.shape_files import MeshFiles, MissingMeshError, shapes_of
 from ...description.shape_files import Shape as Stated
 from ...description.urdf.xml_node import Node
@@ -32,13 +35,15 @@ MESH = 50.0
 #: `Shape.wrong` of a mesh whose file exists but was not read, because trimesh is not installed.
 UNREAD = "unread"
 
+#: Lower and upper corner, shape (3,) each.
+Bounds = tuple[Array, Array]
+
 
 @dataclass(frozen=True, eq=False)
 class Shape:
     """One visual or collision shape of a link.
 
     Attributes:
-        kind: "box", "cylinder", "capsule", "sphere" or "mesh"; "" for a shape that cannot be read.
         role: "visual" or "collision".
         line: Line in the file, or None.
         corners: Corners of its bounding box, shape (8, 3), [m], link frame; None if it cannot be read, or its
@@ -48,7 +53,6 @@ class Shape:
             `UNREAD`, or the reader's message.
     """
 
-    kind: str
     role: str
     line: int | None
     corners: Array | None
@@ -66,21 +70,22 @@ def read_shapes(
         package_dirs: Folders in which `package://` searches.
         meshes: Whether mesh files are loaded.
     """
-    load = _MeshBoxes(root.file, package_dirs) if meshes else None
+    find = MeshFiles(Path(root.file).parent, package_dirs, named=True)
+    load = cache(partial(_bounds, find)) if meshes else lambda name: None
     out: dict[str, list[Shape]] = {}
     for shape in shapes_of(root, "visual", "collision"):
         out.setdefault(shape.link, []).append(_boxed(shape, load))
     return out
 
 
-def _boxed(shape: Stated, load: _MeshBoxes | None) -> Shape:
+def _boxed(shape: Stated, load: Callable[[str], Bounds | str | None]) -> Shape:
     """Return a shape with its bounding box."""
     if not shape.kind:
-        return Shape("", shape.role, shape.line, None, wrong=shape.wrong)
+        return Shape(shape.role, shape.line, None, wrong=shape.wrong)
     if shape.kind == "mesh":
-        found = None if load is None else load(shape.file)
+        found = load(shape.file)
         if found is None or isinstance(found, str):
-            return Shape(shape.kind, shape.role, shape.line, None, shape.file, found)
+            return Shape(shape.role, shape.line, None, shape.file, found)
         lower, upper = np.sort(np.array(found) * shape.size, axis=0)
     else:
         radius, *length = np.abs(shape.size)
@@ -93,91 +98,37 @@ def _boxed(shape: Stated, load: _MeshBoxes | None) -> Shape:
         lower = -upper
     corners = np.array(list(product(*zip(lower, upper, strict=True))))
     corners = corners @ shape.placement[:3, :3].T + shape.placement[:3, 3]
-    return Shape(shape.kind, shape.role, shape.line, corners, shape.file or None)
+    return Shape(shape.role, shape.line, corners, shape.file or None)
 
 
-class _MeshBoxes:
-    """Computes bounding boxes of meshes, and loads each file once."""
-
-    def __init__(self, file: str, package_dirs: Sequence[str | PathLike[str]]) -> None:
-        self.find = MeshFiles(Path(file).parent, package_dirs, named=True)
-        self.known: dict[str, tuple[Array, Array] | str] = {}
-
-    def __call__(self, name: str) -> tuple[Array, Array] | str:
-        """Return lower and upper corner of a mesh in its own units, or the reason why it has none."""
-        if name not in self.known:
-            self.known[name] = self._load(name)
-        return self.known[name]
-
-    def _load(self, name: str) -> tuple[Array, Array] | str:
-        try:
-            file = self.find(name)
-        except MissingMeshError:
-            return "missing"
-        if file.stat().st_size > LARGEST_MESH:
-            return f"is larger than {LARGEST_MESH // 2**20} MiB"
-        import warnings
-
-        try:
-            import trimesh
-        except ImportError:
-            return UNREAD
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                bounds = trimesh.load(file, force="mesh").bounds
-        except Exception as error:  # about twenty formats: on any error the mesh is broken
-            return f"cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:100]})"
-        if bounds is None or not np.isfinite(bounds).all():
-            return "has no triangles"
-        return np.asarray(bounds[0], dtype=float), np.asarray(bounds[1], dtype=float)
+def _bounds(find: MeshFiles, name: str) -> Bounds | str:
+    """Return lower and upper corner of a mesh in its own units, or the reason why it has none."""
+    try:
+        file = find(name)
+    except MissingMeshError:
+        return "missing"
+    if file.stat().st_size > LARGEST_MESH:
+        return f"is larger than {LARGEST_MESH // 2**20} MiB"
+    try:
+        import trimesh
+    except ImportError:
+        return UNREAD
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            bounds = trimesh.load(file, force="mesh").bounds
+    except Exception as error:  # about twenty formats: on any error the mesh is broken
+        return f"cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:100]})"
+    if bounds is None or not np.isfinite(bounds).all():
+        return "has no triangles"
+    return np.asarray(bounds[0], dtype=float), np.asarray(bounds[1], dtype=float)
 
 
 def check_shapes(subject: Subject) -> Iterator[Finding]:
-    """Check that the shapes can be read, and that their mesh files exist and can be read."""
-    yield from _broken_shapes(subject)
-    yield from _giant_meshes(subject)
-    reported: set[str] = set()
-    unread = 0
-    for link, shapes in subject.shapes.items():
-        for shape in shapes:
-            if shape.wrong is None or shape.mesh is None or shape.mesh in reported:
-                continue
-            reported.add(shape.mesh)
-            if shape.wrong == UNREAD:
-                unread += 1
-                continue
-            missing = shape.wrong == "missing"
-            uses = sum(other.mesh == shape.mesh for group in subject.shapes.values() for other in group)
-            again = f" (used {uses} times)" if uses > 1 else ""
-            yield subject.of_link(
-                "missing-mesh" if missing else "broken-mesh",
-                link,
-                f"mesh '{shape.mesh}' {'is missing' if missing else shape.wrong}{again}",
-                "the link is not drawn, and its mass cannot be compared with its shape",
-                "add the file, or name the folder of its package with --package-dir"
-                if missing
-                else "export it again as STL, DAE or OBJ",
-                shape.line,
-            )
-    if unread:
-        yield Finding(
-            "unread-meshes",
-            "",
-            f"{unread} mesh file{'s were' if unread > 1 else ' was'} not read: trimesh is not installed",
-            "masses, inertias and units cannot be compared with these shapes",
-            install_advice("view"),
-            subject.description.source,
-        )
-
-
-def _broken_shapes(subject: Subject) -> Iterator[Finding]:
-    """Find shapes that cannot be read; those that one macro writes are one finding."""
-    reported: set[tuple[str, str]] = set()
-    for link, shapes in subject.shapes.items():
-        for shape in shapes:
-            if shape.kind or shape.wrong is None:
-                continue
+    """Check that shapes and meshes can be read, and that meshes have the robot's unit; each mesh once."""
+    known, unread = set[object](), set[str]()
+    for link, shape in ((link, shape) for link, shapes in subject.shapes.items() for shape in shapes):
+        if shape.mesh is None and shape.wrong is not None:
             finding = subject.of_link(
                 "broken-shape",
                 link,
@@ -186,26 +137,40 @@ def _broken_shapes(subject: Subject) -> Iterator[Finding]:
                 "correct the element that the message names, or remove the shape",
                 shape.line,
             )
-            if (finding.message, finding.place) not in reported:
-                reported.add((finding.message, finding.place))
+            if (said := (finding.message, finding.place)) not in known:  # one macro writes many
+                known.add(said)
                 yield finding
+        elif shape.mesh is not None and shape.mesh not in known:
+            known.add(shape.mesh)
+            unread |= {shape.mesh} if shape.wrong == UNREAD else set()
+            yield from _mesh(subject, link, shape, shape.mesh)
+    if unread:
+        yield Finding(
+            "unread-meshes",
+            "",
+            f"{counted(len(unread), 'mesh file')} not read: trimesh is not installed",
+            "masses, inertias and units cannot be compared with these shapes",
+            install_advice("view"),
+            subject.description.source,
+        )
 
 
-def _giant_meshes(subject: Subject) -> Iterator[Finding]:
-    size = subject.extent
-    reported: set[str] = set()
-    for link, shapes in subject.shapes.items():
-        for shape in shapes:
-            if shape.mesh is None or shape.corners is None or shape.mesh in reported or not size:
-                continue
-            own = float(np.linalg.norm(np.ptp(shape.corners, axis=0)))
-            if not own or own <= MESH * size:
-                continue
-            reported.add(shape.mesh)
+def _mesh(subject: Subject, link: str, shape: Shape, mesh: str) -> Iterator[Finding]:
+    """Check a mesh of a link."""
+    unseen = "the link is not drawn, and its mass cannot be compared with its shape"
+    if shape.wrong == "missing":
+        mend = "add the file, or name the folder of its package with --package-dir"
+        yield subject.of_link("missing-mesh", link, f"mesh '{mesh}' is missing", unseen, mend, shape.line)
+    elif shape.wrong not in (None, UNREAD):
+        mend = "export it again as STL, DAE or OBJ"
+        yield subject.of_link("broken-mesh", link, f"mesh '{mesh}' {shape.wrong}", unseen, mend, shape.line)
+    elif shape.corners is not None:
+        own = float(np.linalg.norm(np.ptp(shape.corners, axis=0)))
+        if own > MESH * subject.extent > 0:
             yield subject.of_link(
                 "mesh-scale",
                 link,
-                f"mesh '{shape.mesh}' spans {own:.3g} m in a robot of {size:.3g} m",
+                f"mesh '{mesh}' spans {own:.3g} m in a robot of {subject.extent:.3g} m",
                 "drawings, and checks that use shapes, are meaningless",
                 'meshes in millimetres need <mesh scale="0.001 0.001 0.001">',
                 shape.line,

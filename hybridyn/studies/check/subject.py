@@ -9,38 +9,17 @@ from functools import cached_property
 
 import numpy as np
 
+from ...description.loop_signs import Bodies
 from ...description.placement import poses_at_zero
-from ...description.records import Description, Joint, Link
+from ...description.records import Closure, Coupling, Description, Joint, Link
 from ...description.urdf.xml_node import Expanded, Node
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .finding import Finding
 from .shapes import Shape
 
-
-class Places:
-    """Looks up the places of a robot's elements."""
-
-    def __init__(self, root: Node) -> None:
-        """Keep the root element; the others are searched on the first request."""
-        self.file, self._root = root.file, root
-
-    def of(self, tag: str, name: str, line: int | None) -> tuple[str, int | None]:
-        """Return file and line of an element.
-
-        Args:
-            tag: Tag of the element: "link", "joint", "loop", ...
-            line: Its line in the text that was read; ignored if xacro wrote that text.
-        """
-        if not isinstance(self.file, Expanded):
-            return self.file, line
-        return self._written.get((tag, name), (self.file, None))
-
-    @cached_property
-    def _written(self) -> dict[tuple[str, str], tuple[str, int | None]]:
-        """Places of all named elements, the first of each name."""
-        named = [(node.tag, str(node.xml.get("name")), node) for node in self._root.descendants()]
-        return {(tag, name): node.place for tag, name, node in reversed(named)}
+#: Elements that state joints, closures and couplings.
+NAMED = ("joint", "loop", "constraint", "loop_joint", "coupling")
 
 
 @dataclass
@@ -59,10 +38,22 @@ class Subject:
     shapes: Mapping[str, list[Shape]] = field(default_factory=dict)
     robot: HybridRobot | None = None
 
+    def place(self, tag: str, name: str, line: int | None) -> tuple[str, int | None]:
+        """Return file and line of an element.
+
+        Args:
+            tag: Tag of the element: "link", "joint", "loop", ...
+            line: Its line in the text that was read; ignored if xacro wrote that text.
+        """
+        if not isinstance(self.root.file, Expanded):
+            return self.root.file, line
+        return self._written.get((tag, name), (self.root.file, None))
+
     @cached_property
-    def places(self) -> Places:
-        """Files and lines of the elements."""
-        return Places(self.root)
+    def _written(self) -> dict[tuple[str, str], tuple[str, int | None]]:
+        """Places of all named elements, the first of each name."""
+        named = [(node.tag, str(node.xml.get("name")), node) for node in self.root.descendants()]
+        return {(tag, name): node.place for tag, name, node in reversed(named)}
 
     @cached_property
     def links(self) -> dict[str, Link]:
@@ -80,15 +71,14 @@ class Subject:
         return {joint.child: joint for joint in self.description.joints}
 
     @cached_property
+    def body(self) -> dict[str, str]:
+        """First link of the body that each link belongs to."""
+        return Bodies(self.description).of
+
+    @cached_property
     def carried(self) -> Counter[str]:
         """Number of moving joints on each body, whose name is that of its first link."""
-        return Counter(self.body(one.parent) for one in self.description.joints if one.kind != "fixed")
-
-    def body(self, link: str) -> str:
-        """Return the first link of the body that a link belongs to."""
-        while link in self.joint_above and self.joint_above[link].kind == "fixed":
-            link = self.joint_above[link].parent
-        return link
+        return Counter(self.body[one.parent] for one in self.description.joints if one.kind != "fixed")
 
     @cached_property
     def extent(self) -> float:
@@ -112,29 +102,24 @@ class Subject:
         self, code: str, name: str, message: str, why: str, mend: str, line: int | None = None
     ) -> Finding:
         """Return a finding about a link, at the link's line or at the given line inside it."""
-        place = self.places.of("link", name, line or self.links[name].line)
+        place = self.place("link", name, line or self.links[name].line)
         return Finding(code, f"link '{name}'", message, why, mend, *place)
 
     def of_joint(self, code: str, name: str, message: str, why: str, mend: str) -> Finding:
         """Return a finding about a joint."""
-        place = self.places.of("joint", name, self.joints[name].line)
+        place = self.place("joint", name, self.joints[name].line)
         return Finding(code, f"joint '{name}'", message, why, mend, *place)
 
-    def closure_place(self, names: Iterable[str]) -> tuple[str, int | None]:
+    def first_place(self, names: Iterable[str]) -> tuple[str, int | None]:
         """Return the place of the first of some joints, closures and couplings that has a line."""
         d = self.description
-        lines = {one.name: one.line for one in d.closures} | {one.name: one.line for one in d.couplings}
-        lines |= {one.name: one.line for one in d.joints}
-        for name in names:
-            tags = ("joint",) if name in self.joints else ("loop", "constraint", "loop_joint", "coupling")
-            for tag in tags:
-                place = self.places.of(tag, name, lines.get(name))
-                if place[1]:
-                    return place
-        return self.places.file, None
+        named: list[Closure | Coupling | Joint] = [*d.closures, *d.couplings, *d.joints]
+        lines = {one.name: one.line for one in named}
+        places = (self.place(tag, name, lines.get(name)) for name in names for tag in NAMED)
+        return next((place for place in places if place[1]), (self.root.file, None))
 
     def of_module(
         self, code: str, name: str, message: str, why: str, mend: str, at: tuple[str, ...]
     ) -> Finding:
         """Return a finding about a module, at the line of the first element of `at` that has one."""
-        return Finding(code, f"module '{name}'", message, why, mend, *self.closure_place(at))
+        return Finding(code, f"module '{name}'", message, why, mend, *self.first_place(at))
