@@ -15,6 +15,8 @@ the sentence is composed of them when it is read.
 
 from __future__ import annotations
 
+from typing import Any
+
 #: Maximum length of a message: a longer one consists mostly of names from a file.
 LONGEST = 1000
 #: Number of characters kept at the end of a long message, where the advice is.
@@ -37,6 +39,25 @@ def install_advice(extra: str) -> str:
         extra: Name of the extra in `pyproject.toml`.
     """
     return f"install it with `pip install -e '.[{extra}]'` in a clone, or `pip install 'hybridyn[{extra}]'`"
+
+
+def required(module: str, extra: str, who: str) -> Any:
+    """Import a package of an extra.
+
+    Args:
+        module: The package, or a module of it.
+        extra: Name of the extra in `pyproject.toml`.
+        who: What needs it.
+
+    Raises:
+        HybridynError: It is not installed.
+    """
+    import importlib
+
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise HybridynError(f"{who} needs {module.partition('.')[0]}: {install_advice(extra)}") from error
 
 
 def warn(text: str, *words: object, log: str = "hybridyn") -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ..figures.panels import Chart
     from ..structure.robot import HybridRobot
-    from ..tables.table import Table
+    from ..tables.opening import Table
 
 
 @click.command(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..description.records import Array
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
-    from ..tables.table import Table
+    from ..tables.opening import Table
     from ..tables.trajectory import Motion
     from .departures import Departure
     from .workers import Workers

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..description.records import Array
 from ..spatial import cross
+from .opening import Block
 from .spline import DEGREE, Spline
-from .table import Block
 
 FEWEST_ROWS = DEGREE + 1
 #: Rows on either side of a block: 0.43 ** 128 = 1e-47; irregular steps need about 50 rows, measured.

@@ -12,9 +12,9 @@ from ..description.records import Array, Joint
 from ..errors import TrajectoryError
 from ..spatial import cross, rotate, rotate_back, rotation_from_quaternion
 from .columns import Layout
+from .opening import Block, Table
 from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivatives, turns, windows
 from .signals import POSE, Signal
-from .table import Block, Table
 
 #: Largest deviation of a quaternion's length from one; seven digits in a file suffice.
 QUATERNION_TOLERANCE = 1e-6

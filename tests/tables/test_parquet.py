@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.errors import TrajectoryError, install_advice
+from hybridyn.errors import HybridynError, TrajectoryError, install_advice
 from hybridyn.tables.opening import open_table
-from hybridyn.tables.parquet import parquet_writer
+from hybridyn.tables.results import open_results
 from tests.comparing import refused
 from tests.extras import needs
 
@@ -62,7 +62,7 @@ def test_refuses_damaged_files(tmp_path: Path, damage: str) -> None:
 def test_says_what_to_install_without_polars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = saved(tmp_path, {"a": [1.0]})
     monkeypatch.setitem(sys.modules, "polars", None)
-    refusal(path, re.escape(install_advice("io")))
+    refused(open_table(path).__enter__, HybridynError, re.escape(install_advice("io")))
 
 
 @pytest.mark.parametrize("rows", [0, 1, 120_000])
@@ -71,7 +71,7 @@ def test_writes_what_it_is_given(tmp_path: Path, rows: int) -> None:
     folder.mkdir()
     path = folder / "t.parquet"
     numbers = np.random.default_rng(0).normal(size=(rows, 2))
-    with parquet_writer(path, ["a", "b/c"]) as write:
+    with open_results(path, ["a", "b/c"]) as write:
         for start in range(0, rows, 7_000):
             write(numbers[start : start + 7_000])
     frame = pl.read_parquet(path, glob=False)

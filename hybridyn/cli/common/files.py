@@ -93,12 +93,12 @@ def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -
     """Check, before any work is done, that a result file can be written."""
     if value is None or value == "-":
         return value
-    from ...errors import TrajectoryError
+    from ...errors import HybridynError
     from ...tables.results import check_target
 
     try:
         check_target(value)
-    except TrajectoryError as error:
+    except HybridynError as error:
         raise click.BadParameter(str(error), ctx, param) from error
     return value
 

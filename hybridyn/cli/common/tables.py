@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ...streams.one_pass import Done, Model, Pass
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
-    from ...tables.table import Table
+    from ...tables.opening import Table
 
 
 #: Numbers in a table above which several processes pay: about three seconds of work for one.
@@ -249,7 +249,7 @@ def run(
                     observer.add(done)
                 write(done)
                 samples += len(done.rows)
-                progress.show(samples, table.fraction())
+                progress.show(samples, min(samples / table.rows, 1.0) if table.rows else None)
         jobs = max(workers.count, 1)
     finished = time.perf_counter()
     for observer in observers:

@@ -20,8 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ...description.writing import naming
-from ...errors import HybridynError, install_advice
-from ...tables.parquet import load_polars
+from ...errors import HybridynError, required
 from .evaluation import Row
 
 #: The file that says of which study the shards are.
@@ -100,7 +99,7 @@ class Shards:
                     "names has changed: choose another folder"
                 )
             return cls(folder, before)
-        load_polars(str(folder), f"a sweep needs polars: {install_advice('sweep')}")
+        required("polars", "sweep", "a sweep")
         _write(folder / ABOUT, (json.dumps(asdict(about), indent=1) + "\n").encode())
         return cls(folder, about)
 
@@ -125,7 +124,7 @@ class Shards:
             for name, values in zip(self.about.columns, zip(*map(_cells, rows), strict=True), strict=True)
         }
         out = io.BytesIO()
-        load_polars("a shard").DataFrame(columns, schema=_schema(columns)).write_parquet(out)
+        required("polars", "sweep", "a shard").DataFrame(columns, schema=_schema(columns)).write_parquet(out)
         seal = _seal(self.about, out.getvalue())
         _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}-{seal}.parquet", out.getvalue())
         self._done.append((start, stop))
@@ -211,7 +210,7 @@ def _write(file: Path, content: bytes) -> None:
 
 def _read(file: Path, content: bytes, wanted: list[str]) -> Columns:
     """Return columns of a shard's bytes."""
-    polars = load_polars(str(file))
+    polars = required("polars", "sweep", str(file))
     try:
         frame = polars.read_parquet(content, columns=wanted).select(wanted).fill_null(math.nan)
     except polars.exceptions.PolarsError as error:
@@ -224,7 +223,7 @@ def _read(file: Path, content: bytes, wanted: list[str]) -> Columns:
 
 def _schema(columns: Iterable[str]) -> dict[str, Any]:
     """Return the types of a shard's columns."""
-    polars = load_polars("a shard")
+    polars = required("polars", "sweep", "a shard")
     kinds = {"design": polars.Int64, "unreachable": polars.Int64, "singular": polars.Int64}
     kinds |= {"status": polars.String, "message": polars.String}
     return {name: kinds.get(name, polars.Float64) for name in columns}
