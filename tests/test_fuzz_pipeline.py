@@ -20,7 +20,7 @@ import pytest
 
 import hybridyn
 from hybridyn.streams.postures import postures
-from hybridyn.studies.sweep.designs import Designs
+from hybridyn.studies.sweep.designs import designs_of
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.tables.columns import read_layout
@@ -253,8 +253,7 @@ def scene(number: int) -> str:
 def first_rows(path: Path) -> tuple[Row, ...]:
     """Evaluate the first designs of a study."""
     source = read_study(path)
-    designs = Designs(source)
-    return evaluate(source, Chunk(0, designs.values(0, min(designs.count, DESIGNS)))).rows
+    return evaluate(source, Chunk(0, designs_of(source)[:DESIGNS])).rows
 
 
 def studies(folder: Path, first: int, count: int) -> int:

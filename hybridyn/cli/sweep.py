@@ -63,7 +63,7 @@ def command(
     A study names a robot, parameters with their values, tasks, and what is measured; docs/sweeps.md explains
     its keys. The results are written to FOLDER, one file (shard) per second of work; a shard is complete or
     does not exist. The rows are the same, bit for bit, for every number of processes. Designs
-    that do not load, and postures that are out of reach or singular, are counted and listed. Without STUDY,
+    that do not load, do not reach a posture or are singular there have a status and a message. Without STUDY,
     --best and --plot use the results of an earlier run:
 
     hybridyn sweep -o results --best "peak_effort" --where "reach > 0.2"

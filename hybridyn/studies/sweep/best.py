@@ -20,7 +20,7 @@ class Rows(NamedTuple):
 
     Attributes:
         about: What they belong to.
-        columns: Columns of numbers by name, shape (designs,) each: "design", parameters, counts, measures.
+        columns: Columns of numbers by name, shape (designs,) each: "design", parameters, measures.
         status: Status of each design, shape (designs,).
         met: Which designs are "ok" and meet the condition, shape (designs,).
     """
@@ -64,7 +64,7 @@ def rows_of(folder: str | PathLike[str], where: str | None = None) -> Rows:
         HybridynError: The folder has no results, or the condition is wrong.
     """
     about = about_of(str(folder))
-    numbers = ["design", *about.parameters, "unreachable", "singular", *about.measures]
+    numbers = ["design", *about.parameters, *about.measures]
     condition = None if where is None else Expression(where, numbers, "--where")
     nothing: dict[str, Array] = dict.fromkeys(numbers, np.empty(0)) | {"status": np.empty(0, dtype=str)}
     parts = [nothing, *read_shards(str(folder), [*numbers, "status"])]

@@ -17,7 +17,6 @@ from ...spatial import Array, Index
 from ...structure.parameters.slots import differences
 from ...threads import one_thread
 from .compiled_designs import CompiledDesigns, Plan, Structure, check_task
-from .designs import Designs
 from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
 from .slot_numbers import by_structure
 from .study_file import StudyFile
@@ -113,20 +112,21 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
             )
             left = np.array([k for k in left.tolist() if k not in measured], dtype=int)
         for k, own_values in enumerate(values):
-            row = Row(start + k, tuple(own_values.tolist()), "ok", 0, 0, measured.get(k, ()), "")
+            row = Row(start + k, tuple(own_values.tolist()), "ok", measured.get(k, ()), "")
             rows.append(row if k in measured else models.designer(start + k, own_values))
         found = replace(found, compiled=found.compiled + len(measured))
     return replace(found, rows=tuple(rows))
 
 
 def plan_for(
-    source: StudyFile, designs: Designs, numbers: Index, *, asked: bool = False
+    source: StudyFile, designs: Array, numbers: Index, *, asked: bool = False
 ) -> tuple[Plan | None, str]:
     """Choose what is compiled for a study, and compile it.
 
     The models depend on the study alone, so that a run that continues has the same.
 
     Args:
+        designs: Values of the parameters, shape (designs, parameters).
         numbers: Numbers of some designs, spread over the study.
         asked: Whether models are compiled even if the general path takes less time than compiling.
 
@@ -139,14 +139,12 @@ def plan_for(
     try:
         for name, task in source.study.tasks.items():
             check_task(name, task)
-        values = np.array([designs.values(number, number + 1)[0] for number in numbers.tolist()])
         if designer.variants.arguments:
-            further = np.setdiff1d(_further(designs.count), numbers)
-            values = np.array([*values, *(designs.values(k, k + 1)[0] for k in further.tolist())])
-        for found in _structures(designer, designs.count, values):
+            numbers = np.append(numbers, np.setdiff1d(_further(len(designs)), numbers))
+        for found in _structures(designer, len(designs), designs[numbers]):
             try:
-                models = CompiledDesigns(designer, found.structure, designs.count)
-                if not (asked or own) and found.seconds * designs.count < models.seconds_to_build():
+                models = CompiledDesigns(designer, found.structure, len(designs))
+                if not (asked or own) and found.seconds * len(designs) < models.seconds_to_build():
                     return None, ""
                 certain = models.certain_of_any(found.designs)
             except (ModelError, TrajectoryError) as error:  # of this robot, or of the table with it
@@ -160,7 +158,7 @@ def plan_for(
         return None, str(error)
     if not own:
         return None, why
-    count, check = designs.count, source.study.designs.check
+    count, check = len(designs), source.study.designs.check
     if check is None:
         check = min(MOST_CHECKED, -(-count // CHECKED_SHARE))
     plan = Plan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))

@@ -36,8 +36,8 @@ from ...spatial import Array, Index
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...tables.trajectory import Motion
-from .evaluation import Designer
-from .following import Follower, follow
+from .evaluation import Designer, effects_of
+from .following import follow
 from .measures import OF_MOTORS, measures_of
 from .slot_numbers import SlotNumbers, Slotted
 from .study_file import PYTHON, TaskTable
@@ -134,14 +134,13 @@ class CompiledDesigns:
 
     def _task(self, name: str, task: TaskTable) -> _Task:
         check_task(name, task)
-        blocks = [*self.designer.tracks[name].motions(self.robot)]
-        layout, motion = blocks[0]
+        layout, blocks = self.designer.tracks[name].motions(self.robot)
+        motion = blocks[0]
         if len(blocks) > 1 or layout.full_state or motion.time is None or motion.wrenches:
             raise ModelError(
                 f"task '{name}': its table is longer than a block, or has no times, every joint, or wrenches"
             )
-        chosen = choose(self.robot, task.effects)
-        chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])
+        chosen = effects_of(self.robot, task)
         artifact, parameters = inverse_model(self.robot, chosen, self.structure.slots)
         quick = motion.size * self.count <= FEW
         inverse = cache(lambda: loaded(lambda: artifact.built(quick=quick)).programs["idm"])
@@ -239,12 +238,12 @@ class CompiledDesigns:
 
     def _from_built(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
         """Return the largest relative difference of a motion and its efforts to those of a robot."""
-        found: list[tuple[Array, ...]] = []
-        how = Follower(task.stated.passive, choose(robot, task.evaluator.effects.names))
-        follow(robot, self.designer.tracks[task.name], how, lambda at, tau: found.append((*at[1:], tau)))
-        if not found:
+        effects = choose(robot, task.evaluator.effects.names)
+        try:
+            ((at, tau),) = follow(robot, self.designer.tracks[task.name], task.stated.passive, effects)
+        except HybridynError:
             return math.inf
-        return _difference(robot, ours, found[0])
+        return _difference(robot, ours, (*at[1:], tau))
 
 
 def seconds_to_compile(units: Sequence[str]) -> float:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...effects import choose
-from ...errors import ActuationError, AssemblyError, HybridynError, SingularityError
+from ...effects import Effects, choose
+from ...errors import AssemblyError, HybridynError, SingularityError
 from ...scenes.scene_file import read_scene
 from ...scenes.stage import play, stage
 from ...simulation.result import Result
@@ -24,7 +24,7 @@ from ...tables.columns import ENERGIES, RESIDUAL
 from ...tables.trajectory import Motion
 from ...threads import one_thread
 from ..workspace.workspace import workspace
-from .following import Follower, Postmortem, Track, follow, status_of
+from .following import Track, follow
 from .measures import EVENT, OF_SCENE, OF_WORKSPACE, STATISTICS, Gauge, call, functions_of
 from .study_file import StudyFile, TaskTable
 from .variants import Variants
@@ -74,29 +74,18 @@ class Player:
                 keys, "its controller is a Python program; allow it with allow_python=True"
             )
 
-    def __call__(
-        self, robot: HybridRobot, functions: Mapping[str, Callable[..., Any]]
-    ) -> tuple[Postmortem, dict[str, float]]:
-        """Simulate the scene with a robot.
-
-        Returns:
-            What went wrong, and the measures where nothing did.
+    def __call__(self, robot: HybridRobot, functions: Mapping[str, Callable[..., Any]]) -> dict[str, float]:
+        """Simulate the scene with a robot, and measure the motion.
 
         Raises:
-            HybridynError: The scene does not belong to this robot.
+            HybridynError: The scene does not belong to this robot, or cannot be played to its end.
         """
-        found = Postmortem()
-        try:
-            ready = stage(self.source, robot=robot, allow_python=True)  # asked when the study was read
-            result = play(ready)
-        except (AssemblyError, SingularityError, ActuationError) as error:
-            _add(found, status_of(error), str(error))
-            return found, {}
+        ready = stage(self.source, robot=robot, allow_python=True)  # asked when the study was read
+        result = play(ready)
         if result.status not in ("finished", "event"):
-            status = "failed" if result.status == "unsolved" else result.status
-            _add(found, status, f"{self.source.file}: {result.message}")
-            return found, {}
-        return found, self._measured(ready.robot, result, functions)
+            stopped = {"unreachable": AssemblyError, "singular": SingularityError}
+            raise stopped.get(result.status, HybridynError)(f"{self.source.file}: {result.message}")
+        return self._measured(ready.robot, result, functions)
 
     def _measured(
         self, robot: HybridRobot, result: Result, functions: Mapping[str, Callable[..., Any]]
@@ -108,12 +97,6 @@ class Player:
         gauge.add(Postures(rows, result.q, result.v, result.a), result.tau)
         values = gauge.values() | {name: value for name, value in own.items() if value is not None}
         return {name: values[name] for name in self.wanted}
-
-
-def _add(found: Postmortem, status: str, message: str) -> None:
-    found.unreachable += status == "unreachable"
-    found.singular += status == "singular"
-    found.add(status, message)
 
 
 def _of_run(result: Result, word: str) -> float | None:
@@ -144,8 +127,6 @@ class Row:
         design: Its number, from 0.
         values: Values of the parameters, shape (parameters,).
         status: One of `STATUSES`.
-        unreachable: Number of postures whose loops do not close.
-        singular: Number of postures at which a matrix loses rank.
         measures: What was measured, in the order of the study's columns; nan where the design is not "ok".
         message: The first error, or "".
     """
@@ -153,8 +134,6 @@ class Row:
     design: int
     values: tuple[float, ...]
     status: str
-    unreachable: int
-    singular: int
     measures: tuple[float, ...]
     message: str
 
@@ -229,45 +208,42 @@ class Designer:
         Args:
             values: Values of the parameters, shape (parameters,).
         """
-        row = partial(Row, design, tuple(values.tolist()))
-        nothing = (math.nan,) * len(self.source.columns)
+        row, nothing = partial(Row, design, tuple(values.tolist())), (math.nan,) * len(self.source.columns)
         try:
             robot = self.variants(self.variants.named(values))
         except Exception as error:
-            return row("not loaded", 0, 0, nothing, said(error))
-        try:
-            found, measures = self._tasks(robot)
-        except Exception as error:
-            return row("failed", 0, 0, nothing, said(error))
-        good = found.status == "ok"
-        return row(
-            found.status, found.unreachable, found.singular, measures if good else nothing,
-            found.message[:MESSAGE],
-        )  # fmt: skip
-
-    def _tasks(self, robot: HybridRobot) -> tuple[Postmortem, tuple[float, ...]]:
-        """Run every task; errors are those of the first that fails, counts those of all."""
-        whole = Postmortem()
+            return row("not loaded", nothing, said(error))
         measures: dict[str, float] = {}
-        for name, task in self.source.study.tasks.items():
-            found, values = self._task(robot, name, task)
-            whole.unreachable += found.unreachable
-            whole.singular += found.singular
-            if found.status != "ok":
-                whole.add(found.status, found.message)
-            measures |= {self.source.column(name, key): value for key, value in values.items()}
-        return whole, tuple(measures.get(column, math.nan) for column in self.source.columns)
+        try:
+            for name, task in self.source.study.tasks.items():
+                own = self._task(robot, name, task)
+                measures |= {self.source.column(name, key): value for key, value in own.items()}
+        except Exception as error:
+            return row(status_of(error), nothing, said(error))
+        return row("ok", tuple(measures[column] for column in self.source.columns), "")
 
-    def _task(self, robot: HybridRobot, name: str, task: TaskTable) -> tuple[Postmortem, dict[str, float]]:
+    def _task(self, robot: HybridRobot, name: str, task: TaskTable) -> dict[str, float]:
         if task.workspace is not None:
-            return Postmortem(), _in_workspace(robot, task, self.functions)
+            return _in_workspace(robot, task, self.functions)
         if task.scene is not None:
             return self.players[name](robot, self.functions)
-        chosen = choose(robot, task.effects)
-        chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])  # margins say it
         gauge = Gauge(robot, task.wanted, self.functions)
-        found = follow(robot, self.tracks[name], Follower(task.passive, chosen), gauge.add)
-        return found, gauge.values() if found.status == "ok" else {}
+        for block, tau in follow(robot, self.tracks[name], task.passive, effects_of(robot, task)):
+            gauge.add(block, tau)
+        return gauge.values()
+
+
+def effects_of(robot: HybridRobot, task: TaskTable) -> Effects:
+    """Return the effects of a task; limits are none, since margins say more."""
+    chosen = choose(robot, task.effects)
+    return chosen.only([effect for effect in chosen.names if effect != "limits"])
+
+
+def status_of(error: Exception) -> str:
+    """Return the status of a design with an error."""
+    if isinstance(error, AssemblyError):
+        return "unreachable"
+    return "singular" if isinstance(error, SingularityError) else "failed"
 
 
 def _in_workspace(

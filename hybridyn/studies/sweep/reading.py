@@ -12,14 +12,14 @@ from ...description.side_cars.toml_file import Keys
 from ...description.urdf.robot_folders import recorded
 from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
-from .designs import Designs
+from ...spatial import Array
 from .evaluation import Player
 from .measures import check_word
 from .study_file import PYTHON, Study, StudyFile, python_of
 from .variants import Variants
 
 #: Columns that every table of results has.
-FIXED_COLUMNS = ("design", "status", "unreachable", "singular", "message")
+FIXED_COLUMNS = ("design", "status", "message")
 
 
 def read_study(path: str | Path, *, allow_python: bool = False) -> StudyFile:
@@ -66,11 +66,14 @@ def _check(source: StudyFile, allow_python: bool) -> None:
         )
 
 
-def identity(source: StudyFile, designs: Designs) -> str:
+def identity(source: StudyFile, first: Array) -> str:
     """Compute a digest of a study and of all files that it reads; meshes are no part of it.
 
     These are the files that the study names, functions in Python among them, those that the robot's file
     includes for the first design, and `model.toml` and other files beside it.
+
+    Args:
+        first: Values of the parameters of the first design, shape (parameters,).
 
     Raises:
         ModelError: A file that the study names cannot be read.
@@ -81,6 +84,6 @@ def identity(source: StudyFile, designs: Designs) -> str:
         digest.update(read_bytes(path))
     variants = Variants(source)
     with recorded() as files, contextlib.suppress(HybridynError):  # the files of a robot that does not load
-        variants.description(variants.named(designs.values(0, 1)[0]))
+        variants.description(variants.named(first))
     digest.update(json.dumps([files[path] for path in sorted(files)]).encode())
     return digest.hexdigest()

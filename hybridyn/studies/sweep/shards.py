@@ -60,7 +60,7 @@ class About:
     @property
     def columns(self) -> list[str]:
         """Columns of a shard."""
-        return ["design", *self.parameters, "status", "unreachable", "singular", *self.measures, "message"]
+        return ["design", *self.parameters, "status", *self.measures, "message"]
 
 
 class Shards:
@@ -192,7 +192,7 @@ def _seal(about: About, content: bytes) -> str:
 def _cells(row: Row) -> list[Any]:
     """Return the cells of a row; what is missing is None."""
     measures = [None if math.isnan(value) else value for value in row.measures]
-    return [row.design, *row.values, row.status, row.unreachable, row.singular, *measures, row.message]
+    return [row.design, *row.values, row.status, *measures, row.message]
 
 
 def _write(file: Path, content: bytes) -> None:
@@ -224,6 +224,5 @@ def _read(file: Path, content: bytes, wanted: list[str]) -> Columns:
 def _schema(columns: Iterable[str]) -> dict[str, Any]:
     """Return the types of a shard's columns."""
     polars = required("polars", "sweep", "a shard")
-    kinds = {"design": polars.Int64, "unreachable": polars.Int64, "singular": polars.Int64}
-    kinds |= {"status": polars.String, "message": polars.String}
+    kinds = {"design": polars.Int64, "status": polars.String, "message": polars.String}
     return {name: kinds.get(name, polars.Float64) for name in columns}

@@ -35,7 +35,7 @@ Method = Literal["grid", "latin_hypercube", "sobol", "random", "table"]
 #: Methods that take a number of designs.
 COUNTED = ("latin_hypercube", "sobol", "random")
 #: Largest number of designs of a study.
-MOST_DESIGNS = 10**9
+MOST_DESIGNS = 10**7
 
 
 class DesignsTable(Schema):

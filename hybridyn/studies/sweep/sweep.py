@@ -14,10 +14,10 @@ import numpy as np
 
 from ...description.writing import locked
 from ...errors import HybridynError
-from ...spatial import Index
+from ...spatial import Array, Index
 from .compiled_chunks import evaluate_chunk, plan_for
 from .compiled_designs import Plan
-from .designs import Designs
+from .designs import designs_of
 from .evaluation import Chunk, Designer, Evaluated, Row
 from .measures import unit_of
 from .pools import MOST_DEATHS, Task, open_pool
@@ -118,16 +118,16 @@ def sweep(
     """
     started = time.perf_counter()
     source = read_study(Path(study), allow_python=allow_python)
-    designs = Designs(source)
-    state = Swept(Path(output), designs.count)
+    designs = designs_of(source)
+    state = Swept(Path(output), len(designs))
     pace, plan = CHUNK_SECONDS, None
     if not shards_in(state.folder):
         pace = _try_some(source, designs)
         if compiled:
             plan, state.why_general = plan_for(source, designs, _tried(designs))
     about = About(
-        str(study), identity(source, designs), designs.count, designs.names, source.columns,
-        plan is not None, _units(source, designs),
+        str(study), identity(source, designs[0]), len(designs), list(source.study.parameters), source.columns,
+        plan is not None, _units(source, designs[0]),
     )  # fmt: skip
     with locked(output):
         shards = Shards.create(Path(output), about, resume=resume)
@@ -146,21 +146,21 @@ def sweep(
     return state
 
 
-def _chunks(gaps: list[tuple[int, int]], designs: Designs, state: Swept, pace: float) -> Iterator[Chunk]:
+def _chunks(gaps: list[tuple[int, int]], designs: Array, state: Swept, pace: float) -> Iterator[Chunk]:
     """Divide designs into chunks of about a second, by the pace so far; `pace` [s] is that of the first."""
     for start, stop in gaps:
         while start < stop:
             seconds = state.work / state.now if state.now else pace
             size = min(max(1, round(CHUNK_SECONDS / max(seconds, 1e-9))), MOST_IN_CHUNK, stop - start)
-            yield Chunk(start, designs.values(start, start + size))
+            yield Chunk(start, designs[start : start + size])
             start += size
 
 
-def _units(source: StudyFile, designs: Designs) -> dict[str, str]:
+def _units(source: StudyFile, first: Array) -> dict[str, str]:
     """Return the units of measures, as far as the robot of the first design tells them."""
     variants = Variants(source)
     try:
-        description = variants.description(variants.named(designs.values(0, 1)[0]))
+        description = variants.description(variants.named(first))
     except HybridynError:
         return {}
     tasks = source.study.tasks.items()
@@ -171,7 +171,7 @@ def _units(source: StudyFile, designs: Designs) -> dict[str, str]:
     }
 
 
-def _plan_of(shards: Shards, plan: Plan | None, source: StudyFile, designs: Designs) -> Plan | None:
+def _plan_of(shards: Shards, plan: Plan | None, source: StudyFile, designs: Array) -> Plan | None:
     """Return the compiled models by which the shards began, or None if they began without."""
     if not shards.about.compiled:
         return None
@@ -188,7 +188,7 @@ def _lost(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evaluated:
     """Return the row of a design that ends every process that evaluates it."""
     nothing = (float("nan"),) * len(source.columns)
     message = f"its worker process ended without a result {MOST_DEATHS} times; memory may have run out"
-    row = Row(chunk.start, tuple(chunk.values[0].tolist()), "failed", 0, 0, nothing, message)
+    row = Row(chunk.start, tuple(chunk.values[0].tolist()), "failed", nothing, message)
     return Evaluated((row,), 0.0)
 
 
@@ -198,12 +198,12 @@ def _designs(task: Task) -> list[Task]:
     return [(source, Chunk(chunk.start + i, chunk.values[i : i + 1]), plan) for i in range(len(chunk.values))]
 
 
-def _tried(designs: Designs) -> Index:
+def _tried(designs: Array) -> Index:
     """Return the numbers of designs that are spread over the study."""
-    return np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
+    return np.unique(np.linspace(0, len(designs) - 1, TRIALS).astype(int))
 
 
-def _try_some(source: StudyFile, designs: Designs) -> float:
+def _try_some(source: StudyFile, designs: Array) -> float:
     """Evaluate designs in this process until one loads; return the time that it took [s].
 
     Raises:
@@ -214,16 +214,16 @@ def _try_some(source: StudyFile, designs: Designs) -> float:
     tried = _tried(designs)
     for number in tried.tolist():
         started = time.perf_counter()
-        row = designer(number, designs.values(number, number + 1)[0])
+        row = designer(number, designs[number])
         if row.status in ("ok", "unreachable", "singular"):
             return time.perf_counter() - started
         first = first or row
     assert first is not None
     named = ", ".join(
-        f"{name} = {value:.6g}" for name, value in zip(designs.names, first.values, strict=True)
+        f"{name} = {value:.6g}" for name, value in designer.variants.named(np.array(first.values)).items()
     )
     verb = "loads" if first.status == "not loaded" else "can be evaluated"
     raise HybridynError(
-        f"{source.file}: no design {verb} (tried {len(tried)} of {designs.count:,}); design {first.design} "
+        f"{source.file}: no design {verb} (tried {len(tried)} of {len(designs):,}); design {first.design} "
         f"({named}): {first.message}"
     )
