@@ -79,7 +79,7 @@ def from_table(robot: HybridRobot, table: Any, quantity: str) -> Any:
     if not is_table(table):
         return table
     if quantity == "effort":
-        return of_motors(table, robot.motors, robot.joints)
+        return of_motors(table, robot.motors)
     if robot.base != "fixed":
         raise TrajectoryError(
             f"{quantity}: tables with named columns serve robots on a fixed base; give arrays in the order "

@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from ..description.names import did_you_mean, listed
 from ..description.records import Description, Joint
@@ -48,9 +48,8 @@ from .signals import (
     WRENCH,
     Signal,
     joint_columns,
-    joint_signal,
-    pose_signal,
-    wrench_columns,
+    picked,
+    read_signal,
 )
 
 _FORM = re.compile(
@@ -64,6 +63,8 @@ _FORMS_ADVICE = (
 ENERGIES = ("energy/kinetic", "energy/potential", "energy/total")
 #: Column of a simulated run for its closure residual.
 RESIDUAL = "residual"
+#: Columns of hybridyn's tables that belong to no joint and no link.
+OTHERS = ("time", *ENERGIES, RESIDUAL)
 
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
 
@@ -122,30 +123,37 @@ def read_layout(
     """
     joints = {joint.name: joint for joint in description.joints}
     movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
-    links = {link.name for link in description.links}
-    time, of_joints, of_links = _sorted_columns(columns, joints, links, file)
-    moving_joints = {name: given for name, given in of_joints.items() if given.keys() - {"effort"}}
-    moving_links = {key: given for key, given in of_links.items() if given.keys() - {"wrench"}}
-    wrenches = {link: given["wrench"] for link, given in of_links.items() if "wrench" in given}
+    of_joints, of_links = _sorted_columns(columns, joints, {link.name for link in description.links}, file)
     wanted = RATES[:1] if efforts else RATES
     of_base = RATES if base == "moving" else wanted
     layout = Layout(
         file=file,
-        time=time,
+        time=columns.index("time") if "time" in columns else None,
         joints={
-            name: joint_signal(joints[name], cols, file, wanted, endless=name in description.endless_gears)
-            for name, cols in moving_joints.items()
+            name: read_signal(
+                name, joints[name], given, file, wanted, endless=name in description.endless_gears
+            )
+            for name, given in of_joints.items()
+            if given.keys() - {"effort"}
         },
         poses={
-            key: pose_signal(key, cols, file, of_base if key == description.root else wanted)
-            for key, cols in moving_links.items()
+            key: read_signal(key, None, given, file, of_base if key == description.root else wanted)
+            for key, given in of_links.items()
+            if given.keys() - {"wrench"}
         },
-        wrenches={link: wrench_columns(link, given, file) for link, given in wrenches.items()},
-        efforts={name: given["effort"][""] for name, given in of_joints.items() if "effort" in given},
-        full_state=moving_joints.keys() >= set(movable),
+        wrenches={
+            link: picked(given["wrench"], WRENCH, f"{link}/wrench", f"a wrench on '{link}'", file)
+            for link, given in of_links.items()
+            if "wrench" in given
+        },
+        efforts={
+            name: given["effort"][""]
+            for name, given in of_joints.items()
+            if "effort" in given
+            and (efforts or RESIDUAL not in columns)  # those of simulated runs are outputs
+        },
+        full_state=all(of_joints.get(name, {}).keys() - {"effort"} for name in movable),
     )
-    if layout.efforts and not efforts and RESIDUAL in columns:  # efforts of a simulated run are outputs
-        layout = replace(layout, efforts={})
     if layout.efforts and not efforts:
         joint = next(iter(layout.efforts))
         raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
@@ -233,69 +241,51 @@ def acceleration_columns(description: Description, joints: Iterable[str], base: 
 
 def _sorted_columns(
     columns: Sequence[str], joints: dict[str, Joint], links: set[str], file: str | None
-) -> tuple[int | None, _Columns, _Columns]:
-    """Sort columns by owner: time; joint, quantity, component; link, quantity, component."""
-    time = None
+) -> tuple[_Columns, _Columns]:
+    """Sort columns by owner: joint, quantity, component; and link, quantity, component."""
     of_joints: _Columns = {}
     of_links: _Columns = {}
-    in_parts = {
-        m["owner"]
-        for m in map(_FORM.fullmatch, columns)
-        if m and m["quantity"] == "position" and m["component"]
-    }
-    for index, column in enumerate(columns):
-        if column == "time":
-            time = index
-            continue
-        if column in (*ENERGIES, RESIDUAL):
-            continue
-        match = _FORM.fullmatch(column)
+    forms = {column: _FORM.fullmatch(column) for column in columns if column not in OTHERS}
+    at = {column: index for index, column in enumerate(columns)}
+    in_parts = {m["owner"] for m in forms.values() if m and m["quantity"] == "position" and m["component"]}
+    for column, match in forms.items():
         if match is None or (match["quantity"] == "effort" and match["component"]):
-            hint = did_you_mean(column, ["time"]) or _completed(column, joints)
+            hint = _meant(column, joints)
             raise TrajectoryError(f"is not known{hint}; {_FORMS_ADVICE}", file=file, column=column)
         owner, quantity, component = match["owner"], match["quantity"], match["component"] or ""
-        if not component or quantity == "position" or (quantity in RATES and owner in in_parts):
-            _check_joint(column, owner, quantity, joints, links, file)
-            of_joints.setdefault(owner, {}).setdefault(quantity, {})[component] = index
-        else:
-            _check_link(column, owner, joints, links, file)
-            of_links.setdefault(owner, {}).setdefault(quantity, {})[component] = index
-    return time, of_joints, of_links
+        of_joint = not component or quantity == "position" or (quantity in RATES and owner in in_parts)
+        if wrong := (_wrong_joint if of_joint else _wrong_link)(owner, quantity, joints, links):
+            raise TrajectoryError(wrong, file=file, column=column)
+        owners = of_joints if of_joint else of_links
+        owners.setdefault(owner, {}).setdefault(quantity, {})[component] = at[column]
+    return of_joints, of_links
 
 
-def _completed(column: str, joints: Iterable[str]) -> str:
-    """Return the column that a name alone, a wrong ending or a letter for the time probably means."""
-    owner, _, quantity = column.rpartition("/")
-    if column == "t":
-        return " (did you mean 'time'?)"
-    if column in joints:
-        return f" (did you mean '{column}/position'?)"
-    found = next((word for word in (*RATES, "position", "effort") if quantity.startswith(word)), "")
-    return f" (did you mean '{owner}/{found}'?)" if found and owner in joints else ""
+def _meant(column: str, joints: Iterable[str]) -> str:
+    """Return a hint at the column that a letter for the time, a name alone or a wrong word probably means."""
+    if column == "t" or column in joints:
+        return f" (did you mean '{'time' if column == 't' else f'{column}/position'}'?)"
+    ends = (*RATES, "position", "effort")
+    return did_you_mean(column, ["time", *(f"{joint}/{end}" for joint in joints for end in ends)])
 
 
-def _check_joint(
-    column: str, owner: str, quantity: str, joints: dict[str, Joint], links: set[str], file: str | None
-) -> None:
+def _wrong_joint(owner: str, quantity: str, joints: dict[str, Joint], links: set[str]) -> str:
+    """Return what is wrong with a column of a joint, or ""."""
     if quantity in ("pose", "wrench"):
-        names = "|".join(POSE if quantity == "pose" else WRENCH)
-        raise TrajectoryError(f"lacks its component: '{owner}/{quantity}/{names}'", file=file, column=column)
+        return f"lacks its component: '{owner}/{quantity}/{'|'.join(POSE if quantity == 'pose' else WRENCH)}'"
     if owner not in joints:
         hint = did_you_mean(owner, joints) or (f" ('{owner}' is a link)" if owner in links else "")
-        raise TrajectoryError(f"the robot has no joint '{owner}'{hint}", file=file, column=column)
-    if joints[owner].kind == "fixed":
-        raise TrajectoryError(f"joint '{owner}' is fixed", file=file, column=column)
+        return f"the robot has no joint '{owner}'{hint}"
+    return f"joint '{owner}' is fixed" if joints[owner].kind == "fixed" else ""
 
 
-def _check_link(column: str, owner: str, joints: dict[str, Joint], links: set[str], file: str | None) -> None:
-    if owner in links:
-        return
-    pairs = [(owner[:at], owner[at + 1 :]) for at, letter in enumerate(owner) if letter == "@"]
-    if any(link != other and link in links and other in links for link, other in pairs):
-        if column.startswith(f"{owner}/wrench/"):
-            message = f"a wrench acts on one link, in its own axes: '{pairs[0][0]}/wrench/...'"
-            raise TrajectoryError(message, file=file, column=column)
-        return
-    wrong = next((name for pair in pairs[:1] for name in pair if name not in links), owner)
-    hint = did_you_mean(wrong, links) or (f" ('{wrong}' is a joint)" if wrong in joints else "")
-    raise TrajectoryError(f"the robot has no link '{wrong}'{hint}", file=file, column=column)
+def _wrong_link(owner: str, quantity: str, joints: dict[str, Joint], links: set[str]) -> str:
+    """Return what is wrong with a column of a link, or of a link relative to another one, or ""."""
+    for name in owner.split("@"):
+        if name not in links:
+            hint = did_you_mean(name, links) or (f" ('{name}' is a joint)" if name in joints else "")
+            return f"the robot has no link '{name}'{hint}"
+    relative = "@" in owner and quantity == "wrench"
+    return (
+        f"a wrench acts on one link, in its own axes: '{owner.split('@')[0]}/wrench/...'" if relative else ""
+    )

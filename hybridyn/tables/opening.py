@@ -14,6 +14,7 @@ import itertools
 import os
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,11 +107,12 @@ def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Iterator[Ta
             columns, rows, parts = _parquet(file, block_rows) if parquet else _csv(file, block_rows, opened)
         except OSError as error:
             raise TrajectoryError(f"cannot be read: {error.strerror or error}", file=file) from error
+        counts = Counter(columns)
         for position, name in enumerate(columns):
             if not name or not name.isprintable():
                 message = f"column {position + 1} of the header has no name that can be printed: {name!a}"
                 raise TrajectoryError(message, file=file)
-            if name in columns[:position]:
+            if counts[name] > 1:
                 raise TrajectoryError("the header names it twice", file=file, column=name)
             if as_number(name) is not None:
                 message = f"the header has a number, {name}, for a name: the first line must name the columns"

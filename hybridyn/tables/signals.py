@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..description.records import Joint
+import numpy as np
+
+from ..description.records import Array, Joint
 from ..errors import TrajectoryError
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -68,106 +71,72 @@ class Signal(NamedTuple):
         return tuple(name for name in self.wanted if given[name] is None)
 
 
-def joint_signal(
-    joint: Joint,
+def read_signal(
+    name: str,
+    joint: Joint | None,
     given: dict[str, dict[str, int]],
     file: str | None,
     wanted: tuple[str, ...] = RATES,
     *,
     endless: bool = False,
 ) -> Signal:
-    """Build the signal of a joint.
+    """Build the signal of a joint, or of a pose: whole with a quaternion, or some of its coordinates.
 
     Args:
-        endless: Whether it is a gear that turns without limits.
+        name: The joint, or the link as in the header.
+        joint: The joint, or None for a pose.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
         wanted: The needed ones of "velocity" and "acceleration".
+        endless: Whether the joint is a gear that turns without limits.
 
     Raises:
         TrajectoryError: A component is missing or unknown, or rates that cannot be fitted are missing.
     """
-    components, rates = JOINT_COMPONENTS.get(joint.kind, (("",), ("",)))
-    what = f"joint '{joint.name}' ({joint.kind})"
-    signal = Signal(
-        name=joint.name,
-        components=components,
-        position=_picked(given.get("position", {}), components, f"{joint.name}/position", what, file),
-        velocity=_rates(given, "velocity", rates, joint.name, what, file),
-        acceleration=_rates(given, "acceleration", rates, joint.name, what, file),
-        wraps=(0,) if joint.kind == "continuous" or endless else (),
-        wanted=wanted,
-    )
-    if joint.kind in JOINT_COMPONENTS and signal.missing:
+    pose = given.get("pose", {})
+    places, rates = JOINT_COMPONENTS.get("floating" if joint is None else joint.kind, (("",), ("",)))
+    if pose and not set(pose) & set(POSE[3:]):  # no quaternion: any of the six coordinates
+        places = rates = tuple(part for part in COORDINATES if part in pose) or COORDINATES
+    by = "coordinates" if places == rates else "quaternion"
+    what = f"the pose of '{name}' by its {by}" if joint is None else f"joint '{name}' ({joint.kind})"
+    first = "pose" if joint is None else "position"
+    at = {
+        quantity: picked(given.get(quantity, {}), parts, f"{name}/{quantity}", what, file)
+        for quantity, parts in ((first, places), ("velocity", rates), ("acceleration", rates))
+        if quantity == first or quantity in given
+    }
+    wraps = [
+        i
+        for i, part in enumerate(places)
+        if part in ANGLES or endless or (joint and joint.kind == "continuous")
+    ]
+    signal = Signal(name, places, at[first], at.get("velocity"), at.get("acceleration"), tuple(wraps), wanted)
+    if joint is not None and len(places) > 1 and signal.missing:
         message = f"is missing: rates of a {joint.kind} joint are not fitted"
-        raise TrajectoryError(message, file=file, column=f"{joint.name}/{signal.missing[0]}/{rates[0]}")
+        raise TrajectoryError(message, file=file, column=f"{name}/{signal.missing[0]}/{rates[0]}")
     return signal
 
 
-def pose_signal(
-    key: str, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
-) -> Signal:
-    """Build the signal of a pose: the whole pose with a quaternion, or some of its coordinates.
-
-    Args:
-        key: The link, as in the header.
-        given: Columns by quantity and component.
-        file: Path of the table, for messages.
-        wanted: The needed ones of "velocity" and "acceleration".
-
-    Raises:
-        TrajectoryError: A component is missing or unknown.
-    """
-    pose = given.get("pose", {})
-    components: tuple[str, ...] = POSE
-    rates: tuple[str, ...] = TWIST
-    if pose and not set(pose) & set(POSE[3:]):  # no quaternion: any of the six coordinates
-        components = rates = tuple(name for name in COORDINATES if name in pose) or COORDINATES
-    what = f"the pose of '{key}' by its {'quaternion' if components == POSE else 'coordinates'}"
-    return Signal(
-        name=key,
-        components=components,
-        position=_picked(pose, components, f"{key}/pose", what, file),
-        velocity=_rates(given, "velocity", rates, key, what, file),
-        acceleration=_rates(given, "acceleration", rates, key, what, file),
-        wraps=tuple(index for index, name in enumerate(components) if name in ANGLES),
-        wanted=wanted,
-    )
-
-
-def _rates(
-    given: dict[str, dict[str, int]],
-    quantity: str,
-    names: tuple[str, ...],
-    owner: str,
-    what: str,
-    file: str | None,
-) -> tuple[int, ...] | None:
-    if quantity not in given:
-        return None
-    return _picked(given[quantity], names, f"{owner}/{quantity}", what, file)
-
-
-def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[int, ...]:
-    """Return the columns of all six components of a wrench.
-
-    Raises:
-        TrajectoryError: A component is missing or unknown.
-    """
-    return _picked(given, WRENCH, f"{key}/wrench", f"a wrench on '{key}'", file)
-
-
-def _picked(
-    given: dict[str, int], names: tuple[str, ...], prefix: str, what: str, file: str | None
+def picked(
+    given: dict[str, int], names: Sequence[str], prefix: str, what: str, file: str | None
 ) -> tuple[int, ...]:
-    """Return the columns of exactly these components; the error names an unknown or missing one."""
-    expected = ", ".join(f"{prefix}/{name}" if name else prefix for name in names)
-    for name in given:
-        if name not in names:
-            column = f"{prefix}/{name}" if name else prefix
-            raise TrajectoryError(f"does not belong here: {what} takes {expected}", file=file, column=column)
-    for name in names:
-        if name not in given:
-            column = f"{prefix}/{name}" if name else prefix
-            raise TrajectoryError(f"is missing: {what} takes {expected}", file=file, column=column)
+    """Return the columns of exactly these components.
+
+    Raises:
+        TrajectoryError: One is unknown or missing.
+    """
+    unknown = [name for name in given if name not in names]
+    for name in [*unknown, *(name for name in names if name not in given)]:
+        wrong = "does not belong here" if name in unknown else "is missing"
+        expected = ", ".join(f"{prefix}/{part}".rstrip("/") for part in names)
+        message = f"{wrong}: {what} takes {expected}"
+        raise TrajectoryError(message, file=file, column=f"{prefix}/{name}".rstrip("/"))
     return tuple(given[name] for name in names)
+
+
+def on_circles(kind: str, positions: Array) -> Array:
+    """Replace the angle of a continuous or a planar joint by its cosine and sine, shape (T, its nq)."""
+    if kind not in ("continuous", "planar"):
+        return positions
+    angle = positions[:, -1:]
+    return np.hstack([positions[:, :-1], np.cos(angle), np.sin(angle)])

@@ -14,7 +14,7 @@ from ..spatial import cross, rotate, rotate_back, rotation_from_quaternion
 from .columns import Layout
 from .opening import Block, Table
 from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivatives, turns, windows
-from .signals import POSE, Signal
+from .signals import POSE, Signal, on_circles
 
 #: Largest deviation of a quaternion's length from one; seven digits in a file suffice.
 QUATERNION_TOLERANCE = 1e-6
@@ -260,11 +260,9 @@ def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None)
 
 def _joint_coordinates(kind: str, position: Array, velocity: Array, acceleration: Array) -> Triple:
     p, v, a = (level.reshape(len(level), -1) for level in (position, velocity, acceleration))
-    if kind in ("continuous", "planar"):
-        p = np.hstack([p[:, :-1], np.cos(p[:, -1:]), np.sin(p[:, -1:])])
     if kind in ("spherical", "floating"):
         p = np.hstack([p[:, :-4], p[:, -4:] / np.linalg.norm(p[:, -4:], axis=1, keepdims=True)])
-    return p, v, a
+    return on_circles(kind, p), v, a
 
 
 def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:

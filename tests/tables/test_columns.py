@@ -12,14 +12,13 @@ from tests.tables.arm import BALL, joint, links
 
 ROBOT = Description(
     name="robot",
-    links=links("base", "slider", "elbow", "tool", "flange", "ns/tip", "odd@name"),
+    links=links("base", "slider", "elbow", "tool", "flange", "ns/tip"),
     joints=(
         joint("lift", "prismatic", "base", "slider"),
         joint("elbow", "revolute", "slider", "elbow"),
         joint("spin", "continuous", "elbow", "tool"),
         joint("weld", "fixed", "tool", "flange"),
         joint("ns/tip_joint", "fixed", "flange", "ns/tip"),
-        joint("odd", "fixed", "flange", "odd@name"),
     ),
 )
 MOTORS = ("lift", "elbow")
@@ -68,7 +67,7 @@ def test_whole_and_partial_poses() -> None:
     assert found.poses["tool@slider"].wraps == (1,)
 
 
-@pytest.mark.parametrize("owner", ["ns/tip", "odd@name", "odd@name@slider", "slider@odd@name"])
+@pytest.mark.parametrize("owner", ["ns/tip", "ns/tip@slider", "slider@ns/tip"])
 def test_names_with_separators_in_them(owner: str) -> None:
     assert owner in layout(["time", f"{owner}/pose/x"]).poses
 
@@ -156,6 +155,7 @@ def test_joints_with_several_freedoms() -> None:
         (["t", "lift/position"], "t", "did you mean 'time'"),
         (["time", "lift"], "lift", "did you mean 'lift/position'"),
         (["time", "lift/velocity_m_s"], "lift/velocity_m_s", "did you mean 'lift/velocity'"),
+        (["time", "lift/positon"], "lift/positon", "did you mean 'lift/position'"),
         (["time", "speed"], "speed", "columns are 'time'"),
         (["time", "lifd/position"], "lifd/position", "did you mean 'lift'"),
         (["time", "tool/position"], "tool/position", "'tool' is a link"),
@@ -163,7 +163,6 @@ def test_joints_with_several_freedoms() -> None:
         (["time", "tol/pose/x"], "tol/pose/x", "did you mean 'tool'"),
         (["time", "lift/pose/x"], "lift/pose/x", "'lift' is a joint"),
         (["time", "tool@tol/pose/x"], "tool@tol/pose/x", "no link 'tol'"),
-        (["time", "tool@tool/pose/x"], "tool@tool/pose/x", "no link"),
         (["time", "tool/pose"], "tool/pose", "lacks its component"),
         (["time", "lift/effort/x"], "lift/effort/x", "not known"),
         (["time", "lift/velocity", "elbow/position"], "lift/position", "is missing"),
