@@ -25,7 +25,7 @@ from hybridyn.studies.sweep.designs import designs_of
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
 from hybridyn.studies.sweep.pools import Pool, ThisProcess
 from hybridyn.studies.sweep.reading import identity, read_study
-from hybridyn.studies.sweep.shards import About, Shards, read_shards
+from hybridyn.studies.sweep.shards import About, begin, read_shards, write_shard
 from hybridyn.studies.sweep.slot_numbers import SlotNumbers
 from hybridyn.studies.sweep.variants import Variants, _number
 from tests.clocks import Clock
@@ -107,8 +107,8 @@ def effort(length: float, factor: float) -> np.ndarray:
 
 def rows_of(output: str) -> dict[str, list[Any]]:
     """All rows of a sweep, by column."""
-    parts = list(read_shards(output))
-    return {name: [value for part in parts for value in part[name]] for name in parts[0]}
+    rows: dict[str, list[Any]] = read_shards(output).fill_null(np.nan).to_dict(as_series=False)
+    return rows
 
 
 class Here(ThisProcess):
@@ -283,9 +283,9 @@ def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.parametrize("what", ["replaced", "added", "changed"])
+@pytest.mark.parametrize("what", ["broken", "added"])
 def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str) -> None:
-    """A file with the name of a shard, a shard of another study, a shard that was edited."""
+    """A file with the name of a shard, and a shard of another study."""
     hybridyn.sweep(written("method = 'grid'", SCALES), "other")
     study = written("method = 'grid'", SCALES.replace("1.5", "1.25"))
     hybridyn.sweep(study, "out")
@@ -293,9 +293,9 @@ def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str)
     if what == "added":
         files[-1].unlink()
         files[-1] = files[-1].with_name(others[-1].name)
-    text = files[-1].read_bytes() + b" " if what == "changed" else others[-1].read_bytes()
-    files[-1].write_bytes(text)
-    said = re.escape(f"{files[-1]}: is no result of this sweep (another study wrote it, or it has changed)")
+    files[-1].write_bytes(others[-1].read_bytes() if what == "added" else b"PAR1")
+    why = "another study wrote it" if what == "added" else ""
+    said = re.escape(f"{files[-1]}: is no result of this sweep ({why}")
     for question in (
         lambda: hybridyn.sweep(study, "out", resume=True),
         lambda: find_best("out", "peak_effort"),
@@ -306,20 +306,18 @@ def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str)
 
 
 def test_a_design_in_two_shards_is_refused(tmp_path: Path) -> None:
-    shards, rows = made(tmp_path, np.zeros((3, 1)), np.ones(3), ["x"])
-    shards.write(rows[:2])
-    shards.write(rows[1:])
-    refused(
-        lambda: list(read_shards(tmp_path)), hybridyn.HybridynError, r"the shard before it has design 1, too"
-    )
+    about, rows = made(tmp_path, np.zeros((3, 1)), np.ones(3), ["x"])
+    write_shard(tmp_path, about, rows[:2])
+    write_shard(tmp_path, about, rows[1:])
+    refused(lambda: read_shards(tmp_path), hybridyn.HybridynError, r"the shard before it has design 1, too")
 
 
-def made(folder: Path, x: np.ndarray, y: np.ndarray, names: list[str]) -> tuple[Shards, list[Row]]:
-    """Begin the results of a sweep with a number y of each design x; return its shards and its rows."""
-    about = About("study.toml", "", len(x), names, ["y"])
+def made(folder: Path, x: np.ndarray, y: np.ndarray, names: list[str]) -> tuple[About, list[Row]]:
+    """Begin the results of a sweep with a number y of each design x; return what it is and its rows."""
+    about = About("study.toml", 16 * "0", len(x), names, ["y"])
     pairs = zip(x.tolist(), y.tolist(), strict=True)
     rows = [Row(i, tuple(design), "ok", (number,), "") for i, (design, number) in enumerate(pairs)]
-    return Shards.create(folder, about, resume=False), rows
+    return begin(folder, about, resume=False), rows
 
 
 def digest(study: Path) -> str:
@@ -437,18 +435,18 @@ def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> N
 def test_a_full_disk_keeps_what_was_done(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from hybridyn.studies.sweep import shards
 
-    written_so_far, write = [], shards._write
+    written_so_far, appearing = [], shards.appearing
 
-    def fail(file: Path, content: bytes) -> None:
-        if len(written_so_far) == 3:
+    def fail(file: Path) -> Any:
+        if len(written_so_far) == 2:
             raise OSError(28, "No space left on device", str(file))
         written_so_far.append(file)
-        write(file, content)
+        return appearing(file)
 
-    monkeypatch.setattr(shards, "_write", fail)
+    monkeypatch.setattr(shards, "appearing", fail)
     refused(lambda: hybridyn.sweep(written("method = 'grid'"), "out"), OSError, "No space left")
     assert len(rows_of("out")["design"]) == 2
-    monkeypatch.setattr(shards, "_write", write)
+    monkeypatch.setattr(shards, "appearing", appearing)
     hybridyn.sweep("study.toml", "out", resume=True)
     assert rows_of("out")["design"] == list(range(6))
 
@@ -573,8 +571,8 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
     from hybridyn.figures.sweep import chart_of_sweep
 
     x = qmc.Sobol(2, seed=8).random(64)
-    shards, rows = made(tmp_path, x, x @ [3, 1], ["x", "z"])
-    shards.write([Row(0, (0.0, 0.0), "unreachable", (np.nan,), ""), *rows[1:]])
+    about, rows = made(tmp_path, x, x @ [3, 1], ["x", "z"])
+    write_shard(tmp_path, about, [Row(0, (0.0, 0.0), "unreachable", (np.nan,), ""), *rows[1:]])
     panel = chart_of_sweep(tmp_path, "y > 2").panels[0]
     counts = {mark.name: len(mark.y) for mark in panel.marks}
     low = int((x[1:] @ [3, 1] <= 2).sum())

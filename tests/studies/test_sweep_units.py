@@ -67,7 +67,7 @@ def test_a_study_names_the_unit(tmp_path: Path) -> None:
     needs("sweep")
     measure = "{ force = 'peak_effort[N]', torque = 'peak_effort[N m]', rise = 'peak_speed[m/s]' }"
     hybridyn.sweep(study(tmp_path, measure), tmp_path / "out", jobs=1)
-    (rows,) = read_shards(str(tmp_path / "out"))
+    rows = read_shards(str(tmp_path / "out"))
     for i, mass in enumerate((1.0, 2.0)):
         robot = hybridyn.load(tmp_path / "arm.urdf").with_parameters({"mass:tool": mass})
         motion = hybridyn.idm(robot, MOTION[:, 1::2], MOTION[:, 2::2], np.tile([0.2, 0.0], (len(TIME), 1)))

@@ -66,10 +66,9 @@ def rows_of(folder: str | PathLike[str], where: str | None = None) -> Rows:
     about = about_of(str(folder))
     numbers = ["design", *about.parameters, *about.measures]
     condition = None if where is None else Expression(where, numbers, "--where")
-    nothing: dict[str, Array] = dict.fromkeys(numbers, np.empty(0)) | {"status": np.empty(0, dtype=str)}
-    parts = [nothing, *read_shards(str(folder), [*numbers, "status"])]
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in nothing}
-    status = columns.pop("status")
+    frame = read_shards(str(folder), [*numbers, "status"])
+    columns = {name: frame[name].cast(float).fill_null(np.nan).to_numpy() for name in numbers}
+    status = frame["status"].to_numpy()
     met: Mask = status == "ok"
     if condition is not None:
         met = met & np.asarray(condition(columns), dtype=bool)

@@ -22,7 +22,7 @@ from .evaluation import Chunk, Designer, Evaluated, Row
 from .measures import unit_of
 from .pools import MOST_DEATHS, Task, open_pool
 from .reading import identity, read_study
-from .shards import About, Shards, read_shards, shards_in
+from .shards import About, begin, gaps, read_shards, shards_in, write_shard
 from .study_file import StudyFile
 from .variants import Variants
 
@@ -130,14 +130,15 @@ def sweep(
         plan is not None, _units(source, designs[0]),
     )  # fmt: skip
     with locked(output):
-        shards = Shards.create(Path(output), about, resume=resume)
-        for part in read_shards(state.folder, ["status"]):
-            state.statuses.update(part["status"])
-        if gaps := shards.gaps():
-            plan, pool = _plan_of(shards, plan, source, designs), open_pool(jobs, executor)
-            tasks = ((source, chunk, plan) for chunk in _chunks(gaps, designs, state, pace))
+        about = begin(state.folder, about, resume=resume)
+        state.statuses.update(read_shards(state.folder, ["status"])["status"])
+        if left := gaps(state.folder, len(designs)):
+            if about.compiled and plan is None:
+                plan = _plan_again(state.folder, source, designs)
+            pool = open_pool(jobs, executor)
+            tasks = ((source, chunk, plan) for chunk in _chunks(left, designs, state, pace))
             for found in pool.run(evaluate_chunk, tasks, _lost, _designs):
-                shards.write(found.rows)
+                write_shard(state.folder, about, found.rows)
                 state.add(found)
                 state.restarts, state.seconds = pool.deaths, time.perf_counter() - started
                 if progress is not None:
@@ -146,9 +147,9 @@ def sweep(
     return state
 
 
-def _chunks(gaps: list[tuple[int, int]], designs: Array, state: Swept, pace: float) -> Iterator[Chunk]:
+def _chunks(left: list[tuple[int, int]], designs: Array, state: Swept, pace: float) -> Iterator[Chunk]:
     """Divide designs into chunks of about a second, by the pace so far; `pace` [s] is that of the first."""
-    for start, stop in gaps:
+    for start, stop in left:
         while start < stop:
             seconds = state.work / state.now if state.now else pace
             size = min(max(1, round(CHUNK_SECONDS / max(seconds, 1e-9))), MOST_IN_CHUNK, stop - start)
@@ -171,16 +172,11 @@ def _units(source: StudyFile, first: Array) -> dict[str, str]:
     }
 
 
-def _plan_of(shards: Shards, plan: Plan | None, source: StudyFile, designs: Array) -> Plan | None:
-    """Return the compiled models by which the shards began, or None if they began without."""
-    if not shards.about.compiled:
-        return None
+def _plan_again(folder: Path, source: StudyFile, designs: Array) -> Plan:
+    """Return the compiled models by which the shards of a folder began."""
+    plan, why = plan_for(source, designs, _tried(designs), asked=True)
     if plan is None:
-        plan, why = plan_for(source, designs, _tried(designs), asked=True)
-        if plan is None:
-            raise HybridynError(
-                f"{shards.folder}: its results are of compiled models, which are not to be had: {why}"
-            )
+        raise HybridynError(f"{folder}: its results are of compiled models, which are not to be had: {why}")
     return plan
 
 
