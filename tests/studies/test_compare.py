@@ -1,9 +1,7 @@
 """`compare`: it finds every closure that an engine ignores, and agrees with engines that hold them."""
 
 import json
-import os
 import re
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +12,6 @@ import pytest
 
 import hybridyn
 from hybridyn.studies.compare import compare as module
-from hybridyn.studies.compare.apart import judged_apart
 from hybridyn.studies.compare.compare import compare
 from hybridyn.studies.compare.judging import judge
 from hybridyn.studies.compare.states import apart, draw_states
@@ -91,7 +88,7 @@ def test_an_engine_that_only_says_that_it_holds_the_loop(two_bars: Path) -> None
 
     data, model = loaded.model.createData(), loaded.model
     pretending: Any = SimpleNamespace(
-        way="by its word", notes=(), freedoms=lambda q: 1, call=lambda *state: lambda: None,
+        way="by its word", notes=(), freedoms=lambda q: 1,
         forward=lambda q, v, force: np.array(pin.aba(model, data, q, v, force)),
         inverse=lambda q, v, a: np.array(pin.rnea(model, data, q, v, a)),
     )  # fmt: skip
@@ -105,7 +102,7 @@ def test_an_engine_without_numbers_does_not_agree(two_bars: Path) -> None:
     """Accelerations that are nan are told as nan, not as zero."""
     loaded = hybridyn.load(two_bars)
     lost: Any = SimpleNamespace(
-        way="lost", notes=(), freedoms=lambda q: 1, call=lambda *state: lambda: None,
+        way="lost", notes=(), freedoms=lambda q: 1,
         forward=lambda q, v, force: np.full(loaded.nv, np.nan),
         inverse=lambda q, v, a: np.full(loaded.nv, np.nan),
     )  # fmt: skip
@@ -210,11 +207,3 @@ def test_the_page_shows_what_the_command_prints(capsys: pytest.CaptureFixture[st
     for line in block.text.splitlines()[2:-2]:
         cells = re.split(r"\s{2,}", line)[:4]
         assert line == "..." or cells in printed, line
-
-
-@pytest.mark.slow
-def test_a_crash_of_an_engine_stays_in_its_process(two_bars: Path) -> None:
-    """As Pinocchio's reader of MJCF may end its process."""
-    states = draw_states(hybridyn.load(two_bars), 1, 0)
-    task: Any = (partial(os._exit, 1), hybridyn.load(two_bars), states, ("other", "1"), 1e-6)
-    assert "its process ended without a result (status" in judged_apart("a way", *task).refusal

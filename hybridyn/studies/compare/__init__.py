@@ -1,4 +1,4 @@
-"""What other engines make of a robot: freedoms, closures held, softened or ignored, errors, time.
+"""What other engines make of a robot: freedoms, closures held, softened or ignored, errors.
 
 Reading order: `engine` (what an engine must do here), `engines/` (Pinocchio, MuJoCo), `states` (closed states
 to compare at), `judging` (what becomes of each closure), `compare` (the whole), and `report` (the table).

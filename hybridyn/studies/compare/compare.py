@@ -8,18 +8,14 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from os import PathLike
 
-from ...dynamics.direct import ddm
 from ...errors import install_advice
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
-from .apart import judged_apart
 from .engine import own_file
-from .judging import ClosureFate, Verdict, call_time, judge_way
+from .judging import ClosureFate, Verdict, judge_way
 from .methods import ENGINES, engine_file
-from .states import State, closure_names, draw_states
+from .states import closure_names, draw_states
 
-#: The engine and way that may end its process.
-CRASHES = ("pinocchio", "its MJCF reader")
 #: Largest relative difference that counts as the same robot.
 TOLERANCE = 1e-6
 #: Number of closed states.
@@ -91,25 +87,24 @@ def compare(
     files = {name: engine_file(name) for name in engines}
     states = draw_states(robot, samples, seed)
     own = own_file(robot, xacro_args, package_dirs)
-    verdicts, skipped = [_ourselves(robot, states[0])], []
+    verdicts, skipped = [_ourselves(robot)], []
     for name, file in files.items():
         package, extra = ENGINES[name]
         if find_spec(name) is None:
             skipped.append((name, f"is not installed: {install_advice(extra)}"))
             continue
         for way, build in file.ways(robot, own):
-            task = (way, build, robot, states, (name, version(package)), tolerance)
-            verdicts.append(judged_apart(*task) if (name, way) == CRASHES else judge_way(*task))
+            verdicts.append(judge_way(way, build, robot, states, (name, version(package)), tolerance))
     return Comparison(
-        robot.name, robot.mobility, tuple(name for name, _ in closure_names(robot)), samples, tolerance,
+        robot.name, robot.mobility, closure_names(robot), samples, tolerance,
         tuple(verdicts), tuple(skipped),
     )  # fmt: skip
 
 
-def _ourselves(robot: HybridRobot, first: State) -> Verdict:
+def _ourselves(robot: HybridRobot) -> Verdict:
     """Return hybridyn's own row."""
-    fates = tuple(ClosureFate(name, 0.0, "held") for name, _ in closure_names(robot))
+    held = tuple(ClosureFate(name, 0.0, "held") for name in closure_names(robot))
     return Verdict(
-        "hybridyn", version("hybridyn"), "ddm", freedoms=robot.mobility, closures=fates, acceleration=0.0,
-        effort=0.0, seconds=call_time(lambda: ddm(robot, first.q, first.v, first.tau)),
+        "hybridyn", version("hybridyn"), "ddm", freedoms=robot.mobility, closures=held, acceleration=0.0,
+        effort=0.0,
     )  # fmt: skip

@@ -6,7 +6,7 @@ and limits are switched off in every engine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Protocol
@@ -55,10 +55,6 @@ class Engine(Protocol):
 
     def freedoms(self, q: Array) -> int:
         """Count the freedoms that the engine's constraints leave at a posture."""
-        ...
-
-    def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
-        """Return the engine's own direct dynamics at one state, without conversions, to be timed."""
         ...
 
 

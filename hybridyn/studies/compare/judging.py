@@ -1,4 +1,4 @@
-"""Judge an engine: what becomes of each closure, errors, drift, time of a call.
+"""Judge an engine: what becomes of each closure, and errors.
 
 A closure is judged by what the engine's accelerations do to it, not by what the engine says of it: some
 engines take a constraint and leave it out of the dynamics. The measure is the acceleration with which the
@@ -7,7 +7,6 @@ closure opens, as a part of that of the tree without closures.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -27,8 +26,6 @@ Fate = Literal["held", "softened", "ignored"]
 IGNORED = 0.5
 #: Smallest opening of the free tree, relative to the robot's accelerations, that shows if a closure acts.
 SHOWS = 1e-6
-#: Calls whose median is the time of a call, and the seconds that they may take.
-CALLS, CALL_SECONDS = 50, 0.3
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,6 @@ class Verdict:
         closures: What becomes of every closure and coupling.
         acceleration: Largest relative difference of accelerations; nan for a refusal, as those below.
         effort: Largest relative difference of inverse dynamics on the closed robot's freedoms.
-        seconds: Time of one direct dynamics [s].
         notes: Remarks.
     """
 
@@ -68,7 +64,6 @@ class Verdict:
     closures: tuple[ClosureFate, ...] = ()
     acceleration: float = np.nan
     effort: float = np.nan
-    seconds: float = np.nan
     notes: tuple[str, ...] = field(default=())
 
     def named(self, fate: Fate) -> list[str]:
@@ -126,17 +121,15 @@ def judge(
         effort = np.maximum(effort, _effort_error(robot, engine, state))
     fates = tuple(
         ClosureFate(name, float(part), _fate(float(part), tolerance))
-        for (name, _), part in zip(closure_names(robot), left, strict=True)
+        for name, part in zip(closure_names(robot), left, strict=True)
     )
-    first = states[0]
     return Verdict(
         *names,
         engine.way,
-        freedoms=engine.freedoms(first.q),
+        freedoms=engine.freedoms(states[0].q),
         closures=fates,
         acceleration=float(acceleration),
         effort=float(effort),
-        seconds=call_time(engine.call(first.q, first.v, first.force)),
         notes=engine.notes,
     )
 
@@ -170,16 +163,3 @@ def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float:
     ours = np.zeros(robot.nv)
     ours[robot.motor_v] = state.tau
     return _difference(basis @ forces, basis @ ours) if len(basis) else 0.0
-
-
-def call_time(call: Callable[[], object]) -> float:
-    """Return the median time of a call [s]."""
-    times: list[float] = []
-    end = time.perf_counter() + CALL_SECONDS
-    for _ in range(CALLS):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-        if times[-1] + start > end:
-            break
-    return float(np.median(times))

@@ -9,7 +9,7 @@ from .compare import Comparison
 from .judging import Fate, Verdict
 
 HEADS = (
-    "engine", "how the robot came in", "freedoms", "closures", "accelerations", "efforts", "time per call",
+    "engine", "how the robot came in", "freedoms", "closures", "accelerations", "efforts",
 )  # fmt: skip
 
 
@@ -17,14 +17,13 @@ def _row(comparison: Comparison, verdict: Verdict) -> list[str]:
     """Return the cells of an engine and way."""
     who = [f"{verdict.engine} {verdict.version}", verdict.way]
     if verdict.refusal:
-        return [*who, "-", "not compared", "-", "-", "-"]
+        return [*who, "-", "not compared", "-", "-"]
     fates = {fate: len(verdict.named(fate)) for fate in get_args(Fate)}
     differs = " (!)" * (verdict.freedoms != comparison.freedoms)
     return [
         *who, f"{verdict.freedoms}{differs}",
         ", ".join(f"{count} {fate}" for fate, count in fates.items() if count) or "none",
         f"{verdict.acceleration:.1e}", f"{verdict.effort:.1e}",
-        f"{verdict.seconds * 1e6:.0f} us" if verdict.seconds < 1e-3 else f"{verdict.seconds * 1e3:.1f} ms",
     ]  # fmt: skip
 
 

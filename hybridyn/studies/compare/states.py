@@ -131,15 +131,9 @@ def closure_rows(robot: HybridRobot, q: Array) -> Array:
     return np.vstack(blocks) if blocks else np.zeros((0, robot.nv))
 
 
-def closure_names(robot: HybridRobot) -> list[tuple[str, int]]:
-    """Return the name and the number of rows of each closure and coupling, in the order of the rows."""
-    out = []
-    for module in robot.modules:
-        closures = module.mechanism.spanning_closures
-        out += [
-            (name, at.stop - at.start) for name, at in zip(module.closures, closures.row_slices, strict=True)
-        ]
-    return out
+def closure_names(robot: HybridRobot) -> tuple[str, ...]:
+    """Return the name of each closure and coupling, in the order of the rows."""
+    return tuple(name for module in robot.modules for name in module.closures)
 
 
 def apart(robot: HybridRobot, q: Array, v: Array, a: Array) -> list[float]:

@@ -132,14 +132,10 @@ class MujocoEngine:
         """
         tolerance = self.model.opt.tolerance
         self.model.opt.tolerance = 0.0
-        self.call(q, v, force)()
+        self._set(q, v, force)
+        self.mujoco.mj_forward(self.model, self.data)
         self.model.opt.tolerance = tolerance
         return self._ours(q, self.data.qacc) + self._drift(v)
-
-    def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
-        """Return `mj_forward` at a state."""
-        self._set(q, v, force)
-        return lambda: self.mujoco.mj_forward(self.model, self.data)
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:
         """Compute forces by `mj_rne`."""

@@ -1,4 +1,4 @@
-"""Pinocchio: the robot as its own readers see it, and with constraint models for its closures.
+"""Pinocchio: the robot as its reader of URDF sees it, and with constraint models for its closures.
 
 Its algorithms are two solvers for closed loops, `aba` and `rnea` of trees, and `rnea` projected.
 
@@ -15,10 +15,8 @@ its time is a floor for whoever starts there, its efforts are another robot's.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -105,16 +103,14 @@ class PinocchioEngine:
         return out
 
     def forward(self, q: Array, v: Array, force: Array) -> Array:
-        """Compute accelerations by `constraintDynamics`."""
-        out: Array = np.asarray(self.call(q, v, force)())[self.v_at]
-        return out
-
-    def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
-        """Return `constraintDynamics` at a state (`aba` where there is no constraint)."""
+        """Compute accelerations by `constraintDynamics` (`aba` where there is no constraint)."""
         state = (self.model, self.data, *self._theirs(q, v, force))
-        if not len(self.contacts):
-            return partial(pin.aba, *state)
-        return partial(pin.constraintDynamics, *state, self.contacts, self.datas, self.settings)
+        if len(self.contacts):
+            found = pin.constraintDynamics(*state, self.contacts, self.datas, self.settings)
+        else:
+            found = pin.aba(*state)
+        out: Array = np.asarray(found)[self.v_at]
+        return out
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:
         """Compute forces by `rnea`."""
@@ -136,26 +132,17 @@ class PinocchioEngine:
 
 
 def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], Engine]]]:
-    """Yield the ways into Pinocchio: by its reader, and by constraint models."""
-    if own.format in ("URDF", "MJCF"):
-        yield f"its {own.format} reader", partial(_read, robot, own)
+    """Yield the ways into Pinocchio: by its reader of URDF, and by constraint models."""
+    if own.format == "URDF":
+        yield "its URDF reader", partial(_read, robot, own)
     yield "rigid constraints", partial(with_constraints, robot)
 
 
 def _read(robot: HybridRobot, own: OwnFile) -> Engine:
     """Read the robot's own file with Pinocchio's reader."""
-    contacts = pin.StdVec_RigidConstraintModel()
     root = [] if robot.base == "fixed" else [pin.JointModelFreeFlyer()]
     try:
-        if own.format == "URDF":
-            model = pin.buildModelFromXML(own.text, *root)
-        else:
-            with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder) / "robot.xml"
-                file.write_text(own.text)
-                model, *anchors = pin.buildModelAndConstraintsFromMJCF(str(file), *root)
-            for anchor in (one for many in anchors for one in many):
-                contacts.append(pin.convertToRigidConstraintModel(model, anchor))
+        model = pin.buildModelFromXML(own.text, *root)
     except (RuntimeError, ValueError) as error:
         raise NotComparableError(
             f"Pinocchio's reader refuses it: {' '.join(str(error).split())[:200]}"
@@ -163,7 +150,7 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
     theirs = [str(name) for name in model.names][1:]
     names = theirs if robot.base == "fixed" else [robot.joints[0], *theirs[1:]]
     refuse_other_joints(robot, names, "Pinocchio's reader")
-    return PinocchioEngine(robot, model, contacts, f"its {own.format} reader")
+    return PinocchioEngine(robot, model, pin.StdVec_RigidConstraintModel(), "its URDF reader")
 
 
 def with_constraints(robot: HybridRobot) -> PinocchioEngine:
