@@ -29,7 +29,7 @@ from hybridyn.errors import (
 )
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import Result
-from hybridyn.streams.efforts import samples_counted_from
+from hybridyn.streams.one_pass import samples_counted_from
 from hybridyn.tables.opening import open_table
 from tests.command_line import call, read_table, without_remarks
 from tests.comparing import refused
@@ -218,8 +218,14 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str, monkeypatch: pytest
     file = tmp_path / name
     os.mkfifo(file)
     monkeypatch.setattr("builtins.open", lambda *_, **__: pytest.fail("it was opened, and waited for"))
+
+    def table(path: str) -> None:
+        """Open a table."""
+        with open_table(path):
+            pass
+
     readers = {
-        ".csv": open_table, ".parquet": open_table, ".urdf": hybridyn.load, ".xacro": hybridyn.load,
+        ".csv": table, ".parquet": table, ".urdf": hybridyn.load, ".xacro": hybridyn.load,
         ".toml": read_scene, ".state": Result.load,
     }  # fmt: skip
     caught = refused(lambda: readers[file.suffix](str(file)), hybridyn.HybridynError, "is not a regular file")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
 from .common.options import RobotChoice, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
@@ -88,6 +87,7 @@ def accelerations(
 
     from ..dynamics.direct import direct_model
     from ..streams.one_pass import Rows
+    from ..streams.reaction_columns import reaction_rows
     from ..tables.trajectory import base_acceleration
 
     given = block.motion.efforts

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
 from .common.options import RobotChoice, numbers_by_name, split_names, takes_effects
 from .common.summary import Summary, branch_line, effects_line, not_computed
@@ -186,6 +185,7 @@ def efforts(
     from ..dynamics.inverse import inverse_model
     from ..streams.departures import departures
     from ..streams.one_pass import Rows
+    from ..streams.reaction_columns import reaction_rows
 
     if compiled is not None:
         before = compiled.recomputed

@@ -151,7 +151,7 @@ def _efforts(
 
     from ..effects import choose
     from ..errors import HybridynError
-    from ..streams.efforts import efforts_in_blocks
+    from ..streams.one_pass import efforts_in_blocks
     from ..tables.opening import open_table
 
     wanted = [f"{motor}/effort" for motor in robot.motors]

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..streams.memory import keep_freed_memory
-from ..streams.workers import Workers
+from ..streams.workers import Workers, keep_freed_memory
 from .common.figures import plot_option, save
 from .common.files import result_file
 from .common.maps import Grid, parse_grid, tell_map

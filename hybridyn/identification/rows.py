@@ -12,7 +12,7 @@ from ..compiled.model import CompiledRobot
 from ..description.names import did_you_mean
 from ..errors import HybridynError, ModelError, TrajectoryError
 from ..spatial import Array, Mask
-from ..streams.other_units import other_unit
+from ..streams.departures import other_unit
 from ..structure.robot import HybridRobot
 from .base_parameters import RANK, BaseParameters, led
 from .regressor import effort_rows

@@ -20,8 +20,7 @@ from ..simulation.events import QUINTIC
 from ..simulation.result import Counters, Origin, Result
 from ..simulation.system import State
 from ..spatial import Array, Index, Mask
-from ..streams.efforts import samples_counted_from
-from ..streams.one_pass import rows_at_once
+from ..streams.one_pass import rows_at_once, samples_counted_from
 from ..structure.robot import HybridRobot
 from ..tables.columns import read_layout
 from ..tables.opening import open_table

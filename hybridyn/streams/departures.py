@@ -1,12 +1,15 @@
 """Find the samples at which a motion exceeds the joint limits of position, speed and effort.
 
+A position far beyond its limits is asked whether it is in degrees or millimetres.
+
 Exporters write an empty range (lower = upper) or a limit of zero where they do not know the limit. Both count
 as no limit here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +18,7 @@ from ..description.records import Joint
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.signals import unit_of
-from .other_units import other_unit
+from ..tables.trajectory import Motion
 
 #: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9
@@ -23,6 +26,8 @@ TOUCHING = 1e-9
 ROUNDED = 1e-6
 #: Largest number of departures that are listed one by one.
 MOST_LISTED = 8
+#: Angle that a joint without limits hardly has [rad].
+TURNS = 4 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,70 +65,55 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
         tau: Efforts of the motors, shape (T, motors), or None.
     """
     joints = robot.records
-    placed = [(joints[name], i) for i, name in enumerate(robot.joints) if name in joints]
-    single = [(joint, i) for joint, i in placed if joint.kind in ("revolute", "continuous", "prismatic")]
-    ranged = [(joint, robot.q_slices[i].start) for joint, i in single if position_limits(joint)]
-    fast = [(joint, robot.v_slices[i].start) for joint, i in single if joint.speed_limit < np.inf]
-    out = [*_outside("position", q, ranged), *_outside("speed", v, fast)]
+    single = [i for i, kind in enumerate(robot.kinds) if kind in ("revolute", "continuous", "prismatic")]
+    moving = [joints[robot.joints[i]] for i in single]
+    checked = [
+        ("position", q[:, [robot.q_slices[i].start for i in single]], moving),
+        ("speed", v[:, [robot.v_slices[i].start for i in single]], moving),
+    ]
     if tau is not None:
-        strong = [
-            (joints[name], i) for i, name in enumerate(robot.motors) if joints[name].effort_limit < np.inf
-        ]
-        out += _outside("effort", tau, strong)
-    return tuple(out)
+        checked.append(("effort", tau, [joints[name] for name in robot.motors]))
+    return tuple(one for given in checked if given[2] and len(q) for one in _outside(*given))
 
 
 def position_limits(joint: Joint) -> tuple[float, float] | None:
     """Return the lowest and the highest position that count as inside the limits, or None without limits."""
+    lower, upper, slack = _limits("position", joint)
+    return None if lower == -np.inf and upper == np.inf else (lower - slack, upper + slack)
+
+
+def _limits(quantity: str, joint: Joint) -> tuple[float, float, float]:
+    """Return the limits of a quantity as the file states them, and by how much they may be exceeded."""
+    if quantity != "position":
+        size = joint.speed_limit if quantity == "speed" else joint.effort_limit
+        return -size, size, TOUCHING * size
     lower, upper = joint.lower, joint.upper
-    if joint.kind == "continuous" or not lower < upper or (np.isinf(lower) and np.isinf(upper)):
-        return None
+    if joint.kind == "continuous" or not lower < upper:
+        return -np.inf, np.inf, 0.0
     ends = [abs(end) for end in (lower, upper) if np.isfinite(end)]
-    slack = ROUNDED * (upper - lower if len(ends) == 2 else max(*ends, 1.0))
-    return lower - slack, upper + slack
+    return lower, upper, ROUNDED * (upper - lower if len(ends) == 2 else max(*ends, 1.0, 1.0))
 
 
-def _outside(quantity: str, values: Array, limited: list[tuple[Joint, int]]) -> Iterator[Departure]:
-    """Yield one departure for each column that exceeds its limits."""
-    if not limited or not len(values):
-        return
-    joints, columns = zip(*limited, strict=True)
-    rows = values[:, list(columns)]
-    lower, upper = np.array([_range(quantity, joint) for joint in joints]).T
-    for i in np.flatnonzero((rows.max(axis=0) > upper) | (rows.min(axis=0) < lower)):
-        low, high = _stated(quantity, joints[i])
-        column = rows[:, i]
-        outside = np.flatnonzero((column > upper[i]) | (column < lower[i]))
-        beyond = np.maximum(column[outside] - high, low - column[outside])
-        worst = int(beyond.argmax())
-        value = float(column[outside[worst]])
+def _outside(quantity: str, rows: Array, joints: Sequence[Joint]) -> Iterator[Departure]:
+    """Yield one departure for each column that exceeds the limits of its joint."""
+    lower, upper, slack = np.array([_limits(quantity, joint) for joint in joints]).T
+    low, high = lower - slack, upper + slack
+    for i in np.flatnonzero((rows.max(axis=0) > high) | (rows.min(axis=0) < low)):
+        joint, column = joints[int(i)], rows[:, i]
+        outside = np.flatnonzero((column > high[i]) | (column < low[i]))
+        beyond = np.maximum(column[outside] - upper[i], lower[i] - column[outside])
+        value = float(column[outside[beyond.argmax()]])
         yield Departure(
-            joints[i].name,
+            joint.name,
             quantity,
-            unit_of(joints[i].kind, quantity),
-            high if value > high else low,
+            unit_of(joint.kind, quantity),
+            float(upper[i] if value > upper[i] else lower[i]),
             value,
-            float(beyond[worst]),
+            float(beyond.max()),
             int(outside[0]),
             len(outside),
-            other_unit(joints[i], value, np.inf) if quantity == "position" else "",
+            other_unit(joint, value, np.inf) if quantity == "position" else "",
         )
-
-
-def _stated(quantity: str, joint: Joint) -> tuple[float, float]:
-    """Return the limits of a quantity as the file states them."""
-    if quantity == "position":
-        return joint.lower, joint.upper
-    size = joint.velocity if quantity == "speed" else joint.effort
-    return -size, size
-
-
-def _range(quantity: str, joint: Joint) -> tuple[float, float]:
-    """Return the lowest and the highest value that count as inside the limits."""
-    if quantity == "position":
-        return position_limits(joint) or (-np.inf, np.inf)
-    low, high = _stated(quantity, joint)
-    return low * (1 + TOUCHING), high * (1 + TOUCHING)
 
 
 class Departures:
@@ -168,3 +158,39 @@ class Departures:
         if len(lines) <= MOST_LISTED:
             return lines
         return [*lines[:MOST_LISTED], f"... and {len(lines) - MOST_LISTED} more limits that joints leave"]
+
+
+def other_unit(joint: Joint, position: float, size: float) -> str:
+    """Return the question whether a position has another unit: "degrees?", "millimetres?" or "".
+
+    It has if it is as many times beyond the limits as the square root of the ratio of the two units.
+
+    Args:
+        joint: A joint with one freedom.
+        position: Its position [m or rad].
+        size: Size of the robot, for slides without limits [m].
+    """
+    slides = joint.kind == "prismatic"
+    bound, ratio = (size, 1e3) if slides else (TURNS, 180 / math.pi)
+    if joint.lower < joint.upper and math.isfinite(joint.upper - joint.lower):
+        bound = max(abs(joint.lower), abs(joint.upper))
+    if abs(position) <= bound * math.sqrt(ratio):
+        return ""
+    return "millimetres?" if slides else "degrees?"
+
+
+def question(robot: HybridRobot, motion: Motion) -> str:
+    """Return the question about the unit of a motion that cannot be assembled, with a number, or ""."""
+    size = robot.bodies.size
+    for name, (position, *_) in motion.joints.items():
+        joint, column = robot.records[name], np.ravel(position)
+        worst = float(column[np.argmax(np.abs(column))])
+        if asked := other_unit(joint, worst, size):
+            limits = f"(limits {joint.lower:g} and {joint.upper:g})"
+            return f". '{name}' goes to {worst:g} {unit_of(joint.kind)} {limits}: {asked}"
+    for name, (pose, *_) in motion.platforms.items():
+        part = [pose[word] for word in "xyz" if word in pose] if isinstance(pose, dict) else pose[..., :3]
+        far = float(np.abs(part).max(initial=0.0))
+        if far > size * math.sqrt(1e3):
+            return f". '{name}' goes to {far:g} m, and the robot's size is {size:.3g} m: millimetres?"
+    return ""

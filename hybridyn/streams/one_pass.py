@@ -7,21 +7,27 @@ number of processes, so the results are the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
-from ..errors import TrajectoryError
+import numpy as np
+
+from ..assembly.posture import check_joints, holding
+from ..assembly.task import closure_residual
+from ..dynamics.inverse import idm
+from ..dynamics.quantities.joint_map import motors_beside
+from ..effects.choice import Effects
+from ..errors import HybridynError, TrajectoryError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..tables.columns import Layout, read_layout
+from ..tables.opening import Table, open_table
+from ..tables.trajectory import read_motions
+from .departures import Departure
 from .postures import Assemble, Postures, postures, rows_named
-
-if TYPE_CHECKING:
-    from ..description.records import Array
-    from ..structure.robot import HybridRobot
-    from ..tables.columns import Layout
-    from ..tables.opening import Table
-    from ..tables.trajectory import Motion
-    from .departures import Departure
-    from .workers import Workers
+from .workers import Workers
 
 #: Positions in a block, so that its arrays stay near the cache, which processes share.
 NUMBERS_AT_ONCE = 84_000
@@ -30,49 +36,31 @@ MOST_ROWS = 1_000
 
 
 class Rows(NamedTuple):
-    """Results of a model at some postures.
+    """Results of a model at the postures of a block.
 
     Attributes:
-        result: Rows of the result, shape (T, columns).
+        rows: Rows of the result, shape (T, columns).
         reactions: Rows of the reactions, shape (T, columns), or None.
         handed_over: Samples that compiled models handed to the general path.
         left: Joint limits that are exceeded.
-        residual: Closure residuals of the postures, shape (T,), where the model computed them, or None.
+        residual: Closure residuals of the postures, shape (T,), or None before `compute` adds them.
+        first_row: Number of the first row in the table, which `compute` adds.
+        time: Times of the rows, shape (T,), [s], or None; `compute` adds them.
     """
 
-    result: Array
+    rows: Array
     reactions: Array | None = None
     handed_over: int = 0
     left: tuple[Departure, ...] = ()
-    residual: Array | None = None
+    residual: Any = None
+    first_row: int = 1
+    time: Array | None = None
 
 
-Model = Callable[["HybridRobot", Postures], Rows]
+Model = Callable[[HybridRobot, Postures], Rows]
 
 
-class Done(NamedTuple):
-    """Results of a block.
-
-    Attributes:
-        first_row: Number of its first row in the table.
-        time: Times of its rows, shape (T,), [s], or None.
-        rows: Rows of the result, shape (T, columns).
-        reactions: Rows of the reactions, shape (T, columns), or None.
-        residual: Relative closure residuals, shape (T,).
-        handed_over: Samples that compiled models handed to the general path.
-        left: Joint limits that are exceeded.
-    """
-
-    first_row: int
-    time: Array | None
-    rows: Array
-    reactions: Array | None
-    residual: Array
-    handed_over: int = 0
-    left: tuple[Departure, ...] = ()
-
-
-def compute(robot: HybridRobot, layout: Layout, model: Model, block: Postures) -> Done:
+def compute(robot: HybridRobot, layout: Layout, model: Model, block: Postures) -> Rows:
     """Compute a block.
 
     Args:
@@ -83,20 +71,16 @@ def compute(robot: HybridRobot, layout: Layout, model: Model, block: Postures) -
     Raises:
         HybridynError: A row is wrong; the message names file and row.
     """
-    import numpy as np
-
-    from ..assembly.task import closure_residual
-
     with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
         with rows_named(layout, block.motion):
             made = model(robot, block)
         residual = closure_residual(robot, block.q) if made.residual is None else made.residual
-    wrong = np.flatnonzero(~np.isfinite(made.result).all(axis=1))
-    row, time = block.motion.first_row, block.motion.time
+    wrong = np.flatnonzero(~np.isfinite(made.rows).all(axis=1))
+    first_row = block.motion.first_row
     if len(wrong):
         message = "the results are not finite: the numbers of this row are too large"
-        raise TrajectoryError(message, file=layout.file, row=row + int(wrong[0]))
-    return Done(row, time, made.result, made.reactions, residual, made.handed_over, made.left)
+        raise TrajectoryError(message, file=layout.file, row=first_row + int(wrong[0]))
+    return made._replace(residual=residual, first_row=first_row, time=block.motion.time)
 
 
 def rows_at_once(robot: HybridRobot) -> int:
@@ -125,13 +109,8 @@ class Pass:
         Raises:
             HybridynError: The table does not state a motion of the robot, or an output is no joint.
         """
-        from ..tables.columns import read_layout
-
         motors: Sequence[str] = robot.motors
         if outputs:
-            from ..assembly.posture import check_joints, holding
-            from ..dynamics.quantities.joint_map import motors_beside
-
             check_joints(robot, outputs)
             replaced, robot = motors_beside(robot, outputs), holding(robot, outputs)
             if any(column.startswith(f"{joint}/") for column in table.columns for joint in outputs):
@@ -142,7 +121,7 @@ class Pass:
             efforts=efforts, passive=robot.mobility - 6 * (robot.base == "floating") - len(robot.motors),
         )  # fmt: skip
 
-    def blocks(self, model: Model, assemble: Assemble | None, workers: Workers) -> Iterator[Done]:
+    def blocks(self, model: Model, assemble: Assemble | None, workers: Workers) -> Iterator[Rows]:
         """Return the results of a model, block by block.
 
         Args:
@@ -156,19 +135,13 @@ class Pass:
         return workers.over(work, ((block,) for block in self.postures(assemble)))
 
     def postures(self, assemble: Assemble | None = None) -> Iterator[Postures]:
-        """Return the postures of the rows, block by block; arguments and errors are those of `blocks`."""
+        """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
         from ..compiled.programs.closing.tables import TableAssembler
-        from ..tables.trajectory import read_motions
 
-        return self._followed(read_motions(self.table, self.layout), assemble or TableAssembler(self.robot))
-
-    def _followed(self, motions: Iterator[Motion], assemble: Assemble) -> Iterator[Postures]:
-        """Yield the postures of motions, each from the one before."""
-        import numpy as np
-
+        assemble = assemble or TableAssembler(self.robot)
         rows, guess = rows_at_once(self.robot), None
         connected = self.layout.time is not None and not self.layout.full_state
-        for motion in motions:
+        for motion in read_motions(self.table, self.layout):
             for start in range(0, motion.size, rows):
                 with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
                     part = motion.part(start, start + rows)
@@ -179,8 +152,48 @@ class Pass:
 
 def read_postures(robot: HybridRobot, file: str) -> tuple[Layout, Postures]:
     """Read a whole table and compute its postures, as `Pass` does; also return the meaning of its columns."""
-    from ..tables.opening import open_table
-
     with open_table(file) as table:
         whole = Pass(robot, table)
         return whole.layout, Postures.joined([*whole.postures()])
+
+
+def efforts_in_blocks(
+    robot: HybridRobot, q: Array, v: Array, a: Array, on: Effects, *,
+    wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
+) -> Array:  # fmt: skip
+    """Compute motor efforts as `hybridyn.idm` does, block by block.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
+        on: Effects to compute.
+        wrenches: External wrenches, as for `hybridyn.idm`.
+        time: Times, shape (T,), [s], or None.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m].
+
+    Raises:
+        HybridynError: As in `hybridyn.idm`, for the first block with an error.
+    """
+    rows = rows_at_once(robot)
+    found = []
+    for start in range(0, max(len(q), 1), rows):
+        at = slice(start, start + rows)
+        outer = {link: W[at] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
+        now = None if time is None else time[at]
+        with samples_counted_from(start):
+            found.append(idm(robot, q[at], v[at], a[at], wrenches=outer, time=now, effects=on))
+    return np.concatenate(found)
+
+
+@contextlib.contextmanager
+def samples_counted_from(start: int) -> Iterator[None]:
+    """Shift the sample of an error, so that it counts from the start of the motion."""
+    try:
+        yield
+    except HybridynError as error:
+        if error.sample is not None:
+            error.sample += start
+        raise

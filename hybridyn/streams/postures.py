@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
+
+from ..assembly import assemble as general
 from ..errors import AT_SAMPLE, AssemblyError, HybridynError, SingularityError
-
-if TYPE_CHECKING:
-    from ..description.records import Array
-    from ..structure.robot import HybridRobot
-    from ..tables.columns import Layout
-    from ..tables.trajectory import Motion
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..tables.columns import Layout
+from ..tables.trajectory import Motion, full_state
+from .departures import question
 
 HISTORY = (
     "The motion of joints without a motor depends on what came before: give the position and velocity of "
@@ -22,7 +24,7 @@ HISTORY = (
 INSTEAD = ", or leave the passive joints out of the table: the posture is then assembled"
 
 #: Assembles rows like `hybridyn.assemble`, but for the robot: `CompiledRobot.assemble`.
-Assemble = Callable[..., tuple["Array", "Array", "Array"]]
+Assemble = Callable[..., tuple[Array, Array, Array]]
 
 
 class Postures(NamedTuple):
@@ -43,8 +45,6 @@ class Postures(NamedTuple):
     @staticmethod
     def joined(parts: Sequence[Postures]) -> Postures:
         """Return the samples of consecutive parts of a table."""
-        import numpy as np
-
         motions, *levels = zip(*parts, strict=True)
         return Postures(motions[0].joined(motions), *map(np.concatenate, levels))
 
@@ -69,12 +69,8 @@ def postures(
             try:
                 return Postures(motion, *_assembled(robot, motion, layout, guess, assemble))
             except (AssemblyError, SingularityError) as error:
-                from .other_units import question
-
                 error.advice += question(robot, motion)
                 raise
-    from ..tables.trajectory import full_state
-
     root = robot.description.root if robot.base != "fixed" else None
     order = [robot.records[name] for name in robot.joints if name in robot.records]
     return Postures(motion, *full_state(motion, order, root))
@@ -87,11 +83,7 @@ def _assembled(
 
     Rates of a spline may contradict one another; its positions do not.
     """
-    import numpy as np
-
-    import hybridyn
-
-    assemble = assemble or functools.partial(hybridyn.assemble, robot)
+    assemble = assemble or functools.partial(general.assemble, robot)
     fitted = any(signal.missing for signal in layout.signals)
     if motion.time is not None:
         check_unwrapped(robot, motion.time, motion.joints)
@@ -118,8 +110,6 @@ def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[
     Raises:
         AssemblyError: One jumps; the message names joint and sample.
     """
-    import numpy as np
-
     for name in sorted(robot.description.endless_gears & joints.keys()):
         position, rate = joints[name][:2]
         step, turned = np.diff(position), np.diff(time) * (rate[1:] + rate[:-1]) / 2

@@ -2,40 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import numpy as np
 
-if TYPE_CHECKING:
-    from ..description.records import Array
-    from ..dynamics.reactions import Reactions
-    from ..structure.robot import HybridRobot
+from ..description.names import listed
+from ..dynamics.reactions import Reactions
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..tables.signals import WRENCH
 
 
 def reaction_columns(robot: HybridRobot) -> list[str]:
     """Return the names of the columns: those of the root, of the modules, of the closures."""
-    from ..tables.signals import WRENCH
-
     couplings = {coupling.name for coupling in robot.description.couplings}
-    out = []
-    for name in _bodies(robot):
-        out += [f"{name}/reaction/{part}" for part in WRENCH]
-    for name in _closures(robot):
+    bodies, closures = _names(robot)
+    out = [f"{name}/reaction/{part}" for name in bodies for part in WRENCH]
+    for name in closures:
         out += [f"{name}/multiplier"] if name in couplings else [f"{name}/wrench/{part}" for part in WRENCH]
     return out
 
 
 def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
     """Return the rows of reactions in the order of `reaction_columns`, shape (T, columns), [N, N m]."""
-    import numpy as np
-
-    bodies = {robot.description.root: reactions.base, **reactions.modules}
-    parts = [bodies[name] for name in _bodies(robot)]
-    return np.hstack([*parts, *(reactions.closures[name] for name in _closures(robot))])
+    bodies, closures = _names(robot)
+    of_bodies = {robot.description.root: reactions.base, **reactions.modules}
+    return np.hstack([*map(of_bodies.__getitem__, bodies), *map(reactions.closures.__getitem__, closures)])
 
 
 def shared_wrenches(robot: HybridRobot) -> list[str]:
     """Return a sentence for each module whose closure wrenches are not unique."""
-    from ..description.names import listed
-
     out = []
     for module in robot.modules:
         spare = module.mechanism.closures.rows - module.mechanism.reduction.rank
@@ -48,10 +42,7 @@ def shared_wrenches(robot: HybridRobot) -> list[str]:
     return out
 
 
-def _bodies(robot: HybridRobot) -> list[str]:
-    """Return the root link and the modules by name; a free base is a module with the root link's name."""
-    return list(dict.fromkeys([robot.description.root, *(module.name for module in robot.modules)]))
-
-
-def _closures(robot: HybridRobot) -> list[str]:
-    return [name for module in robot.modules for name in module.closures]
+def _names(robot: HybridRobot) -> tuple[list[str], list[str]]:
+    """Return the root link and the modules, and the closures; a free base is a module named as the root."""
+    bodies = dict.fromkeys([robot.description.root, *(module.name for module in robot.modules)])
+    return [*bodies], [name for module in robot.modules for name in module.closures]

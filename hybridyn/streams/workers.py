@@ -6,23 +6,25 @@ workers; if it dies for any reason, the workers end.
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import os
 import pickle
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import HybridynError
-from .memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
 #: Tasks that are given to each process at once.
 TASKS_EACH = 2
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # glibc's names for mallopt
 
 
 class Workers:
@@ -124,12 +126,24 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-@functools.lru_cache(1)
-def _unpacked(text: bytes) -> Any:
-    """Return the function of a text."""
-    return pickle.loads(text)
+#: Returns the function of a text.
+_unpacked = functools.lru_cache(1)(pickle.loads)
 
 
 def _called(text: bytes, arguments: tuple[Any, ...]) -> Any:
     """Call the function of a text."""
     return _unpacked(text)(*arguments)
+
+
+def keep_freed_memory() -> None:
+    """Make the C library keep freed memory for the next array instead of returning it to the system.
+
+    By default glibc maps new memory for each large array, and half the time of a table is spent on page
+    faults. With other C libraries this function does nothing.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, 2**25)
+        mallopt(_TRIM_THRESHOLD, 2**31 - 1)

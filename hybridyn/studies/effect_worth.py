@@ -92,7 +92,7 @@ def contributions(
     Raises:
         HybridynError: As `hybridyn.idm`, with all effects on.
     """
-    from ..streams.efforts import efforts_in_blocks
+    from ..streams.one_pass import efforts_in_blocks
 
     def efforts(wanted: Effects) -> Array:
         """Compute the efforts with a set of effects, shape (T, motors), [N or N m]."""

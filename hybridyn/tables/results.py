@@ -11,7 +11,6 @@ import contextlib
 import csv
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -55,6 +54,8 @@ def open_results(
             with open(draft, **words) as text:
                 yield _csv_writer(text, columns, remarks)
             return
+        import tempfile  # only Parquet needs it
+
         with tempfile.NamedTemporaryFile(dir=draft.parent, **words) as text:
             yield _csv_writer(text, columns, ())
             text.flush()

@@ -149,7 +149,7 @@ def test_reads_standard_input(run, arm, motion, monkeypatch: pytest.MonkeyPatch)
     [
         (("lift/position", "lifd/position"), ["column 'lifd/position'", "did you mean 'lift'"]),
         (("time", "tim"), ["column 'tim'", "did you mean 'time'"]),
-        (("0.1,", "zero,"), ["row 2, column 'time'", "not a number"]),
+        (("0.1,", "zero,"), ["row 2, column 'time'", "not a finite number"]),
         (("0.1,", "0.0,"), ["row 2, column 'time'", "does not come after"]),
     ],
 )

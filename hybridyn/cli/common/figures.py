@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ...description.records import Array
     from ...figures.panels import Chart
-    from ...streams.one_pass import Done
+    from ...streams.one_pass import Rows
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
 
@@ -106,7 +106,7 @@ class Drawing:
         self.each, self.timed = max(1, (rows or 0) // MOST_SAMPLES), True
         self.parts: list[tuple[Array, Array]] = []
 
-    def add(self, done: Done) -> None:
+    def add(self, done: Rows) -> None:
         """Add a block."""
         import numpy as np
 

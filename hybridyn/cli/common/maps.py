@@ -12,7 +12,7 @@ from .text import counted
 
 if TYPE_CHECKING:
     from ...description.records import Array
-    from ...streams.one_pass import Done, Rows
+    from ...streams.one_pass import Rows
     from ...streams.postures import Postures
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
@@ -64,8 +64,8 @@ def map_rows(
 
     found = joint_map(robot, block.q, joints)
     made = None if efforts is None else efforts(robot, block)
-    rows = map_table.map_rows(found, block.v, block.a, None if made is None else made.result)
-    return Rows(rows) if made is None else made._replace(result=rows)
+    rows = map_table.map_rows(found, block.v, block.a, None if made is None else made.rows)
+    return Rows(rows) if made is None else made._replace(rows=rows)
 
 
 class MapSummary:
@@ -77,7 +77,7 @@ class MapSummary:
         self.robot, self.joints = robot, joints
         self.postures, self.low, self.high = 0, float("inf"), 0.0
 
-    def add(self, done: Done) -> None:
+    def add(self, done: Rows) -> None:
         """Add a block."""
         self.add_rows(done.rows)
 

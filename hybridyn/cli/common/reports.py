@@ -18,7 +18,7 @@ from .text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ...effects import Effects
-    from ...streams.one_pass import Done, Rows
+    from ...streams.one_pass import Rows
     from ...streams.postures import Postures
     from ...structure.robot import HybridRobot
     from ...studies.sizing import MotorLoad
@@ -47,8 +47,8 @@ def motor_states(
 
     made = efforts(robot, block)
     position, speed = motor_rows(robot, block.q, block.v)
-    rows = np.concatenate([speed, made.result, np.nan_to_num(position)], axis=1)
-    return made._replace(result=rows)
+    rows = np.concatenate([speed, made.rows, np.nan_to_num(position)], axis=1)
+    return made._replace(rows=rows)
 
 
 #: Quantities that have limits.
@@ -66,7 +66,7 @@ class Loads:
         self.robot, self.tables, self.effects, self.engine = robot, tables, effects, engine
         self.sizing = Sizing(robot)
 
-    def add(self, done: Done) -> None:
+    def add(self, done: Rows) -> None:
         """Add a block."""
         import numpy as np
 

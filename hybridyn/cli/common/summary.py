@@ -11,7 +11,7 @@ from .text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ...effects import Effects
-    from ...streams.one_pass import Done
+    from ...streams.one_pass import Rows
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
     from .engine import Engine
@@ -58,7 +58,7 @@ class Summary:
         """Lines that name the limits that the motion exceeds."""
         return self.left.lines()
 
-    def add(self, done: Done) -> None:
+    def add(self, done: Rows) -> None:
         """Add a block."""
         import numpy as np
 

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import click
 
-from ...streams.memory import keep_freed_memory
-from ...streams.postures import Assemble
-from ...streams.workers import Workers
+from ...streams.workers import Workers, keep_freed_memory
 from .batch import compute_each, several
 from .figures import Drawing, plot_option
 from .files import check_targets, existing_file, report_file, result_file
@@ -21,7 +19,8 @@ from .progress import Progress
 from .text import counted
 
 if TYPE_CHECKING:
-    from ...streams.one_pass import Done, Model, Pass
+    from ...streams.one_pass import Model, Pass, Rows
+    from ...streams.postures import Assemble
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
     from ...tables.opening import Table
@@ -41,7 +40,7 @@ class Observer(Protocol):
         """Lines that name the limits that the motion exceeds."""
         ...
 
-    def add(self, done: Done) -> None:
+    def add(self, done: Rows) -> None:
         """Add a block."""
         ...
 
@@ -282,7 +281,7 @@ def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
 
 
 @contextlib.contextmanager
-def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Iterator[Callable[[Done], None]]:
+def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Iterator[Callable[[Rows], None]]:
     """Yield a function that writes the results of a block; files appear when they are complete."""
     import numpy as np
 
@@ -299,7 +298,7 @@ def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Iter
             columns = [*time_column, *reaction_columns(robot)]
             writes["reactions"] = files.enter_context(open_results(tables.reactions, columns))
 
-        def write(done: Done) -> None:
+        def write(done: Rows) -> None:
             """Write the rows of a block."""
             for name, to in writes.items():
                 rows = getattr(done, name)
