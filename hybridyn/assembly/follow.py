@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.newton import Closed, close
+from ..linkage.newton import SETTLED, STALLED, Closed, close
 from ..linkage.targets import pairwise
 from ..spatial import Array, Index, Mask
 from .shortfall import shortfall
@@ -100,7 +100,8 @@ def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Ar
     best, iterations = result, result.iterations
     for spread, count in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
         noise = rng.uniform(-spread, spread, (count, tree.nv)) * task.problem.col_scale
-        result = task.solve(tree.integrate(np.tile(guess, (count, 1)), noise), np.zeros(count, dtype=int))
+        about = tree.integrate(np.tile(guess, (count, 1)), noise)
+        result = task.solve(about, np.zeros(count, dtype=int), enough=SETTLED)
         iterations += result.iterations
         good = np.flatnonzero(task.closed(result))
         if len(good):
@@ -181,18 +182,18 @@ def _solved(task: Task, starts: Array, samples: Index) -> Closed:
     Raises:
         AssemblyError: Newton's method stalls, and polygons prove that no posture closes a sample of the task.
     """
-    result = task.solve(starts, samples, impatient=True)
+    result = task.solve(starts, samples, enough=STALLED)
     if task.closed(result).all():
         return result
     lacking = shortfall(task, starts, samples)
     if not lacking.any():
         return task.solve(starts, samples)
-    first = samples[:1]
+    first, start = samples[:1], result.q
     if len(samples) > 1:  # the first of the whole task is named
         lacking = shortfall(task, np.tile(starts[:1], (len(task.known), 1)), np.arange(len(task.known)))
-        first = np.flatnonzero(lacking > 0.0)[:1]
+        first, start = np.flatnonzero(lacking > 0.0)[:1], starts[:1]
         lacking = lacking[first]
-    result = task.solve(starts[:1], first)  # to its end: the error tells the least residual
+    result = task.solve(start, first, enough=SETTLED)  # the error tells the least residual
     raise _unreachable(task, result, int(first[0]), float(lacking[0]))
 
 

@@ -61,9 +61,9 @@ class Task(NamedTuple):
         q[:, at] = self.known[samples][:, at]
         return q
 
-    def solve(self, q: Array, samples: Index, *, impatient: bool = False) -> Closed:
-        """Close the loops from starts q, with the given joints at their values; `impatient` as in `close`."""
-        return close(self.problem, self.with_known(q, samples), samples, impatient=impatient)
+    def solve(self, q: Array, samples: Index, *, enough: float = np.inf) -> Closed:
+        """Close the loops from starts q, with the given joints at their values; `enough` as in `close`."""
+        return close(self.problem, self.with_known(q, samples), samples, enough=enough)
 
     def closed(self, result: Closed) -> Mask:
         """Check which samples converged and closed, shape (T,)."""

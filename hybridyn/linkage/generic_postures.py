@@ -14,7 +14,7 @@ import numpy as np
 from ..description.cache_folder import hashed, keep, kept, state_of
 from ..spatial import Array
 from .closures import Closures
-from .newton import Closed, LoopProblem, close
+from .newton import STALLED, Closed, LoopProblem, close
 from .reduction import RANK_TOLERANCE
 
 #: Postures with a residual below this are closed to the last digit.
@@ -115,7 +115,7 @@ class _Search:
         starts = self._problem.tree.integrate(q, scatter * self._problem.col_scale)
         for first in range(0, len(starts), 2 * count):
             some = starts[first : first + 2 * count]
-            closed = self._keep(close(self._problem, some, least=True, impatient=True))
+            closed = self._keep(close(self._problem, some, least=True, enough=STALLED))
             self._left += zip(closed.residual.tolist(), closed.q, strict=True)
             self._left = sorted(self._left, key=lambda pair: pair[0])[:count]
             if len(self.found) >= count:

@@ -30,9 +30,9 @@ SMALLEST_SINGULAR_VALUE = 1e-100
 RESIDUAL_ROUNDING = 1e-12
 #: Newton has converged after a step below this: quadratic convergence makes the next one its square.
 SMALLEST_STEP = 1e-9
-#: A start stalls (near a minimum, or creeping) if `PATIENCE` iterations leave more than this part of its
-#: residual.
-STALLED, PATIENCE = 0.8, 8
+#: An open start stalls (near a minimum, or creeping) if `PATIENCE` iterations leave more than this part of
+#: its residual; it has settled at a minimum if they leave more than the second part.
+STALLED, SETTLED, PATIENCE = 0.8, 1 - 1e-9, 8
 
 
 class Closed(NamedTuple):
@@ -180,7 +180,7 @@ def close(
     *,
     iterations: int = 60,
     least: bool = False,
-    impatient: bool = False,
+    enough: float = np.inf,
 ) -> Closed:
     """Make a problem's rows zero by Newton's method from given starts.
 
@@ -192,7 +192,8 @@ def close(
         least: Whether to accept a minimum of the residual, closed or not, at which damped steps converge. If
             False, only undamped steps count as converged: a target just out of reach has such a minimum at
             the boundary of the workspace.
-        impatient: Whether to drop starts that stall (`PATIENCE`).
+        enough: Open starts of which `PATIENCE` iterations leave more than this part of the residual are
+            dropped: `STALLED`, `SETTLED` or none.
     """
     tree, q, T = problem.tree, q.copy(), len(q)
     samples = np.zeros(T, dtype=int) if samples is None else samples
@@ -218,9 +219,9 @@ def close(
         lower = damping[active] / 10
         damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
         done = (length <= SMALLEST_STEP) & final | (damping[active] > 1e6)
-        if impatient:
+        if enough < np.inf:
             course = [*course[-PATIENCE:], np.linalg.norm(residual, axis=1)]
-            stalled = course[-1] > STALLED * course[0]
+            stalled = course[-1] > enough * course[0]
             done |= (len(course) > PATIENCE) & (open_by > RESIDUAL_ROUNDING) & stalled[active]
         if done.all():
             break
