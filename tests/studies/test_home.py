@@ -130,8 +130,6 @@ def test_commands_say_where_they_start(
         line = f"assembly branch: that of the home posture, {far}"
         assert line in " ".join(call(capsys, "info", file).out.split())
         assert line in call(capsys, "idm", file, table).err
-        checked = " ".join(call(capsys, "info", file).out.split())
-        assert f"postures are assembled on the branch of the home posture, {far}" in checked
 
 
 def test_a_posture_within_limits_is_written_unless_another_is_asked_for(
