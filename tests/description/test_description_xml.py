@@ -21,16 +21,15 @@ BOMB = (
 
 #: Texts that are no robot.
 NO_ROBOTS = [
-    (BOMB, "<!DOCTYPE is not allowed"),
+    (BOMB, "not well-formed XML: Maximum entity amplification"),
+    (BOMB.replace("&j;", "r"), "<!DOCTYPE is not allowed"),
     ('<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "<!DOCTYPE is not allowed"),
-    ("<!doctype robot><robot/>", "<!DOCTYPE is not allowed"),
-    ("", "the file is empty"),
-    ("  \n ", "the file is empty"),
+    ("<!doctype robot><robot/>", "not well-formed XML"),
+    ("", "Document is empty"),
+    ("  \n ", "not well-formed XML"),
     ("no xml at all", "not well-formed XML"),
     (FOUR_BAR[:-20], "not well-formed XML"),
-    (FOUR_BAR.encode("utf-16"), "save the file as UTF-8"),
-    ('<?xml version="1.0" encoding="UTF-7"?><robot/>', "save the file as UTF-8"),
-    ('<?xml version="1.0" encoding="nonsense"?><robot/>', "save the file as UTF-8"),
+    ('<?xml version="1.0" encoding="nonsense"?><robot/>', "encoding"),
     ("<robot>" * 2000 + "</robot>" * 2000, "not well-formed XML"),
     ("<mujocoinclude><worldbody/></mujocoinclude>", "this is a part of an MJCF file (MuJoCo)"),
     ('<sdf version="1.9"><model name="a"/></sdf>', "the model has no <link>"),
@@ -89,11 +88,7 @@ def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         xml_node.parse(FOUR_BAR.encode(), "four_bar.urdf")
 
 
-def test_refuses_absurd_numbers_of_elements_and_absurd_names(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    long = FOUR_BAR.replace('"crank"', f'"{"c" * 5000}"')
-    assert len(str(refused(save(tmp_path, long), "characters, limit 2000"))) < 500
+def test_refuses_absurd_numbers_of_elements(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xml_node, "MOST_ELEMENTS", 10)
     refused(save(tmp_path, FOUR_BAR), "elements, limit 10")
 
@@ -112,9 +107,10 @@ def test_ordinary_numbers_pass(tmp_path: Path, word: str) -> None:
     assert read_text(tmp_path, text).links[1].mass == 2.0
 
 
-def test_comments_bom_and_line_ends_pass(tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_comments_bom_and_line_ends_pass(tmp_path: Path, encoding: str) -> None:
     text = FOUR_BAR.replace("<link", "<!-- <loop/> --><link", 1).replace("\n", "\r\n")
-    found = read_text(tmp_path, b"\xef\xbb\xbf" + text.encode())
+    found = read_text(tmp_path, text.encode(encoding))
     holds(found, {"joints": ["drive", "elbow", "swing"], "closures": ["pin"]})
 
 

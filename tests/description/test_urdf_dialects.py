@@ -336,7 +336,7 @@ def test_wrong_words_about_closing_frames(tmp_path: Path, said: str, message: st
         (
             '<joint name="x" type="fixed"><parent link="ground"/><child link="y"/><mimic joint="drive"/>'
             '<drake:mimic joint="drive"/></joint>',
-            "states <mimic> too",
+            "stated twice in <joint",
         ),
     ],
 )

@@ -28,7 +28,7 @@ ROBOTS = {
     "values": """
         <xacro:property name="lazy" value="${a + 1}"/><xacro:property name="later" value="${lazy * two}"/>
         <xacro:property name="two" value="2"/><l v="${later}" w="${a}_$(arg k)" x="$${a}"/>
-        <xacro:property name="two" value="3"/><l v="${later}" w="${two}" e="$(eval a * 2)"/>
+        <xacro:property name="two" value="3"/><l v="${later}" w="${two}" e="${a * 2}"/>
         <t>${a} and $(arg k)</t><t> $(arg k) </t><t>$(arg k)</t><l v="${'%s-%s' % (a, '$(arg k)')}"/>
         <l y="${str(a) + '1'}"/>
         <l v="${'big' if a > 1 else lazy}" l="${[x * a for x in [1, 2]]}" r="${round(sin(a), 3)} ${-a}"/>""",
@@ -89,8 +89,8 @@ def whole(file: Path, given: dict[str, str]) -> str:
     """Expand a file as a whole."""
     share, shipped = xacro.share_dirs(), [str(ROOT / "urdf")]
     folders = RobotFolders(str(file), [], share, LARGEST_FILE, shipped)
-    made = Expansion(folders, given, traced=False)
-    return made(str(file)) + repr(made.notes)
+    made = Expansion(str(file), folders, given, traced=False)
+    return made.text + repr(made.notes)
 
 
 def by_expand(file: Path, given: dict[str, str]) -> str:

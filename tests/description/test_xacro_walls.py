@@ -70,10 +70,8 @@ WITHIN_REACH = [
     "[len][0].__call__('a')",
     "print(1)",
     "await_ + 1",
-    "b'bytes'",
-    "...",
     "xacro.NameSpace",
-    "list[0]",
+    "f'{1:9999999999}'",
 ]
 WOULD_GROW = [
     "max(range(10**10))",
@@ -135,7 +133,7 @@ def test_expressions_end(monkeypatch: pytest.MonkeyPatch) -> None:
         "'yes' if n > 2 else undefined",
         "[*[1, 2], *(3,)], (1, 2), {1, 2}, {'a': 1, **{'b': 2}}",
         "'abcdef'[1:-1:2], [1, 2, 3][-1], {'a': 5}['a'], python.range(9)[2]",
-        "[x * y for x in [1, 2, 3] if x > 1 for y in (x, n)], {x: -x for x in [1]}, {x for x in [1, 1]}",
+        "[x * y for x in [1, 2, 3] if x > 1 for y in (x, n)], {x: -x for x in [1]}",
         "sorted([[2, 'b'], [1, 'a']]), [b for a, b in [[1, 2]]], sorted([3, -4], key=python.abs)",
         "' '.join(str(x) for x in python.range(3)), 'a b'.split(), 'Abc'.lower().replace('b', 'd')",
         "radians(180) == pi, math.sin(1), math.pi, sqrt(2), round(2.567, 1), round(2.5)",
@@ -273,8 +271,7 @@ ATTACKS = [
     *(
         (f"<link>{said}</link>", message)
         for said, message in (
-            (r"$(eval ${'exec\x28\x22import os\x22\x29'})", "not defined"),
-            (r"$(eval ${'open\x28\x22/etc/passwd\x22\x29'})", "not defined"),
+            ("$(eval exec)", r"\$\(eval exec\) is not read; write \$\{exec\}"),
             (r"${xacro.load_yaml('python.yaml')}", "could not determine a constructor"),
             (r"${xacro.load_yaml('code.yaml')}", "not defined"),
             (r"${xacro.load_yaml('/proc/self/environ')}", OUTSIDE),

@@ -19,15 +19,13 @@ from types import FrameType, SimpleNamespace
 from typing import Any, NoReturn
 from xml.dom.expatbuilder import ExpatBuilderNS
 
-from ...errors import ModelError, install_advice
+from ...errors import ModelError
 from ..shipped import shown
 from .expressions import FORBIDDEN, Evaluator, bounded_range, bounded_round
 from .robot_folders import RobotFolders
 from .traced import OPEN, Names, Trace, Traced, UntracedError
-from .xml_node import PLACE, refuse_dangerous
+from .xml_node import DOCTYPE, PLACE
 
-#: Extras of hybridyn that install a package of robot files, by the name of the package.
-EXTRAS = {"example-robot-data": "robots"}
 #: What errors without a message mean.
 IN_WORDS: dict[type[BaseException], str] = {
     MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
@@ -40,34 +38,31 @@ class Expansion:
     """One expansion, with which the functions of our copy of xacro are connected.
 
     Attributes:
+        text: The text of the expansion.
         trace: What depends on the arguments, if the expansion is traced.
         notes: xacro's warnings.
         folders: The robot's folders, which know what was asked of them.
-        evaluators: Those of `${}` and `$(eval)`.
+        evaluator: Evaluates expressions.
     """
 
-    def __init__(self, folders: RobotFolders, given: Mapping[str, str], *, traced: bool) -> None:
-        """Connect xacro with an expansion.
+    def __init__(self, file: str, folders: RobotFolders, given: Mapping[str, str], *, traced: bool) -> None:
+        """Expand a file.
 
         Raises:
-            UntracedError: It cannot be traced with these arguments.
+            UntracedError: It cannot be traced.
+            ModelError: xacro reports an error, or the expansion exceeds its limits.
         """
         self.folders, self.notes, self.trace, self._traced = folders, list[str](), Trace(given), traced
         self._given = _Arguments({name: self.trace.argument(name) for name in given} if traced else given)
-        self._names, self._nodes = list(given), 0
+        self._nodes = 0
         xacro = self._xacro = _own_xacro()
         dollar, symbols, find = xacro.substitution_args, xacro._global_symbols, partial(folders.ask, "find")
         dict.update(
             symbols["xacro"], message=self._note, warning=self._note, error=self._note,
             print_location=lambda *_, **__: "", arg=self._argument,
         )  # fmt: skip
-        own = {"find": find, "env": dollar._eval_env, "optenv": dollar._eval_optenv}
-        own["arg"] = lambda name: dollar.convert_value(self._argument(name), "auto")
-        self._known = {**symbols["python"], **symbols["math"], **own, "true": True, "false": False}
-        spaces = (xacro.NameSpace, xacro.YamlDictWrapper)
-        tables = (symbols, self._known)
-        self.evaluators = [Evaluator(functions(table), spaces) for table in tables]
-        xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluators[0](text, names)
+        self.evaluator = Evaluator(functions(symbols), (xacro.NameSpace, xacro.YamlDictWrapper))
+        xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluator(text, names)
         xacro.Table._eval_literal = staticmethod(partial(self.trace.mapped, xacro.literal))
         xacro.get_boolean_value = lambda value, stated: self.trace.chosen(
             lambda one: xacro.boolean(one, stated), value
@@ -76,26 +71,21 @@ class Expansion:
         xacro.open = lambda path: io.TextIOWrapper(io.BytesIO(folders.ask("read", path)), encoding="utf-8")
         xacro.glob, xacro.root_dir = SimpleNamespace(glob=_refuse_pattern), os.getcwd()
         xacro.warning, xacro.print_location = self._note, lambda: None
-        dollar._eval, dollar._eval_find = self._of_dollar, find
+        dollar._eval, dollar._eval_find = _refuse_eval, find
 
-    def __call__(self, file: str) -> str:
-        """Return the text of the expansion.
-
-        Raises:
-            UntracedError: It cannot be traced.
-            ModelError: xacro reports an error, or the expansion exceeds its limits.
-        """
         try:
-            document = self._xacro.process_file(self.folders.file, mappings=self._given, verbosity=0)
-            self._refuse_unasked()
-            text: str = document.toprettyxml(
-                indent="", encoding="utf-8"
-            ).decode()  # each element on its own line
+            document = xacro.process_file(folders.file, mappings=self._given, verbosity=0)
+            for name in given:
+                if name not in self._given.asked:  # xacro itself would ignore it
+                    declared = ", ".join(f"'{known}'" for known in self._given.asked) or "none"
+                    raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
+            # each element on its own line
+            text: str = document.toprettyxml(indent="", encoding="utf-8").decode()
         except Exception as error:
-            raise _failure(self._xacro, error, file) from None
+            raise _failure(xacro, error, file) from None
         finally:
-            self.folders.close()
-        return self.trace.text(text) if self._traced else text
+            folders.closed = True
+        self.text = self.trace.text(text) if traced else text
 
     def again(self, given: Mapping[str, str]) -> str:
         """Return the text of the expansion with other arguments of the same names.
@@ -104,20 +94,13 @@ class Expansion:
             UntracedError: xacro has to expand the file.
             Exception: Any error of an expression.
         """
-        for evaluator in self.evaluators:
-            evaluator.steps = 0
+        self.evaluator.steps = 0
         return self.trace.again(given)
-
-    def _refuse_unasked(self) -> None:
-        """Raise ModelError for arguments that the file does not declare; xacro itself would ignore them."""
-        for name in self._names:
-            if name not in self._given.asked:
-                declared = ", ".join(f"'{known}'" for known in self._given.asked) or "none"
-                raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
 
     def _note(self, *words: Any, **_: Any) -> str:
         """Keep a message of xacro as a note."""
-        self.folders.refuse_closed()
+        if self.folders.closed:
+            raise UntracedError
         file, line = _place_in(walk_stack(None)) or ("", 0)
         where = f"{file or shown(Path(self.folders.file))}:{line}: " if line else ""
         self.notes.append(f"{where}xacro: " + " ".join(" ".join(map(str, words)).split()))
@@ -129,8 +112,7 @@ class Expansion:
             content = self.folders.ask("read", filename)
         except OSError as error:
             self._xacro.filestack.pop()
-            raise self._xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from None
-        refuse_dangerous(content, filename)
+            raise self._xacro.XacroException(exc=error) from None
         if self._traced and OPEN.encode() in content:
             raise UntracedError
         return _Placing("" if filename == self.folders.file else shown(Path(filename))).parseString(content)
@@ -169,7 +151,7 @@ class Expansion:
         if kind == xacro.LEXER.EXPR:
             try:
                 text = self._text(inner, symbols)
-                return self._evaluated(self.evaluators[0], text, symbols.__getitem__)
+                return self._evaluated(text, symbols)
             except Exception as error:
                 suffix = f"{os.linesep}when evaluating expression '{inner}'"
                 raise xacro.XacroException(exc=error, suffix=suffix) from error
@@ -177,25 +159,14 @@ class Expansion:
             return self.trace.unmarked(xacro.eval_extension(f"$({self._text(inner, symbols)})"))
         return token[1:] if kind == xacro.LEXER.DOLLAR_DOLLAR_BRACE else self.trace.unmarked(token)
 
-    def _evaluated(self, evaluator: Evaluator, text: Any, find: Callable[[str], Any]) -> Any:
+    def _evaluated(self, text: Any, symbols: Any) -> Any:
         """Return the value of an expression; if it is traced, it has had no effects."""
         before = len(self.notes), len(self.folders.replies)
-        value = self.trace.evaluated(evaluator, text, Names(find))
-        effects = evaluator.has_effects or before != (len(self.notes), len(self.folders.replies))
+        value = self.trace.evaluated(self.evaluator, text, Names(symbols.__getitem__))
+        effects = self.evaluator.has_effects or before != (len(self.notes), len(self.folders.replies))
         if isinstance(value, Traced) and effects:
             raise UntracedError
         return value
-
-    def _of_dollar(self, expression: str, _: object) -> str:
-        """Return the value of `$(eval ...)`."""
-        convert = self._xacro.substitution_args.convert_value
-
-        def find(name: str) -> Any:
-            if not dict.__contains__(self._given, name):
-                return self._known[name]
-            return self.trace.mapped(lambda one: convert(one, "auto"), self.trace.unmarked(self._given[name]))
-
-        return str(self._evaluated(self.evaluators[1], self.trace.unmarked(expression), find))
 
 
 class _Arguments(dict[str, str]):
@@ -220,6 +191,10 @@ class _Placing(ExpatBuilderNS):
         """Prepare for a file, whose name stands in its elements' places."""
         super().__init__()
         self._file = file
+
+    def start_doctype_decl_handler(self, *_: object) -> NoReturn:
+        """Refuse a DOCTYPE."""
+        raise ModelError(DOCTYPE)
 
     def start_element_handler(self, name: str, attributes: Any) -> None:
         """Begin an element; expat gives its name as "URI name prefix"."""
@@ -267,6 +242,11 @@ def _refuse_pattern(pattern: str) -> NoReturn:
     raise ModelError(f"the pattern '{pattern}' names no file; include each file by its name")
 
 
+def _refuse_eval(expression: str, _: object) -> NoReturn:
+    """Refuse `$(eval ...)`, which is of launch files and no robot file."""
+    raise ModelError(f"$(eval {expression}) is not read; write ${{{expression}}}")
+
+
 def functions(names: Mapping[str, Any]) -> dict[str, Callable[..., Any]]:
     """Return the functions of a table of names."""
     return {name: value for name, value in names.items() if callable(value)}
@@ -300,16 +280,12 @@ def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
     """Return an error as one line of text with its macros, and the file and line where it occurred."""
     own, inner, suffix = "", error, ""
     if isinstance(error, xacro.XacroException) and error.exc is not None:
-        own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
-        if own.startswith("<class") or isinstance(inner, OSError):
-            own = ""
+        inner, suffix = error.exc, str(error.suffix or "")
+        own = str(error.args[0] or "").partition("<class")[0]
     message = "xacro: " + " ".join(" ".join([own, _described(inner), suffix]).split())
     macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack)]
     if macros:
         message += f" (in macro {' < '.join(macros[:4])})"
-    for package, extra in EXTRAS.items():
-        if f"package '{package}' is not found" in message:
-            message += f", or {install_advice(extra)}"
     stack = [name for name in xacro.filestack if name]
     where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
     line = getattr(error, "lineno", None)

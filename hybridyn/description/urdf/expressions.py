@@ -15,14 +15,9 @@ from typing import Any
 
 from simpleeval import DEFAULT_OPERATORS, EvalWithCompoundTypes
 
-#: Longest text or list that an expression may produce.
-LARGEST = 1_000_000
-#: Most bits of an integer; the largest float has 1024.
-MOST_BITS = 65_536
-#: Most digits to which a number is rounded.
-MOST_DIGITS = 400
-#: Longest expression [characters].
-LONGEST = 20_000
+#: Most characters or elements of a text or list, bits of an integer (the largest float has 1024), digits of a
+#: rounded number, and characters of an expression.
+LARGEST = 10_000
 #: Most steps of the expressions of one robot; a stack of 1,000 six-legged modules takes some 2 million.
 MOST_STEPS = 50_000_000
 
@@ -51,21 +46,15 @@ class RefusedError(Exception):
 
 
 def refuse_large(size: float) -> None:
-    """Raise RefusedError for a text or list with too many elements."""
+    """Raise RefusedError for a value that is too large."""
     if size > LARGEST:
-        raise RefusedError(f"a text or list is too large: it has more than {LARGEST:,} elements")
-
-
-def refuse_wide(bits: float) -> None:
-    """Raise RefusedError for an integer with too many bits."""
-    if bits > MOST_BITS:
-        raise RefusedError(f"a whole number is too large: it has more than {MOST_BITS:,} bits")
+        raise RefusedError(f"too large: more than {LARGEST:,} characters, elements, bits or digits")
 
 
 def raised(a: Any, b: Any) -> Any:
     """Return a ** b."""
     if isinstance(a, int) and isinstance(b, int):
-        refuse_wide(a.bit_length() * max(b, 0))
+        refuse_large(a.bit_length() * b)
     return a**b
 
 
@@ -76,36 +65,18 @@ def remainder(a: Any, b: Any) -> Any:
     return a % b
 
 
-def joined(text: str, parts: Any) -> str:
-    """Return the parts with the text between them."""
-    parts = list(parts)
-    refuse_large(sum(map(len, parts)) + len(text) * len(parts))
-    return text.join(parts)
-
-
-def replaced(text: str, old: str, new: str, *count: int) -> str:
-    """Return the text with another one in place of `old`."""
-    refuse_large(len(text) + (text.count(old) + 1) * len(new))
-    return text.replace(old, new, *count)
-
-
 def bounded_range(*arguments: Any) -> range:
     """Return a range of moderate length."""
     numbers = range(*arguments)
-    if numbers and abs(numbers[-1] - numbers[0]) // abs(numbers.step) >= LARGEST:
-        raise RefusedError(f"a range has more than {LARGEST:,} numbers")
+    refuse_large(len(numbers))
     return numbers
 
 
 def bounded_round(number: Any, ndigits: Any = None) -> Any:
     """Round a number to a moderate number of digits."""
-    if isinstance(ndigits, int) and abs(ndigits) > MOST_DIGITS:
-        raise RefusedError(f"a number is rounded to more than {MOST_DIGITS} digits")
+    refuse_large(abs(ndigits or 0))
     return round(number, ndigits)
 
-
-#: Methods of texts whose results may be large.
-_BOUNDED: dict[str, Callable[..., str]] = {"join": joined, "replace": replaced}
 
 #: simpleeval's own refuse texts and lists that grow too long, and shifts by too much.
 _OPERATORS = {**DEFAULT_OPERATORS, ast.Pow: raised, ast.Mod: remainder}
@@ -114,8 +85,7 @@ _OPERATORS = {**DEFAULT_OPERATORS, ast.Pow: raised, ast.Mod: remainder}
 @functools.lru_cache(maxsize=4096)
 def parsed(expression: str) -> ast.expr:
     """Return the syntax tree of an expression; cached, because macros repeat their expressions."""
-    if len(expression) > LONGEST:
-        raise RefusedError(f"an expression is longer than {LONGEST:,} characters")
+    refuse_large(len(expression))
     return ast.parse(expression, "<expression>", "eval").body
 
 
@@ -135,10 +105,11 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     names: Any
     _max_count: int
 
-    def __init__(self, functions: dict[str, Callable[..., Any]], spaces: tuple[type, ...]) -> None:
+    def __init__(
+        self, functions: dict[str, Callable[..., Any]], spaces: tuple[type[dict[str, Any]], ...]
+    ) -> None:
         super().__init__(_OPERATORS, {}, {})
         self.functions, self.spaces, self.steps, self.has_effects = functions, spaces, 0, False
-        self.nodes[ast.SetComp] = lambda node: set(self._eval_comprehension(node))
         del self.nodes[ast.JoinedStr]  # of any width
         self._plain = self.nodes
 
@@ -164,36 +135,18 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         if type(node) not in self.nodes:
             raise RefusedError(f"{type(node).__name__} is not allowed in an expression")
         value = self.nodes[type(node)](node)
-        if isinstance(value, str | list | tuple):
-            refuse_large(len(value))
-        elif isinstance(value, int):
-            refuse_wide(value.bit_length())
+        if isinstance(value, int | str | list | tuple):
+            refuse_large(value.bit_length() if isinstance(value, int) else len(value))
         return value
-
-    def _eval_constant(self, node: ast.Constant) -> Any:
-        """Return a number, a text or None."""
-        if node.value is None or isinstance(node.value, str | int | float | complex):
-            return node.value
-        raise RefusedError(f"{node.value!r} is not allowed in an expression")
-
-    def _eval_subscript(self, node: ast.Subscript) -> Any:
-        """Return an element or a part of a text, list, tuple, range or dictionary."""
-        value, index = self._eval(node.value), self._eval(node.slice)
-        if not isinstance(value, str | list | tuple | dict | range):
-            raise TypeError(f"'{type(value).__name__}' has no elements")
-        return value[index]
 
     def _eval_attribute(self, node: ast.Attribute) -> Any:
         """Return a harmless method, or an element of one of xacro's dictionaries."""
-        value: Any = self._eval(node.value)
-        name = node.attr
+        value, name = self._eval(node.value), node.attr
         self.has_effects |= name == "pop" or type(getattr(value, "parent", {})) is not dict
         if any(isinstance(value, kind) and name in methods for kind, methods in _METHODS.items()):
-            bounded = _BOUNDED.get(name)
-            return getattr(value, name) if bounded is None else functools.partial(bounded, value)
+            return getattr(value, name)
         if name.startswith("__") or not isinstance(value, self.spaces):
             raise RefusedError(f"attribute '{name}' is not allowed in an expression")
-        elements: Any = value
-        if name not in elements:
+        if name not in value:
             raise NameError(f"name '{name}' is not defined")
-        return elements[name]
+        return value[name]

@@ -18,7 +18,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from ...errors import ModelError
+from ...errors import ModelError, install_advice
 
 #: Digest of each file that was read, by its path, while they are recorded.
 _recorded: ContextVar[dict[str, str] | None] = ContextVar("files_read", default=None)
@@ -67,6 +67,7 @@ class RobotFolders:
 
     Attributes:
         replies: What was asked, and a hash of each reply.
+        closed: Whether all that is asked from now on is refused.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class RobotFolders:
         granted: Sequence[str] = (),
     ) -> None:
         self.file, self.largest = file, largest
-        self.replies, self._closed = list[list[str]](), False
+        self.replies, self.closed = list[list[str]](), False
         self.package_dirs = [os.path.abspath(folder) for folder in package_dirs]
         self.share_dirs = list(share_dirs)
         self._real = os.path.realpath(file)
@@ -92,7 +93,8 @@ class RobotFolders:
             OSError: The system cannot open or read the file.
             ModelError: The folders refuse it, or too much was asked.
         """
-        self.refuse_closed()
+        if self.closed:
+            raise ModelError("asks for something after its expansion")
         if len(self.replies) >= MOST_ASKED:
             raise ModelError(f"reads more than {MOST_ASKED:,} files")
         reply: Any = None
@@ -111,15 +113,6 @@ class RobotFolders:
             with contextlib.suppress(OSError, ModelError):
                 self.ask(what, of)
         return self.replies == replies
-
-    def close(self) -> None:
-        """Refuse all that is asked from now on."""
-        self._closed = True
-
-    def refuse_closed(self) -> None:
-        """Raise ModelError if they are closed."""
-        if self._closed:
-            raise ModelError("asks for something after its expansion")
 
     def read(self, path: str) -> bytes:
         """Read a file.
@@ -160,7 +153,10 @@ class RobotFolders:
                     if place not in around or self._rests(real) or marked:
                         self._granted.append(real)
                         return os.path.abspath(folder)
-        raise ModelError(f"package '{package}' is not found; name the folder that holds it with package_dirs")
+        extra = f", or {install_advice('robots')}" if package == "example-robot-data" else ""
+        raise ModelError(
+            f"package '{package}' is not found; name the folder that holds it with package_dirs{extra}"
+        )
 
     def _within(self, path: str) -> str:
         """Return the real path of a file; raise ModelError if the file may not be read."""

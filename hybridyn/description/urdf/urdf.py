@@ -19,8 +19,6 @@ from .xml_node import Node, axis_of
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
 
-#: Most links read; a file with more links is a mistake.
-MOST_LINKS = 300_000
 #: Limits of this size are none. URDF has no word for infinity that every program reads.
 UNLIMITED = 1e30
 #: Children of `<joint>` that are read.
@@ -46,13 +44,9 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     name = root.xml.get("name", "").strip()
     robot = RobotFile(name or "robot", root.file)
     refuse_unread_loops(root, robot.notes)
-    link_nodes, joint_nodes = root.children("link"), root.children("joint")
-    if len(link_nodes) > MOST_LINKS:
-        raise root.error(f"{len(link_nodes)} links, limit {MOST_LINKS}")
-    for node in link_nodes:
-        robot.links.append(_read_link(node, robot.notes))
+    robot.links += [_read_link(node, robot.notes) for node in root.children("link")]
     independent: set[str] = set()
-    for node in joint_nodes:
+    for node in root.children("joint"):
         robot.joints.append(_read_joint(node, robot))
         if node.flag("independent", True):
             independent.add(robot.joints[-1].name)
@@ -132,11 +126,8 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         **_limits(node.child("limit"), name, kind, robot.notes),
         **_friction(node.child("dynamics"), name),
     )
-    mimic, of_drake = node.child("mimic"), node.child("drake:mimic")
-    if mimic is not None and of_drake is not None:
-        raise of_drake.error("the joint states <mimic> too; keep one")
-    for stated in filter(None, (mimic, of_drake)):
-        coupling = read_mimic(stated, name)
+    if mimic := node.child("mimic", "drake:mimic"):
+        coupling = read_mimic(mimic, name)
         if kind == "fixed":
             robot.notes.append(f"joint '{name}' ({node.where}) is fixed; its <mimic> has no effect")
         else:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...errors import ModelError
 from ..cache_folder import hashed, keep, kept, state_of
 from ..shipped import data_folder
 from .robot_folders import RobotFolders
@@ -47,16 +46,15 @@ def expand(
     path = os.path.abspath(file)
     named = [os.fspath(folder) for folder in package_dirs]
     given = {str(name): str(value) for name, value in arguments.items()}
-    fresh = partial(RobotFolders, path, named, share_dirs(), LARGEST_FILE, _shipped_dirs())
+    shipped = data_folder()  # every robot may include modules of the shipped ones
+    granted = [str(shipped / "urdf")] if shipped else []
+    fresh = partial(RobotFolders, path, named, share_dirs(), LARGEST_FILE, granted)
     about = (path, os.getcwd(), *named)
     with _lock:
         written, notes = (
             _with_arguments(file, given, fresh, (*about, "", *given)) if given else _alone(file, fresh, about)
         )
-    text = written.encode()
-    if len(text) > LARGEST_FILE:
-        raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
-    return text, notes
+    return written.encode(), notes
 
 
 def _alone(file: str, fresh: Callable[[], RobotFolders], about: Sequence[str]) -> tuple[str, list[str]]:
@@ -64,8 +62,8 @@ def _alone(file: str, fresh: Callable[[], RobotFolders], about: Sequence[str]) -
     name = hashed(sys.version, *about, *map(state_of, (__package__, "xacro")))
     known = kept(name)
     if known is None or not fresh().give(known["replies"]):
-        made, text = _expanded(file, fresh(), {}, False)
-        known = {"replies": made.folders.replies, "text": text, "notes": made.notes}
+        made = _expanded(file, fresh(), {}, False)
+        known = {"replies": made.folders.replies, "text": made.text, "notes": made.notes}
         keep(name, known)
     return known["text"], known["notes"]
 
@@ -82,30 +80,18 @@ def _with_arguments(
     made = None
     if None not in known:
         with contextlib.suppress(Exception):
-            made, text = _expanded(file, fresh(), given, True)
-            notes = made.notes
-    if made is None:
-        untraced, text = _expanded(file, fresh(), given, False)
-        notes = untraced.notes
+            made = _expanded(file, fresh(), given, True)
+    found = made or _expanded(file, fresh(), given, False)
     _traced.append((about, made))
     del _traced[:-MOST_TRACED]
-    return text, notes
+    return found.text, found.notes
 
 
-def _expanded(
-    file: str, folders: RobotFolders, given: Mapping[str, str], traced: bool
-) -> tuple[Expansion, str]:
-    """Expand a file; return the expansion and its text."""
+def _expanded(file: str, folders: RobotFolders, given: Mapping[str, str], traced: bool) -> Expansion:
+    """Expand a file."""
     from .expansion import Expansion  # what is kept needs no xacro
 
-    made = Expansion(folders, given, traced=traced)
-    return made, made(file)
-
-
-def _shipped_dirs() -> list[str]:
-    """Return the folder of the shipped robots' files; every robot may include modules from it."""
-    folder = data_folder()
-    return [] if folder is None else [str(folder / "urdf")]
+    return Expansion(file, folders, given, traced=traced)
 
 
 def share_dirs() -> list[str]:

@@ -1,9 +1,9 @@
 """Parse robot files in XML safely, into elements that know their file and line.
 
-The following raise before parsing: DOCTYPE and entity declarations (expansion bombs, external files),
-encodings that could hide them, and files above `LARGEST_FILE`. What is not well-formed, but what Gazebo,
-Drake and MuJoCo read alike (`READ_ALIKE`), is read as they do and noted. Numbers are read strictly: `1,5`,
-`nan`, `inf`, `1_000` and empty texts are errors. Placements (4, 4) and axes are read here, too.
+A DOCTYPE, which may declare entities, and files above `LARGEST_FILE` are errors. What is not well-formed, but
+what Gazebo, Drake and MuJoCo read alike (`READ_ALIKE`), is read as they do and noted. Numbers are read
+strictly: `1,5`, `nan`, `inf`, `1_000` and empty texts are errors. Placements (4, 4) and axes are read here,
+too.
 """
 
 from __future__ import annotations
@@ -28,9 +28,6 @@ LARGEST_FILE = 128 * 2**20
 #: Most elements read; a stack of 1,000 six-legged modules has about half a million.
 MOST_ELEMENTS = 2_000_000
 
-#: Longest attribute read [characters]; names and numbers are far shorter.
-LONGEST_TEXT = 2000
-
 #: Largest number accepted; its square is still finite, so no length or inertia overflows later.
 LARGEST_NUMBER = 1e150
 
@@ -42,10 +39,11 @@ READ_ALIKE = {
     "ERR_LT_IN_ATTRIBUTE": "'<' in an attribute",
 }
 
-_ENCODINGS = {"utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "latin1", "windows-1252"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
+
+DOCTYPE = "<!DOCTYPE is not allowed in a robot file; remove it"
 
 #: Attribute of an element that xacro writes: file ("" for the file itself) and line of its origin.
 PLACE = "hybridyn-place"
@@ -69,18 +67,36 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         placed: Whether the text is the expansion of a xacro file, whose elements have a `PLACE`.
 
     Raises:
-        ModelError: The text is not well-formed XML, or contains a forbidden declaration (see above).
+        ModelError: The text is not well-formed XML, is too large, or has a DOCTYPE.
     """
-    refuse_dangerous(text, file)
-    notes: list[str] = []
+    if len(text) > LARGEST_FILE:
+        limit = LARGEST_FILE // 2**20
+        raise ModelError(f"{len(text) / 2**20:.0f} MiB of XML, limit {limit} MiB", file=file)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+        recover=True,
+    )
     try:
-        root = etree.fromstring(text, _parser())
-    except etree.XMLSyntaxError as error:
-        root, notes = _repaired(text, file, error)
-    except (ValueError, LookupError) as error:
+        root = etree.fromstring(text, parser)
+    except (ValueError, LookupError, etree.XMLSyntaxError) as error:
         raise ModelError(f"not readable as XML: {error}", file=file) from None
+    errors = [entry for entry in parser.error_log if entry.level >= etree.ErrorLevels.ERROR]
+    if wrong := next((entry for entry in errors if entry.type_name not in READ_ALIKE), None):
+        message = f"not well-formed XML: {wrong.message.strip()}, column {wrong.column}"
+        raise ModelError(message, file=file, line=wrong.line)
+    first = {entry.type_name: entry.line for entry in reversed(errors)}
+    notes = [
+        f"{file}:{first[kind]}: {what} is not XML; it is read as Gazebo, Drake and MuJoCo do"
+        for kind, what in READ_ALIKE.items()
+        if kind in first
+    ]
     if root.getroottree().docinfo.internalDTD is not None:
-        raise ModelError("a DOCTYPE is not allowed in a robot file; remove it", file=file, line=1)
+        raise ModelError(DOCTYPE, file=file, line=1)
     count = int(cast("float", root.xpath("count(//*)")))
     if count > MOST_ELEMENTS:
         raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
@@ -91,62 +107,6 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
             where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
             file.places[cast("int", xml.sourceline)] = where, int(line or 0)
     return Node(root, file, tuple(notes))
-
-
-def _parser(*, recover: bool = False) -> etree.XMLParser:
-    """Return a parser that reads no other file."""
-    return etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-        remove_comments=True,
-        remove_pis=True,
-        recover=recover,
-    )
-
-
-def _repaired(text: bytes, file: str, error: etree.XMLSyntaxError) -> tuple[etree._Element, list[str]]:
-    """Return the root element of a text that is not well-formed, and what is read as other readers do.
-
-    Raises:
-        ModelError: Other readers do not read it either.
-    """
-    parser = _parser(recover=True)
-    root = etree.fromstring(text, parser)
-    found = [(entry.type_name, entry.line) for entry in parser.error_log]
-    if root is None or not found or any(kind not in READ_ALIKE for kind, _ in found):
-        line = error.lineno or None
-        raise ModelError(f"not well-formed XML: {error.msg}", file=file, line=line) from None
-    first = dict(reversed(found))
-    return root, [
-        f"{file}:{first[kind]}: {what} is not XML; it is read as Gazebo, Drake and MuJoCo do"
-        for kind, what in READ_ALIKE.items()
-        if kind in first
-    ]
-
-
-def refuse_dangerous(text: bytes, file: str) -> None:
-    """Raise for empty or too large texts, other encodings, DOCTYPE and ENTITY, before parsing."""
-    if not text.strip():
-        raise ModelError("the file is empty", file=file)
-    if len(text) > LARGEST_FILE:
-        limit = LARGEST_FILE // 2**20
-        raise ModelError(f"{len(text) / 2**20:.0f} MiB of XML, limit {limit} MiB", file=file)
-    declared = re.match(
-        rb"\s*<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)[\"']", text.removeprefix(b"\xef\xbb\xbf")
-    )
-    encoding = declared[1].decode("ascii", "replace") if declared else "utf-8"
-    if b"\0" in text or encoding.lower() not in _ENCODINGS:
-        raise ModelError(f"encoding '{encoding}' is not read; save the file as UTF-8", file=file, line=1)
-    for forbidden in (b"<!DOCTYPE", b"<!ENTITY"):
-        at = text.upper().find(forbidden)
-        if at >= 0:
-            line = text.count(b"\n", 0, at) + 1
-            tag = forbidden.decode()
-            raise ModelError(
-                f"{tag} is not allowed in a robot file; remove it", file=file, line=line, element=tag
-            )
 
 
 def _written(xml: etree._Element) -> str:
@@ -229,9 +189,9 @@ class Node(NamedTuple):
     def _chosen(self, found: Iterable[etree._Element], tags: tuple[str, ...]) -> Iterator[Node]:
         return (Node(xml, self.file) for xml in found if not tags or xml.tag in tags or _written(xml) in tags)
 
-    def child(self, tag: str) -> Node | None:
-        """Return the only child with this tag, or None; raise ModelError if there are two."""
-        found = self.children(tag)
+    def child(self, *tags: str) -> Node | None:
+        """Return the only child with one of these tags, or None; raise ModelError if there are two."""
+        found = self.children(*tags)
         if len(found) > 1:
             raise found[1].error(f"stated twice in {self.label}; keep one")
         return found[0] if found else None
@@ -250,8 +210,6 @@ class Node(NamedTuple):
         if not value:
             wrong = "is empty" if attribute in self.xml.attrib else "is missing"
             raise self.error(f"attribute '{attribute}' {wrong}{did_you_mean(attribute, self.attributes())}")
-        if len(value) > LONGEST_TEXT:
-            raise self.error(f"attribute '{attribute}' has {len(value)} characters, limit {LONGEST_TEXT}")
         return value
 
     def attributes(self) -> list[str]:
@@ -282,11 +240,8 @@ class Node(NamedTuple):
         return np.array([self._number(word, attribute or "text", False) for word in words])
 
     def content(self) -> str:
-        """Return the element's text in one line, without surrounding blanks; ModelError if it is too long."""
-        value = " ".join(str(self.xml.text or "").split())
-        if len(value) > LONGEST_TEXT:
-            raise self.error(f"its text has {len(value)} characters, limit {LONGEST_TEXT}")
-        return value
+        """Return the element's text in one line, without surrounding blanks."""
+        return " ".join(str(self.xml.text or "").split())
 
     def flag(self, attribute: str, default: bool) -> bool:
         """Return an attribute as true or false."""
