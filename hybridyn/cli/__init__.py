@@ -1,14 +1,12 @@
-"""The command line: one file per command, found by name; errors of the library become one line.
+"""The command line: errors of the library become one line.
 
-Results go to standard output, messages to standard error. Exit status: 0 done, 1 the user's data are wrong,
-2 wrong usage, 130 interrupted. Large modules are imported only when a command needs them.
+`words` has what a user types and reads; the module of a command's name has what the command does, and is
+imported when it runs, with what it needs. So help and completion are quick. Results go to standard output,
+messages to standard error. Exit status: 0 done, 1 the user's data are wrong, 2 wrong usage, 130 interrupted.
 """
-
-from __future__ import annotations
 
 import contextlib
 import gc
-import importlib
 import os
 import signal
 import sys
@@ -19,10 +17,11 @@ from types import FrameType
 import click
 
 from .. import __version__
+from ..description.names import did_you_mean
 from ..errors import HybridynError, shortened
 from ..threads import start_none
 
-#: Commands in the order of `--help`; each is `command` in the module of its name.
+#: Commands in the order of `--help`.
 COMMANDS = (
     "idm", "ddm", "simulate", "cost", "convert", "plot", "view", "info",
     "home", "compare", "workspace", "sweep", "identify",
@@ -65,20 +64,20 @@ class Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command; return None if there is none of this name."""
-        if cmd_name not in COMMANDS:
-            return None
-        command = importlib.import_module(f"hybridyn.cli.{cmd_name.replace('-', '_')}").command
-        assert isinstance(command, click.Command)
-        return command
+        """Return a command, or None if there is none of this name."""
+        if cmd_name == "cost":
+            from .cost import command
+
+            return command
+        from . import words  # `--version` does without
+
+        return getattr(words, cmd_name) if cmd_name in COMMANDS else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find a command by name; the error suggests the nearest one."""
         if args and not args[0].startswith("-") and args[0] not in COMMANDS:
-            from ..description.names import did_you_mean
-
             hint = did_you_mean(args[0], COMMANDS)
             hint = f" (it is '{INSTEAD[args[0]]}' now)" if args[0] in INSTEAD else hint
             ctx.fail(f"there is no command '{args[0]}'{hint}; the commands are {', '.join(COMMANDS)}")
@@ -133,12 +132,12 @@ def commands(ctx: click.Context, debug: bool, robots: str | None, completion: st
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line. `arguments`: the words after `hybridyn`; None takes the program's own."""
     start_none()
-    words = sys.argv[1:] if arguments is None else list(arguments)
-    debug = "--debug" in words
-    words = [word for word in words if word != "--debug"]  # accepted before and after the command
+    typed = sys.argv[1:] if arguments is None else list(arguments)
+    debug = "--debug" in typed
+    typed = [word for word in typed if word != "--debug"]  # accepted before and after the command
     try:
         with _program_manners():
-            status = commands.main(words, prog_name="hybridyn", standalone_mode=False)
+            status = commands.main(typed, prog_name="hybridyn", standalone_mode=False)
             if arguments is None:
                 gc.freeze()  # the program ends: searching for cycles before takes 15 ms
         return status if isinstance(status, int) else 0
@@ -147,10 +146,10 @@ def main(arguments: list[str] | None = None) -> int:
     except Exception as error:
         if debug:
             raise
-        return _fail(*_explained(error))
+        return _fail(*explained(error))
 
 
-def _explained(error: Exception) -> tuple[str, int]:
+def explained(error: Exception) -> tuple[str, int]:
     """Return the message and the exit status of an error."""
     if isinstance(error, click.ClickException):
         path = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "hybridyn"

@@ -1,62 +1,32 @@
 """`hybridyn info`: show the tree of modules, and what looks wrong in the files."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import click
 
-from .common.figures import plot_option, save
-from .common.options import RobotChoice, RobotCommand, known_names
+from ..errors import HybridynError
+from ..figures.module_tree import Card, cards
+from ..figures.structure import figure_of_cards
+from ..structure.robot import HybridRobot
+from ..studies.check.check import Finding, check, is_readable
+from ..studies.check.loops import home_residuals
+from ..studies.home import branch
+from .common.figures import save
+from .common.options import RobotChoice
 from .common.text import counted, terminal_width, wrapped
-
-if TYPE_CHECKING:
-    from ..figures.module_tree import Card
-    from ..structure.robot import HybridRobot
-    from ..studies.check.check import Finding
+from .common.tree import head, lines
+from .words import PRINTED
 
 #: Exit status where a finding has the severity of --fail-on.
 FOUND = 1
 SEVERITIES = ("error", "warning", "note")
 COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
-#: Number of findings of one code that are printed; the rest are counted.
-PRINTED = 12
 
 
-def _codes() -> Iterable[str]:
-    """Return the codes of findings."""
-    from ..studies.check.finding import CODES
-
-    return CODES
-
-
-@click.command(
-    "info",
-    cls=RobotCommand,
-    params=[plot_option("the tree of modules")],
-    short_help="Show modules, closures, motors, and mistakes and how to mend them.",
-)
-@click.option(
-    "--fail-on",
-    type=click.Choice([*SEVERITIES, "never"]),
-    default="never",
-    show_default=True,
-    help="Exit with status 1 if there is a finding of this severity or above.",
-)
-@click.option(
-    "--ignore",
-    metavar="CODE,...",
-    callback=known_names("finding", _codes),
-    help="Codes of findings to leave out.",
-)
-@click.option("--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code.")
-@click.option("--no-meshes", is_flag=True, help="Do not search or load mesh files.")
-@click.option("--json", "as_json", is_flag=True, help="Print the findings alone, as JSON.")
-def command(
+def run(
     load: RobotChoice,
     fail_on: str,
     ignore: tuple[str, ...],
@@ -65,19 +35,7 @@ def command(
     as_json: bool,
     plot: str | None,
 ) -> int:
-    """Show ROBOT (URDF, MJCF, SDF, USD) as the tree of its modules, and what looks wrong in its files.
-
-    For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
-    type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
-    posture. Equal modules are described once.
-
-    Findings follow: each has a code, a severity, the element with its line, why it matters and how to correct
-    it. An error means that results are wrong or cannot be computed; a warning that they probably are; a note
-    informs. docs/check.md lists all codes.
-    """
-    from ..errors import HybridynError
-    from ..studies.check.check import check, is_readable
-
+    """Show a robot and the findings, and return the exit status."""
     robot, problem = None, None
     try:
         robot = load(ranks=True)
@@ -108,8 +66,6 @@ def command(
     if problem is not None:
         raise problem
     if plot and robot is not None:
-        from ..figures.structure import figure_of_cards
-
         save(figure_of_cards(_cards(robot, found)), plot)
     failing = SEVERITIES[: SEVERITIES.index(fail_on) + 1] if fail_on != "never" else ()
     return FOUND if any(finding.severity in failing for finding in found) else 0
@@ -117,18 +73,12 @@ def command(
 
 def _cards(robot: HybridRobot, found: list[Finding]) -> list[Card]:
     """Return the cards of the modules."""
-    from ..figures.module_tree import cards
-    from ..studies.check.loops import home_residuals
-
     singular = {one.element.partition("'")[2][:-1] for one in found if one.code.startswith("singular")}
     return cards(robot, home_residuals(robot), singular)
 
 
 def _show(robot: HybridRobot, found: list[Finding]) -> None:
     """Print the tree of modules."""
-    from ..studies.home import branch
-    from .common.tree import head, lines
-
     width = terminal_width()
     for line in (*head(robot), *branch(robot)):
         click.echo("\n".join(wrapped(line, width, "")))

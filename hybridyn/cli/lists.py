@@ -1,11 +1,15 @@
 """`hybridyn --robots` and `--completion`: list the shipped robots, and print scripts for shells."""
 
-from __future__ import annotations
-
 import json
 import os
 
 import click
+from click.shell_completion import get_completion_class
+
+from ..description.shipped import shipped_robots, shown
+from ..errors import ModelError
+from . import commands
+from .common.text import aligned_rows
 
 VARIABLE = "_HYBRIDYN_COMPLETE"
 SHELLS = ("bash", "zsh", "fish")
@@ -22,10 +26,6 @@ def show_robots(form: str) -> None:
     Raises:
         ModelError: This installation has none.
     """
-    from ..description.shipped import shipped_robots, shown
-    from ..errors import ModelError
-    from .common.text import aligned_rows
-
     robots = shipped_robots().values()
     if not robots:
         raise ModelError("this installation has no robots: urdf/ and models/ are missing")
@@ -65,10 +65,6 @@ def show_completion(shell: str) -> None:
     Raises:
         click.UsageError: It has none.
     """
-    from click.shell_completion import get_completion_class
-
-    from . import commands
-
     shell = shell or os.path.basename(os.environ.get("SHELL", ""))
     script = get_completion_class(shell) if shell in SHELLS else None
     if script is None:

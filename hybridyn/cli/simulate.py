@@ -1,7 +1,5 @@
 """`hybridyn simulate`: simulate a scene and write the table of its motion."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os
@@ -10,20 +8,25 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
-from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
-from .common.figures import plot_option, save_chart
-from .common.files import check_targets, complete_robot, result_file, scene_file
+from ..errors import TrajectoryError
+from ..figures.motion import chart_of_rows
+from ..scenes.stage import Stage, files_of, identity, play, stage
+from ..scenes.toml_source import naming
+from ..simulation.result import Result
+from ..simulation.stepping import SHORTEST
+from ..simulation.table import columns_of, picked, remarks, rows_of
+from ..streams.departures import Departures, departures
+from ..tables.results import check_target, open_results
+from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine
+from .common.figures import save, title_of
+from .common.files import check_targets
 from .common.progress import Progress
 from .common.summary import effects_line
 from .common.text import counted
-
-if TYPE_CHECKING:
-    from ..scenes.stage import Stage
-    from ..simulation.result import Result
 
 FAILED = ("unreachable", "unsolved", "singular")
 #: Number of steps of the trial run that estimates the length of steps.
@@ -34,28 +37,7 @@ WITH_INVERSE_MODEL = 3
 AT_ONCE = 4096
 
 
-@click.command(
-    "simulate",
-    params=[plot_option("the motion of the motors, efforts, power, energy and residuals", page=True)],
-    short_help="Simulate a scene: a robot under a controller and effects.",
-)
-@click.argument("scene", callback=scene_file, shell_complete=complete_robot)
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    callback=result_file,
-    help="Result file, .csv or .parquet  [default: the scene's, else CSV on standard output]",
-)
-@click.option(
-    "--until", type=click.FloatRange(0, min_open=True), help="Stop after the step that reaches this time [s]."
-)
-@click.option("--resume", is_flag=True, help="Continue the run in FILE, which was stopped.")
-@click.option("--overwrite", is_flag=True, help="Begin anew where FILE holds a run that was stopped.")
-@click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
-@takes_engine
-@click.option("-q", "--quiet", is_flag=True, help="No summary.")
-def command(
+def run(
     scene: str,
     output: str | None,
     until: float | None,
@@ -66,20 +48,7 @@ def command(
     plot: str | None,
     quiet: bool,
 ) -> int:
-    """Simulate SCENE, a TOML file that names robot, start, controller, effects, solver and outputs.
-
-    The result has one row per output time: 'time'; '<joint>/position|velocity|acceleration' of every joint;
-    '<motor>/effort'; 'energy/kinetic|potential|total'; 'residual' of the closures. 'hybridyn idm' reads it
-    back as a trajectory. Lines with '#' before the header name the robot, the method,
-    the effects that were on, and the engine.
-
-    Ctrl-C stops after the current step. The rows so far are written to FILE, and the state to FILE.state.
-    --resume continues the run; the result is the same, bit for bit, as that of a run without a stop.
-    FILE.state is also written every 1,000 steps, and removed at the end. While it exists, a new run into FILE
-    needs --overwrite.
-    """
-    from ..scenes.stage import files_of, play, stage
-
+    """Simulate a scene, write the table, and return the exit status."""
     started = time.perf_counter()
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
@@ -115,16 +84,11 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
     if evaluations is not None and controller is not None and controller.kind == "computed_torque":
         evaluations *= WITH_INVERSE_MODEL
     worth = WORTH_IN_TIME if ready.motion is None else WORTH_OF_POSTURES * ready.robot.nv
-    return choose_engine(asked, ready.robot, ready.effects, evaluations, {}, worth)
+    return choose_engine(asked, ready.robot, ready.effects, evaluations, worth, {})
 
 
 def _evaluations(ready: Stage) -> int:
     """Estimate the number of evaluations of the direct model, from fixed steps or from a short trial run."""
-    import numpy as np
-
-    from ..scenes.stage import play
-    from ..simulation.stepping import SHORTEST
-
     scene = ready.source.scene
     rows = 0 if ready.output_times is None else len(ready.output_times)
     if scene.solver.step and scene.solver.method in ("rk4", "implicit"):
@@ -149,10 +113,6 @@ def _evaluations(ready: Stage) -> int:
 
 def _own_target(ready: Stage) -> str | None:
     """Return the result file that the scene names, or None."""
-    from ..errors import TrajectoryError
-    from ..scenes.toml_source import naming
-    from ..tables.results import check_target
-
     name = ready.source.scene.output.file
     if name is None:
         return None
@@ -210,10 +170,6 @@ def _between_steps(until: float | None) -> Iterator[tuple[Callable[[float, float
 
 def _check_earlier(ready: Stage, target: str | None, state: str | None) -> None:
     """Check that the result file holds a run of this scene that was stopped."""
-    from ..errors import TrajectoryError
-    from ..scenes.stage import identity
-    from ..simulation.result import Result
-
     if state is None:
         raise click.UsageError("--resume continues the run in a result file: name it with -o")
     if not os.path.isfile(state):
@@ -227,10 +183,6 @@ def _check_earlier(ready: Stage, target: str | None, state: str | None) -> None:
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
-    from ..scenes.toml_source import naming
-    from ..simulation.table import columns_of, picked, remarks, rows_of
-    from ..tables.results import open_results
-
     columns = columns_of(ready.robot)
     with naming(ready.source, ("output", "columns")):
         chosen = picked(columns, ready.source.scene.output.columns)
@@ -242,17 +194,12 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
-    from ..figures.motion import chart_of_rows
-    from ..simulation.table import columns_of, rows_of
-
-    title = f"{ready.robot.name}, {os.path.basename(ready.source.file)}"
+    title = title_of(ready.robot, str(ready.source.file))
     columns, rows = columns_of(ready.robot), rows_of(ready.robot, result)
-    save_chart(chart_of_rows(columns, result.t, rows, robot=ready.robot, title=title), plot)
+    save(chart_of_rows(columns, result.t, rows, robot=ready.robot, title=title), plot)
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
-    from ..streams.departures import Departures, departures
-
     counters = result.counters
     reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t
     lines = [
@@ -270,7 +217,7 @@ def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[
             lines.append(f"worst closure residual: {float(result.residual.max()):.2g} of the module's size")
     left = Departures()
     left.add(departures(ready.robot, result.q, result.v, result.tau), 1, result.t)
-    lines += [*left.lines(), *effects_line(ready.effects), str(engine)]
+    lines += [*left.lines(), effects_line(ready.effects), str(engine)]
     steps = f"{counted(counters.steps, 'step')} ({counters.rejected:,} rejected), "
     done = "" if ready.motion is not None else f"{steps}{counted(counters.evaluations, 'evaluation')}, "
     return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]

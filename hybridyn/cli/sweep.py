@@ -1,52 +1,21 @@
 """`hybridyn sweep`: evaluate the designs of a study in several processes, and find the best."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
 from ..errors import HybridynError
-from .common.engine import takes_engine
-from .common.figures import plot_option, save_chart
+from ..figures.sweep import chart_of_sweep
+from ..studies.sweep.best import Best, find_best
+from ..studies.sweep.sweep import Swept
+from ..studies.sweep.sweep import sweep as sweep_study
+from .common.figures import save
 from .common.progress import Progress
-from .common.tables import jobs_option, resume_option
 from .common.text import aligned_rows, counted
-
-if TYPE_CHECKING:
-    from ..studies.sweep.best import Best
-    from ..studies.sweep.sweep import Swept
 
 #: Designs of the Pareto front that are printed; the others are counted.
 MOST_PRINTED = 50
 
 
-@click.command(
-    "sweep",
-    params=[
-        plot_option("every measure over every parameter", page=True),
-        jobs_option("one per core"),
-        resume_option(""),
-    ],
-    short_help="Evaluate many designs of a robot, and find the best.",
-)
-@click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
-@click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
-@click.option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files.")
-@takes_engine
-@click.option(
-    "--best", metavar="A,-B,...",
-    help="Print the designs in which A is smallest and B largest; with several, the Pareto front.",
-)  # fmt: skip
-@click.option(
-    "--where",
-    metavar="CONDITION",
-    help="Print only designs that satisfy this condition, such as 'reach > 0.2'.",
-)
-@click.option(
-    "--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Number of designs to print."
-)
-def command(
+def run(
     study: str | None,
     output: str,
     jobs: int | None,
@@ -57,40 +26,24 @@ def command(
     where: str | None,
     top: int,
     plot: str | None,
-) -> int:
-    """Evaluate the designs of STUDY (a TOML file), and find the best.
-
-    A study names a robot, parameters with their values, tasks, and what is measured; docs/sweeps.md explains
-    its keys. The results are written to FOLDER, one file (shard) per second of work; a shard is complete or
-    does not exist. The rows are the same, bit for bit, for every number of processes. Designs
-    that do not load, do not reach a posture or are singular there have a status and a message. Without STUDY,
-    --best and --plot use the results of an earlier run:
-
-    hybridyn sweep -o results --best "peak_effort" --where "reach > 0.2"
-    """
+) -> None:
+    """Evaluate a study, and tell or draw the results."""
     if study is None and best is None and plot is None:
         raise click.UsageError("give a STUDY to evaluate, or --best or --plot to ask earlier results")
     if where is not None and best is None and plot is None:
         raise click.UsageError("--where belongs to --best or --plot")
     if study is not None:
-        _run(study, output, jobs, resume, allow_python, engine)
+        _evaluate(study, output, jobs, resume, allow_python, engine)
     if best is not None:
-        from ..studies.sweep.best import find_best
-
         click.echo("\n".join(_table(find_best(output, best, where, top))))
     if plot is not None:
-        from ..figures.sweep import chart_of_sweep
-
-        save_chart(chart_of_sweep(output, where), plot)
-    return 0
+        save(chart_of_sweep(output, where), plot)
 
 
-def _run(
+def _evaluate(
     study: str, output: str, jobs: int | None, resume: bool, allow_python: bool, engine: str | None
 ) -> None:
     """Evaluate a study, and print what became of its designs."""
-    from ..studies.sweep.sweep import sweep
-
     states: list[Swept] = []
     try:
         with Progress("designs") as bar:
@@ -101,7 +54,7 @@ def _run(
                 open_before = state.designs - state.done + state.now
                 bar.show(state.now, state.now / open_before)
 
-            state = sweep(
+            state = sweep_study(
                 study, output, jobs=jobs, resume=resume, allow_python=allow_python,
                 compiled=engine != "general", progress=show,
             )  # fmt: skip

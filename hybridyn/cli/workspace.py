@@ -1,110 +1,41 @@
 """`hybridyn workspace`: find the poses that a module reaches, and the efforts that hold them."""
 
-from __future__ import annotations
-
-import contextlib
 import os
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import click
+import numpy as np
 
+from ..figures.workspace import figure_of_workspace
 from ..streams.workers import Workers, keep_freed_memory
-from .common.figures import plot_option, save
-from .common.files import result_file
-from .common.maps import Grid, parse_grid, tell_map
-from .common.options import RobotChoice, RobotCommand, numbers_by_name, split_names
+from ..studies.workspace.workspace import Workspace, workspace
+from ..tables.results import open_results
+from .common.figures import save
+from .common.maps import tell_map
+from .common.options import Grid, RobotChoice
 from .common.progress import Progress
-from .common.tables import jobs_option
 from .common.text import aligned_rows, counted
-
-if TYPE_CHECKING:
-    from ..studies.workspace.workspace import Workspace
 
 #: Maximum number of joints that are named as bounds.
 BLOCKS = 6
 
 
-@click.command(
-    "workspace",
-    cls=RobotCommand,
-    params=[plot_option("maps of conditioning and efforts"), jobs_option("1")],
-    short_help="Find the poses that a module reaches, and their efforts.",
-)
-@click.option(
-    "-m",
-    "--module",
-    metavar="NUMBER|NAME",
-    help="Number (from 1) or name of the module.  [default: the only one with loops]",
-)
-@click.option("--link", metavar="LINK", help="The link of the module that is moved.  [default: its platform]")
-@click.option(
-    "--sweep",
-    metavar="X,Y,...",
-    callback=split_names,
-    help="Coordinates of the lattice.  [default: up to three independent ones, else x, y, z]",
-)
-@click.option(
-    "--at",
-    metavar="YAW=0.2,...",
-    multiple=True,
-    callback=numbers_by_name,
-    help="Values of the other coordinates, or the lattice's origin [m, rad].  [default: home]",
-)
-@click.option(
-    "--step",
-    "steps",
-    metavar="X=0.01,...",
-    multiple=True,
-    callback=numbers_by_name,
-    help="Steps of the lattice [m, rad].  [default: parts of the module's size]",
-)
-@click.option("--no-limits", is_flag=True, help="Ignore the joints' position limits.")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    callback=result_file,
-    help="All poses, .csv or .parquet.  [default: stdout]",
-)
-@click.option(
-    "--map",
-    "outputs",
-    metavar="A,B,...",
-    callback=split_names,
-    help="Instead of poses: output joints, and the map to their motors.",
-)
-@click.option(
-    "--grid",
-    metavar="GRID",
-    callback=parse_grid,
-    help="With --map: points of each joint over its limits, or FROM:TO:COUNT,...",
-)
-def command(
+def run(
     load: RobotChoice,
     module: str | None,
     link: str | None,
-    sweep: list[str] | None,
+    sweep: Sequence[str] | None,
     at: dict[str, float],
     steps: dict[str, float],
     no_limits: bool,
     output: str | None,
     plot: str | None,
     jobs: int | None,
-    outputs: list[str] | None,
+    outputs: Sequence[str] | None,
     grid: Grid | None,
 ) -> None:
-    """Find the poses that a module of ROBOT reaches from home on its assembly branch, within joint limits.
-
-    The poses form a lattice, which is searched from the home pose to neighbours that can be reached. The
-    table has a row per reached pose: '<link>@<base>/pose/...', '<motor>/position' of the module's motors,
-    'conditioning' (0 singular, 1 isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort
-    of any motor against 1 N or 1 N m in the worst direction), '<motor>/effort' (against gravity, with the
-    other modules at home). Efforts of singular postures are inf.
-
-    With --map, a row has positions of output joints and motors, and '<motor>/per/<joint>', the motor's rate
-    per rate of the joint (docs/joint-map.md). Points out of reach or singular are left out and counted.
-    """
+    """Find the poses that a module reaches, or the map over a grid."""
     if (outputs is None) != (grid is None):
         raise click.UsageError("--map and --grid belong together; along a trajectory: 'hybridyn idm --map'")
     if outputs is not None and grid is not None:
@@ -112,13 +43,10 @@ def command(
             raise click.UsageError("with --map, only --grid and -o apply")
         tell_map(load(), outputs, grid, output)
         return
-    from ..studies.workspace.workspace import workspace
-
     keep_freed_memory()
     started = time.perf_counter()
     robot = load()
-    with contextlib.ExitStack() as opened, Progress("poses") as bar:
-        workers = opened.enter_context(Workers(0 if jobs in (None, 1) else jobs))
+    with Workers(0 if jobs in (None, 1) else jobs) as workers, Progress("poses") as bar:
         found = workspace(
             robot,
             module,
@@ -132,8 +60,6 @@ def command(
         )
     _write(found, load, output)
     if plot:
-        from ..figures.workspace import figure_of_workspace
-
         units = dict.fromkeys(robot.effort_units[i] for i in robot.modules[found.sweep.module].motor_index)
         title = f"{robot.name}: {found.sweep.link}"
         swept = [*found.sweep.axes, *(name for name in found.sweep.names if name not in found.sweep.axes)]
@@ -144,10 +70,6 @@ def command(
 
 
 def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:
-    import numpy as np
-
-    from ..tables.results import open_results
-
     columns = {
         f"{found.sweep.key}/pose/{n}": found.coordinates[:, i] for i, n in enumerate(found.sweep.names)
     }
@@ -162,8 +84,6 @@ def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:
 
 
 def _summary(found: Workspace, seconds: float) -> list[str]:
-    import numpy as np
-
     sweep = found.sweep
     lines = [
         f"module {sweep.module + 1}: {counted(len(found.index), 'pose')} of '{sweep.link}' in '{sweep.base}'"

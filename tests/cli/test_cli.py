@@ -184,7 +184,7 @@ def test_bugs_are_one_line_without_debug(run, arm, motion, tmp_path: Path, monke
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a\nb\x1b[31m")
 
-    monkeypatch.setattr("hybridyn.dynamics.inverse.inverse_model", broken)
+    monkeypatch.setattr("hybridyn.cli.idm.inverse_model", broken)
     said = run(
         "idm", arm, motion, "-o", tmp_path / "a.csv", status=1, says="unexpected ZeroDivisionError: a b"
     )
@@ -298,7 +298,7 @@ def test_weights_from_words(run, arm, motion, monkeypatch) -> None:
         seen.append(weights)
         return SimpleNamespace(values=np.zeros((len(q), 2)), reactions=None, residual=np.zeros(len(q)))
 
-    monkeypatch.setattr("hybridyn.dynamics.inverse.inverse_model", remembering)
+    monkeypatch.setattr("hybridyn.cli.idm.inverse_model", remembering)
     for words in (["lift=3,turn=2"], ["lift=3", "--weights", "turn=2"]):
         run("idm", arm, motion, "--weights", *words)
     assert seen == [{"lift": 3.0, "turn": 2.0}] * 2

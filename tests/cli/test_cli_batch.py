@@ -35,7 +35,7 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         times[name] = times.get(name, 0) - 1
         return times[name] >= 0
 
-    monkeypatch.setattr("hybridyn.studies.sweep.pools.open_pool", lambda *_: pool_here(deaths))
+    monkeypatch.setattr("hybridyn.cli.common.batch.open_pool", lambda *_: pool_here(deaths))
     return times
 
 

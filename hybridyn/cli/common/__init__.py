@@ -1,7 +1,9 @@
-"""Code that commands share: the options of the robot, the engine, progress, summaries, tables.
+"""Code that commands share: the options of the robot, files, the engine, progress, summaries, tables.
 
-Read `options`, `tables` (a command from table to table, and the observers of its pass), `engine`, `summary`.
-`reports` and `maps` are what `idm` says beside efforts; `tree` is the tree that `info` shows.
+`options`, `files` and the options of `figures` are what `words` is made of: they import nothing large. Then
+read `tables` (a command from table to table, and the observers of its pass), `batch` (the same for many
+tables), `engine`, `summary`. `reports` and `maps` are what `idm` says beside efforts; `tree` is the tree that
+`info` shows.
 
 May import: the same as `cli`.
 """

@@ -1,7 +1,5 @@
 """Commands that compute a table, for many tables: a folder or a glob, in several processes, a shard each."""
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import hashlib
@@ -9,24 +7,24 @@ import io
 import json
 import os
 import time
-import warnings
-from functools import partial
-from importlib import import_module
+from collections.abc import Callable
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
 from ...description.urdf.robot_folders import recorded
 from ...description.writing import locked, write_text
 from ...errors import HybridynError
+from ...structure.robot import HybridRobot
+from ...studies.sweep.pools import MOST_DEATHS, open_pool
+from ...threads import one_thread
+from .. import explained
 from .options import RobotChoice
 from .progress import Progress
+from .tables import one_table
 from .text import counted
-
-if TYPE_CHECKING:
-    from ...structure.robot import HybridRobot
-    from .tables import TableCommand
 
 #: The file that says what the shards of a folder are: a digest of the command, then for each table that was
 #: computed a line with the digests of table and shard.
@@ -51,70 +49,53 @@ class Outcome(NamedTuple):
     error: str = ""
 
 
-def several(word: str) -> bool:
-    """Return whether a word names several tables: it is a folder, or a pattern and no file."""
-    return os.path.isdir(word) or (glob.has_magic(word) and not os.path.exists(word))
-
-
-def compute_each(command: TableCommand, options: dict[str, Any], ending: str, *, resume: bool) -> int:
+def compute_each(command: Callable[..., int], options: dict[str, Any], ending: str, *, resume: bool) -> int:
     """Compute every table that has no shard, and return the exit status.
 
     Args:
-        command: The command that computes a table.
-        options: Its options; `source` names the tables.
+        command: Computes a table.
+        options: Its values; `source` names the tables.
         ending: Ending of the shards; "" takes that of the table.
 
     Raises:
         HybridynError: No table is found, the robot does not load, or the folder has other results.
-        OSError: The disk is full; the shards so far are complete.
     """
-    from ...studies.sweep.pools import open_pool
-
     started = time.perf_counter()
     for name in ("plot", "reactions"):
         if options.get(name):
             raise click.UsageError(f"--{name} belongs to a single table")
-    options["load"]()  # a robot that does not load is one error, and not one for each table
-    assert command.callback is not None
-    module, outcomes = command.callback.__module__, list[Outcome]()
-    identity = _identity(module, options)
+    outcomes = list[Outcome]()
+    identity = _identity(command, options)
     shards, folder = _shards(options["source"], options["output"], ending), Path(options["output"])
     with locked(folder):
         left = _begin(folder, identity, shards, resume=resume)
         tasks = [
-            (module, options | {"source": file, "output": str(shards[file]), "jobs": 1, "quiet": True})
+            (command, options | {"source": file, "output": str(shards[file]), "jobs": 1, "quiet": True})
             for file in left
         ]
         try:
-            if left:
-                with Progress("tables") as bar:
-                    for outcome in open_pool(options["jobs"]).run(compute, tasks, lost):
-                        outcomes.append(outcome)
-                        source = outcome.source
-                        if outcome.error:
-                            click.echo(f"error: {outcome.error}", err=True)
-                        elif shards[source].exists():
-                            with open(folder / ABOUT, "a", encoding="utf-8") as record:
-                                record.write(_line(left[source], shards[source]))
-                        bar.show(len(outcomes), len(outcomes) / len(left))
+            with Progress("tables") as bar:
+                for outcome in open_pool(options["jobs"]).run(compute, tasks, lost) if tasks else ():
+                    outcomes.append(outcome)
+                    source = outcome.source
+                    if outcome.error:
+                        click.echo(f"error: {outcome.error}", err=True)
+                    elif shards[source].exists():
+                        with open(folder / ABOUT, "a", encoding="utf-8") as record:
+                            record.write(_line(left[source], shards[source]))
+                    bar.show(len(outcomes), len(outcomes) / len(left))
         finally:
-            _report(outcomes, len(shards), len(left), folder, time.perf_counter() - started)
-    return FAILED if any(one.error for one in outcomes) else max((one.status for one in outcomes), default=0)
-
-
-def _report(outcomes: list[Outcome], tables: int, now: int, folder: Path, seconds: float) -> None:
-    """Print what the commands printed, in the order of the tables, and what became of the tables."""
-    for one in sorted(outcomes):
-        if one.text and not one.error:
-            click.echo(f"{one.source}:\n{one.text}", nl=False)
-    failed = sum(bool(one.error) for one in outcomes)
-    good = len(outcomes) - failed
-    lines = [f"{counted(tables - now + good, 'table')} of {tables:,} in '{folder}', {good:,} computed now"]
-    if failed:
-        lines.append(f"{counted(failed, 'table')} failed; --resume tries them again")
-    if len(outcomes) < now:
-        lines.append(f"{counted(now - len(outcomes), 'table')} left; continue with --resume")
-    click.echo("\n".join([*lines, f"wall time {seconds:.2f} s"]), err=True)
+            good = sorted(one for one in outcomes if not one.error)
+            for one in good:
+                click.echo(f"{one.source}:\n{one.text}" if one.text else "", nl=False)
+            there, todo = len(shards) - len(left) + len(good), len(left) - len(good)
+            more = f"\n{counted(todo, 'table')} left; continue with --resume" if todo else ""
+            click.echo(
+                f"{counted(there, 'table')} of {len(shards):,} in '{folder}', "
+                f"{len(good):,} computed now{more}\nwall time {time.perf_counter() - started:.2f} s",
+                err=True,
+            )
+    return FAILED if todo else max((one.status for one in outcomes), default=0)
 
 
 def _shards(source: str, output: str | None, ending: str) -> dict[str, Path]:
@@ -138,13 +119,13 @@ def _shards(source: str, output: str | None, ending: str) -> dict[str, Path]:
     return shards
 
 
-def _identity(module: str, options: dict[str, Any]) -> str:
-    """Compute a digest of the command, its options, and the files of the robot but meshes."""
+def _identity(command: Callable[..., int], options: dict[str, Any]) -> str:
+    """Compute a digest of the command, its options, and the files of the robot but meshes; it must load."""
     about_files = ("source", "output", "jobs", "quiet")
     said = {key: repr(options[key]) for key in sorted(options) if key not in about_files}
     with recorded() as files:
         options["load"]()
-    return hashlib.sha256(json.dumps([module, said, sorted(files.items())]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([command.__module__, said, sorted(files.items())]).encode()).hexdigest()
 
 
 def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool) -> dict[str, str]:
@@ -183,57 +164,27 @@ def _digest(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def lost(module: str, options: dict[str, Any]) -> Outcome:
+def lost(command: Callable[..., int], options: dict[str, Any]) -> Outcome:
     """Return what became of a table that ended its process each time."""
-    from ...studies.sweep.pools import MOST_DEATHS
-
     source = options["source"]
-    times = counted(MOST_DEATHS, "time")
-    return Outcome(source, error=f"{source}: its process ended without a result {times}")
+    return Outcome(
+        source, error=f"{source}: its process ended without a result {counted(MOST_DEATHS, 'time')}"
+    )
 
 
-def compute(module: str, options: dict[str, Any]) -> Outcome:
-    """Compute one table by a command, in whatever process.
-
-    Raises:
-        OSError: The disk is full.
-    """
-    import logging
-
-    from ...description.writing import FULL
-    from ...threads import one_thread
-
-    command: TableCommand = import_module(module).command
+def compute(command: Callable[..., int], options: dict[str, Any]) -> Outcome:
+    """Compute one table, in whatever process; the first process has printed the notes on the robot."""
     source, out = options["source"], io.StringIO()
-    log = logging.getLogger("hybridyn")
-    before = log.level
-    log.setLevel(logging.ERROR)  # the first process has said what looks wrong in the robot
     try:
-        with (
-            one_thread(), warnings.catch_warnings(), contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(io.StringIO()),
-        ):  # fmt: skip
-            warnings.simplefilter("ignore")
-            status = command.one(options | {"load": partial(_robot, repr(options["load"]), options["load"])})
-    except OSError as error:
-        if error.errno in FULL:
-            raise
-        return Outcome(source, error=f"{error.filename or source}: {error.strerror}")
-    except (HybridynError, click.ClickException) as error:
-        said = " ".join(str(error).split())
+        with one_thread(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+            status = one_table(command, options | {"load": partial(_robot, options["load"])})
+    except (HybridynError, OSError, click.ClickException) as error:
+        said = " ".join(explained(error)[0].split())
         return Outcome(source, error=said if said.startswith(source) else f"{source}: {said}")
-    finally:
-        log.setLevel(before)
-    return Outcome(source, status or 0, out.getvalue())
+    return Outcome(source, status, out.getvalue())
 
 
-#: The robot of the last table that this process computed, by the choice of the user.
-_kept: dict[str, HybridRobot] = {}
-
-
-def _robot(key: str, choice: RobotChoice) -> HybridRobot:
+@lru_cache(1)
+def _robot(choice: RobotChoice) -> HybridRobot:
     """Load a robot, unless this process has just had it."""
-    if key not in _kept:
-        _kept.clear()
-        _kept[key] = choice()
-    return _kept[key]
+    return choice()

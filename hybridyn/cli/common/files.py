@@ -1,18 +1,20 @@
 """Files that commands read and write: checks before any work, completions in the shell, reports."""
 
-from __future__ import annotations
-
 import csv
+import glob
 import io
 import json
+import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
-if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
+from ...description.names import closest
+from ...description.shipped import BARE_NAME, find_data, no_such_robot, shipped_file, shipped_robots, shown
+from ...description.writing import write_text
+from ...errors import HybridynError
 
 #: Endings of robots' files, where a scene belongs.
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
@@ -27,17 +29,12 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
     """
     if value is None or value == "-" or os.path.isfile(value):
         return value
-    if not os.path.exists(value):
-        from ...description.shipped import find_data
-
-        if shipped := find_data(value):
-            return shipped
+    if not os.path.exists(value) and (shipped := find_data(value)):
+        return shipped
     if os.path.isdir(value):
         raise click.BadParameter(f"'{value}' is a folder", ctx, param)
     if os.path.exists(value):
         raise click.BadParameter(f"'{value}' is not a regular file but a pipe or a device", ctx, param)
-    from ...description.names import closest
-
     folder, name = os.path.split(value)
     if folder and not os.path.isdir(folder):
         raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
@@ -46,10 +43,13 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
     raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
 
 
+def several(word: str) -> bool:
+    """Return whether a word names several tables: it is a folder, or a pattern and no file."""
+    return os.path.isdir(word) or (glob.has_magic(word) and not os.path.exists(word))
+
+
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Return the file of a robot: an existing file, or that of the shipped robot of this name."""
-    from ...description.shipped import BARE_NAME, no_such_robot, shipped_file, shown
-
     if value.lower().endswith((".csv", ".parquet")):
         raise click.BadParameter(f"'{value}' is a table; the robot comes first", ctx, param)
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
@@ -59,11 +59,9 @@ def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     return shown(found)
 
 
-def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[Any]:
     """Return completions: the shipped robots, and files."""
-    from click.shell_completion import CompletionItem
-
-    from ...description.shipped import shipped_robots
+    from click.shell_completion import CompletionItem  # a command that runs does without
 
     names = [
         CompletionItem(name, help=robot.what)
@@ -75,8 +73,6 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Return the file of a scene: an existing file, or the scene of the shipped robot of this name."""
-    from ...description.shipped import shipped_robots, shown
-
     if value.lower().endswith(ROBOTS):
         raise click.BadParameter(f"'{value}' is a robot; a scene is a TOML file (docs/scenes.md)", ctx, param)
 
@@ -89,12 +85,11 @@ def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     return existing_file(ctx, param, value)
 
 
-def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+def result_file(ctx: click.Context, param: click.Parameter | None, value: str | None) -> str | None:
     """Check, before any work is done, that a result file can be written."""
     if value is None or value == "-":
         return value
-    from ...errors import HybridynError
-    from ...tables.results import check_target
+    from ...tables.results import check_target  # it imports NumPy, which completion does without
 
     try:
         check_target(value)
@@ -103,10 +98,10 @@ def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -
     return value
 
 
-def ends_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+def ends_in(*endings: str) -> Callable[[click.Context, click.Parameter | None, str | None], str | None]:
     """Return a callback that checks the ending and the folder of a file, before any work is done."""
 
-    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    def check(ctx: click.Context, param: click.Parameter | None, value: str | None) -> str | None:
         """Check the file, if one is named."""
         if value is None:
             return None
@@ -147,10 +142,9 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
 
     Args:
         target: The file, .csv or .json.
-        rows: Names and values, None for unknown ones.
+        rows: Names and values, None for unknown ones; numbers that are not finite count as unknown.
     """
-    from ...description.writing import write_text
-
+    rows = [{name: _known(x) for name, x in row.items()} for row in rows]
     if target.lower().endswith(".json"):
         write_text(target, json.dumps(rows, indent=2) + "\n")
         return
@@ -159,6 +153,11 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     write_text(target, text.getvalue())
+
+
+def _known(value: Any) -> Any:
+    """Return a value, None for a number that is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_report(source: str) -> list[dict[str, Any]]:

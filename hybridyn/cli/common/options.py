@@ -1,4 +1,4 @@
-"""Options shared by commands: the robot and how to load it, and effects."""
+"""Options shared by commands: their values, the robot and how to load it."""
 
 from __future__ import annotations
 
@@ -10,21 +10,25 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ...description.names import did_you_mean
 from .files import complete_robot, robot_file
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # completion does without them
     from ...structure.robot import Base, HybridRobot
 
 XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
 #: Letters of an option's name and value, beyond which a help explains it in the next line.
 MOST_LETTERS = 30
 
+#: A number of points for each joint, or first and last position and number of points of each.
+Grid = int | tuple[tuple[float, float, int], ...]
 
-def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
+
+def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...] | None:
     """Split names at commas."""
     if value is None:
         return None
-    names = [name.strip() for name in value.split(",")]
+    names = tuple(name.strip() for name in value.split(","))
     if not all(names):
         raise click.BadParameter(f"'{value}' has an empty name", ctx, param)
     return names
@@ -85,9 +89,7 @@ def known_names(what: str, known: Callable[[], Iterable[str]]) -> Callable[..., 
         """Split and check the names."""
         if value is None or ctx.resilient_parsing:  # completion must be quick: nothing large is imported
             return ()
-        from ...description.names import did_you_mean
-
-        names, every = tuple(split_names(ctx, param, value) or ()), tuple(known())
+        names, every = split_names(ctx, param, value) or (), tuple(known())
         for name in names:
             if name not in every:
                 hint = f"{did_you_mean(name, every)}; known: {', '.join(every)}"
@@ -97,42 +99,29 @@ def known_names(what: str, known: Callable[[], Iterable[str]]) -> Callable[..., 
     return check
 
 
-def _effects() -> Iterable[str]:
-    """Return the names of effects and the words for several."""
-    from ...effects.choice import UNITS, WORDS
-
-    return (*UNITS, *WORDS)
-
-
-def takes_effects(default: str | None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add `--effects` to a command, which receives `effects`: the names of effects.
-
-    Args:
-        default: Names that apply where the user gives none; None where the command has several defaults.
-    """
-    several = "" if default else ".  [default: default; with --loads and --by-effect model]"
-    return click.option(
-        "--effects",
-        metavar="A,B,...",
-        callback=known_names("effect", _effects),
-        default=default,
-        show_default=bool(default),
-        help="Effects: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (all that the files "
-        f"state), 'none', or names (docs/effects.md){several}",
-    )
+def parse_grid(ctx: click.Context, param: click.Parameter, value: str | None) -> Grid | None:
+    """Parse a number of points, or FROM:TO:COUNT for each joint."""
+    if value is None:
+        return None
+    try:
+        if ":" not in value:
+            ranges: tuple[tuple[float, float, int], ...] = ()
+            counts = [int(value)]
+        else:
+            words = [part.split(":") for part in value.split(",")]
+            ranges = tuple((float(a), float(b), int(n)) for a, b, n in words)
+            counts = [n for _, _, n in ranges]
+    except ValueError:
+        raise click.BadParameter(
+            f"'{value}' is neither a number of points nor FROM:TO:COUNT,... for each joint", ctx, param
+        ) from None
+    ordered = all(math.isfinite(b - a) and (a < b or n == 1) for a, b, n in ranges)
+    if min(counts) < 1 or not ordered:
+        raise click.BadParameter(f"'{value}': a range has FROM < TO and at least one point", ctx, param)
+    return ranges or counts[0]
 
 
-class Brief(click.Option):
-    """An option of which a help does not show the range."""
-
-    def get_help_extra(self, ctx: click.Context) -> Any:
-        """Return what the help says beside the text."""
-        extra = super().get_help_extra(ctx)
-        extra.pop("range", None)
-        return extra
-
-
-class Shared(Brief):
+class Shared(click.Option):
     """An option that many commands have: a help shows it last."""
 
 
@@ -185,9 +174,9 @@ class RobotChoice:
 
     robot: str
     base: Base | None = None
-    motors: list[str] | None = None
+    motors: tuple[str, ...] | None = None
     gravity: tuple[float, float, float] | None = None
-    xacro_args: dict[str, str] = dataclasses.field(default_factory=dict)
+    xacro_args: dict[str, str] = dataclasses.field(default_factory=dict, hash=False)
     package_dirs: tuple[str, ...] = ()
     rank_tolerance: float | None = None
     closure_tolerance: float = 1e-4
@@ -248,17 +237,18 @@ class RobotCommand(Command):
     """
 
     def __init__(
-        self, *, params: list[click.Parameter], robot: click.Parameter | None = None, **words: Any
+        self, name: str, *, params: list[click.Parameter], robot: click.Parameter | None = None, **words: Any
     ) -> None:
         """Add the robot and its options.
 
         Args:
-            params: The command's own arguments and options.
+            name: Name of the command.
+            params: Its own arguments and options.
             robot: The parameter `robot`, where it is not an argument that names one.
             words: As for `click.Command`.
         """
         robot = robot or click.Argument(["robot"], callback=robot_file, shell_complete=complete_robot)
-        super().__init__(params=[robot, *params, *ROBOT_OPTIONS], **words)
+        super().__init__(name, params=[robot, *params, *ROBOT_OPTIONS], **words)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put `--xacro` before each bare `name:=value`, then parse as usual."""
@@ -272,9 +262,5 @@ class RobotCommand(Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Collect the robot's options, and call the function."""
         own = {field.name: ctx.params.pop(field.name) for field in dataclasses.fields(RobotChoice)}
-        return ctx.invoke(self.run, ctx.params | {"load": RobotChoice(**own)})
-
-    def run(self, words: dict[str, Any]) -> Any:
-        """Call the function with the values of arguments and options."""
-        assert self.callback is not None
-        return self.callback(**words)
+        ctx.params["load"] = RobotChoice(**own)
+        return super().invoke(ctx)

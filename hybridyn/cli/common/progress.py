@@ -1,7 +1,5 @@
 """A progress bar on standard error, if this is a terminal and the work is long."""
 
-from __future__ import annotations
-
 import sys
 import time
 from types import TracebackType

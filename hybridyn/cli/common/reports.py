@@ -1,34 +1,34 @@
 """The reports of `hybridyn idm`: what a motion requires of each motor, and what each effect adds."""
 
-from __future__ import annotations
-
-import dataclasses
 import math
-import os
+from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+import numpy as np
 
+from ...effects import choose
+from ...figures.reports import chart_of_report, chart_of_sizing
+from ...streams.departures import Departures
+from ...streams.one_pass import Rows, read_postures
+from ...streams.postures import Postures, rows_named
+from ...structure.robot import HybridRobot
+from ...studies.effect_worth import EffectSets, contributions
+from ...studies.sizing import MotorLoad, Peak, Sizing, motor_rows
+from ...tables.columns import Layout
 from .engine import WORTH_OF_EFFECTS, choose_engine
-from .figures import save_chart
+from .figures import save, title_of
 from .files import write_report
-from .summary import by_rows, effects_line, fitted_rates
+from .options import RobotChoice
+from .summary import about
+from .tables import Tables
 from .text import aligned_rows, counted
-
-if TYPE_CHECKING:
-    from ...effects import Effects
-    from ...streams.one_pass import Rows
-    from ...streams.postures import Postures
-    from ...structure.robot import HybridRobot
-    from ...studies.sizing import MotorLoad
-    from ...tables.columns import Layout
-    from .engine import Engine
-    from .options import RobotChoice
-    from .tables import Tables
 
 #: Part of the numbers that make it up, below which a sum is their rounding.
 WORK_ROUNDING = 1e-12
+#: Quantities that have limits.
+LIMITED = ("position", "speed", "effort")
 
 
 def motor_states(
@@ -41,73 +41,42 @@ def motor_states(
     Args:
         efforts: Computes the efforts of a block.
     """
-    import numpy as np
-
-    from ...studies.sizing import motor_rows
-
     made = efforts(robot, block)
     position, speed = motor_rows(robot, block.q, block.v)
-    rows = np.concatenate([speed, made.rows, np.nan_to_num(position)], axis=1)
-    return made._replace(rows=rows)
-
-
-#: Quantities that have limits.
-LIMITED = ("position", "speed", "effort")
+    return made._replace(rows=np.concatenate([speed, made.rows, np.nan_to_num(position)], axis=1))
 
 
 class Loads:
     """The loads of the motors, collected block by block, and their report."""
 
-    def __init__(self, robot: HybridRobot, tables: Tables, effects: Effects, engine: Engine) -> None:
-        from ...streams.departures import Departures
-        from ...studies.sizing import Sizing
-
-        self.left = Departures()
-        self.robot, self.tables, self.effects, self.engine = robot, tables, effects, engine
-        self.sizing = Sizing(robot)
+    def __init__(self, robot: HybridRobot, tables: Tables) -> None:
+        self.robot, self.tables, self.sizing = robot, tables, Sizing(robot)
 
     def add(self, done: Rows) -> None:
         """Add a block."""
-        import numpy as np
-
-        self.engine.add(done.handed_over)
-        self.left.add(done.left, done.first_row, done.time)
         speed, effort, position = np.split(done.rows, 3, axis=1)
-        turning = [joint.kind == "continuous" for joint in self.sizing.joints]
-        position[:, turning] = np.nan
+        position[:, [joint.kind == "continuous" for joint in self.sizing.joints]] = np.nan
         self.sizing.add(done.time, done.first_row, position, speed, effort)
 
-    def show(self, layout: Layout, quiet: bool) -> None:
+    def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
         """Print the table, write the files, and name what exceeds its limit."""
-        loads, name = self.sizing.loads(), self.robot.name
-        timed = layout.time is not None
+        loads, name, timed = self.sizing.loads(), self.robot.name, layout.time is not None
         if self.tables.output:
-            counts = [{f"over_{what}": self._count(load.motor, what) for what in LIMITED} for load in loads]
-            rows = [facts(load, timed) | over for load, over in zip(loads, counts, strict=True)]
+            over = Counter({(one.joint, one.quantity): one.count for one in left})
+            counts = [{f"over_{what}": over[load.motor, what] for what in LIMITED} for load in loads]
+            rows = [facts(load, timed) | count for load, count in zip(loads, counts, strict=True)]
             write_report(self.tables.output, rows)
         if self.tables.plot:
-            from ...figures.reports import chart_of_sizing
-
-            title = f"{name}, {os.path.basename(self.tables.source)}"
-            save_chart(chart_of_sizing(self.sizing, title=title), self.tables.plot)
-        over = f" over {self.sizing.duration:.6g} s" if timed else ""
+            save(
+                chart_of_sizing(self.sizing, title=title_of(self.robot, self.tables.source)), self.tables.plot
+            )
+        during = f" over {self.sizing.duration:.6g} s" if timed else ""
         samples = counted(self.sizing.samples, "sample")
-        click.echo(f"{name}: {counted(len(loads), 'motor')}, {samples}{over}")
-        click.echo("\n".join(_table(loads, timed)))
-        for line in self.exceeded or ["no effort, speed or position is over a limit of the robot's file"]:
-            click.echo(line)
-        if not quiet:
-            told = [*by_rows(layout), *fitted_rates(layout), *effects_line(self.effects), str(self.engine)]
-            click.echo("\n".join(told), err=True)
-
-    @property
-    def exceeded(self) -> list[str]:
-        """Lines that name the limits that the motion exceeds."""
-        return [self.left.line(one) for one in self.left]
-
-    def _count(self, motor: str, quantity: str) -> int:
-        """Return the number of samples at which a motor exceeds its limit."""
-        return sum(one.count for one in self.left if (one.joint, one.quantity) == (motor, quantity))
+        lines = [f"{name}: {counted(len(loads), 'motor')}, {samples}{during}", *_table(loads, timed)]
+        lines += [left.line(one) for one in left]
+        if not any(left):
+            lines.append("no effort, speed or position is over a limit of the robot's file")
+        click.echo("\n".join(lines))
 
 
 def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
@@ -116,23 +85,22 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
     rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
     rows[0] += ["mean power", "positive work", "negative work"] if timed else []
     for load in loads:
-        force, speed = load.unit("effort"), load.unit("speed")
         cells = [
             load.motor,
-            f"{load.effort.value:.5g} {force}",
+            f"{load.effort.value:.5g} {load.unit('effort')}",
             f"{load.effort.at:.5g}",
             f"{load.rms_effort:.5g}",
-            f"{load.speed.value:.4g} {speed}",
+            f"{load.speed.value:.4g} {load.unit('speed')}",
             f"{load.speed.at:.5g}",
             f"{load.power.value:.4g} W",
             f"{load.power.at:.5g}",
             f"{load.braking_power.value:.4g} W",
         ]
         if timed:
-            mean = _unless_rounding(load.mean_power or 0.0, load.power.value)
             given, taken = load.energy_given or 0.0, load.energy_taken or 0.0
             both = abs(given) + abs(taken)
-            cells += [f"{mean:.4g} W", *(f"{_unless_rounding(x, both):.4g} J" for x in (given, taken))]
+            cells.append(f"{_unless_rounding(load.mean_power or 0.0, load.power.value):.4g} W")
+            cells += [f"{_unless_rounding(x, both):.4g} J" for x in (given, taken)]
         rows.append(cells)
     return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
 
@@ -149,22 +117,15 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
         timed: Whether the table has time; if not, peaks are at rows.
     """
     out: dict[str, Any] = {}
-    for field in dataclasses.fields(load):
-        value = getattr(load, field.name)
-        if field.name in ("effort", "speed", "power", "braking_power"):
-            out |= {
-                f"peak_{field.name}": value.value,
-                f"peak_{field.name}_{'at' if timed else 'row'}": value.at,
-            }
-        elif field.name == "travel":
-            lower, upper = value or (None, None)
-            out |= {"position_lower": lower, "position_upper": upper}
-        elif isinstance(value, float) and math.isinf(value):
-            out[field.name] = None
-        elif field.name == "linear":
+    for name, value in vars(load).items():
+        if isinstance(value, Peak):
+            out |= {f"peak_{name}": value.value, f"peak_{name}_{'at' if timed else 'row'}": value.at}
+        elif name == "travel":
+            out |= dict(zip(("position_lower", "position_upper"), value or (None, None), strict=True))
+        elif name == "linear":
             out |= {"effort_unit": load.unit("effort"), "speed_unit": load.unit("speed")}
         else:
-            out[field.name] = value
+            out[name] = value
     if load.gear_ratio != 1.0:
         out |= {
             "rotor_peak_torque": load.rotor_torque,
@@ -184,16 +145,11 @@ def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], en
     Raises:
         HybridynError: The table is wrong, or a row cannot be assembled.
     """
-    from ...effects import choose
-    from ...streams.one_pass import read_postures
-    from ...streams.postures import rows_named
-    from ...studies.effect_worth import EffectSets, contributions
-
     robot = load()
     on = choose(robot, effects)
     layout, (motion, q, v, a) = read_postures(robot, tables.source)
     obstacles = {"wrenches in the table": bool(motion.wrenches)}
-    chosen = choose_engine(engine, robot, on, len(q), obstacles, WORTH_OF_EFFECTS)
+    chosen = choose_engine(engine, robot, on, len(q), WORTH_OF_EFFECTS, obstacles)
     sets = None if chosen.model is None else EffectSets(chosen.model)
     with rows_named(layout, motion):
         found = contributions(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time, sets=sets)
@@ -210,19 +166,17 @@ def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], en
         write_report(tables.output, told)
     click.echo("\n".join(_effect_rows(told)))
     if tables.plot:
-        from ...figures.reports import chart_of_report
-
-        title = f"{robot.name}, {os.path.basename(tables.source)}: what each effect adds"
-        save_chart(chart_of_report(told, title=title), tables.plot)
+        title = f"{title_of(robot, tables.source)}: what each effect adds"
+        save(chart_of_report(told, title=title), tables.plot)
     if tables.quiet:
         return
-    lines = [*effects_line(on), *by_rows(layout)]
+    lines = about(robot, layout, on)
     if sets is not None:
-        chosen.add(sum(model.recomputed for model in sets.models.values()))
+        chosen.handed_over = sum(model.recomputed for model in sets.models.values())
         lines.append(f"{counted(len(sets.models), 'set')} of effects compiled")
         for names, reason in [*sets.refused.items()][:1]:
-            left = f"{counted(len(sets.refused), 'set')} of effects left to the general path"
-            lines.append(f"{left}; {', '.join(names)}: {reason}")
+            others = f"{counted(len(sets.refused), 'set')} of effects left to the general path"
+            lines.append(f"{others}; {', '.join(names)}: {reason}")
     click.echo("\n".join([*lines, str(chosen)]), err=True)
 
 

@@ -1,20 +1,20 @@
-"""The summary on standard error: the motors' loads, the effects, the engine and the time."""
-
-from __future__ import annotations
+"""The summary on standard error: the motors' peaks, limits, rates and the effects."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
+from ...description.names import listed
+from ...effects import Effects
+from ...effects.choice import stated_names
+from ...streams.departures import Departures
+from ...streams.one_pass import Rows
+from ...structure.robot import HybridRobot
+from ...studies.home import branch
+from ...tables.columns import Layout
+from ...tables.over_time import Means, Peaks
 from .text import aligned_rows, counted
-
-if TYPE_CHECKING:
-    from ...effects import Effects
-    from ...streams.one_pass import Rows
-    from ...structure.robot import HybridRobot
-    from ...tables.columns import Layout
-    from .engine import Engine
 
 
 class Summary:
@@ -26,9 +26,6 @@ class Summary:
         quantity: str,
         units: Sequence[str],
         columns: Sequence[str],
-        *,
-        remarks: Sequence[str],
-        engine: Engine,
     ) -> None:
         """Start an empty summary.
 
@@ -36,97 +33,61 @@ class Summary:
             quantity: Quantity of the motors, "effort" or "acceleration": those in the columns are told.
             units: Its unit by motor.
             columns: Names of the columns.
-            remarks: Lines at the end of the summary.
-            engine: The engine, which counts the samples handed to the general path.
         """
-        from ...streams.departures import Departures
-        from ...tables.over_time import Means, Peaks
-
-        self.left = Departures()
-        self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine
-        self.residual = 0.0
+        self.robot, self.quantity = robot, quantity
+        self.residual, self.squares = 0.0, Means()
         place = {name: i for i, name in enumerate(columns)}
-        motors = [(name, unit, f"{name}/{quantity}") for name, unit in zip(robot.motors, units, strict=True)]
-        motors = [one for one in motors if one[2] in place]
-        self.names, self.units = [one[0] for one in motors], [one[1] for one in motors]
-        self.at = [place[one[2]] for one in motors]
-        self.peaks, self.squares = Peaks(len(self.at)), Means()
-        self.timed = True
-
-    @property
-    def exceeded(self) -> list[str]:
-        """Lines that name the limits that the motion exceeds."""
-        return self.left.lines()
+        units_of = dict(zip(robot.motors, units, strict=True))
+        self.units = {name: unit for name, unit in units_of.items() if f"{name}/{quantity}" in place}
+        self.at = [place[f"{name}/{quantity}"] for name in self.units]
+        self.peaks = Peaks(len(self.at))
 
     def add(self, done: Rows) -> None:
         """Add a block."""
-        import numpy as np
-
-        self.left.add(done.left, done.first_row, done.time)
-        self.engine.add(done.handed_over)
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
-        values, self.timed = done.rows[:, self.at], done.time is not None
+        values = done.rows[:, self.at]
         rows = np.arange(done.first_row, done.first_row + len(values), dtype=float)
         self.peaks.add(values, rows if done.time is None else done.time)
         self.squares.add(done.time, values**2)
 
-    def show(self, layout: Layout, quiet: bool) -> None:
+    def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
         """Print the summary on standard error, if this is not `quiet`."""
         if quiet:
             return
+        rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
+        for i, (name, unit) in enumerate(self.units.items()):
+            at = self.peaks.at[i]
+            place = f"row {at:.0f}" if layout.time is None else f"{at:.6g} s"
+            rms = self.squares.mean[i] ** 0.5
+            rows.append([name, f"{self.peaks.value[i]:.6g}", f"{rms:.6g}", unit, place])
         lines = [f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}"]
-        lines += [f"  {line}" for line in self._lines()]
-        lines += [*self.exceeded, *by_rows(layout), *fitted_rates(layout), *self.remarks, str(self.engine)]
+        lines += [f"  {line}" for line in aligned_rows(rows, right=(1, 2)) if self.units]
+        lines += left.lines()
         if self.robot.description.closures or self.robot.description.couplings:
             lines.append(f"worst closure residual: {self.residual:.2g} of the module's size")
         click.echo("\n".join(lines), err=True)
 
-    def _lines(self) -> list[str]:
-        rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
-        for i, square in enumerate(self.squares.mean[: len(self.at)]):
-            at = self.peaks.at[i]
-            place = f"{at:.6g} s" if self.timed else f"row {at:.0f}"
-            peak = f"{self.peaks.value[i]:.6g}"
-            rows.append([self.names[i], peak, f"{square**0.5:.6g}", self.units[i], place])
-        return aligned_rows(rows, right=(1, 2)) if self.at else []
+
+def effects_line(effects: Effects) -> str:
+    """Return the line that names the effects that were on."""
+    return f"effects on: {', '.join(effects.names) or 'none'}; others off"
 
 
-def effects_line(effects: Effects) -> list[str]:
-    """Return one line that names the effects that were on."""
-    return [f"effects on: {', '.join(effects.names) or 'none'}; others off"]
-
-
-def branch_line(robot: HybridRobot, layout: Layout) -> list[str]:
-    """Return one line on the branch of the postures, where the table is assembled, or no line."""
-    from ...studies.home import branch
-
-    return [] if layout.full_state else branch(robot)
-
-
-def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
-    """Return one line that names effects of the robot's files that are not computed, or no line."""
-    from ...effects.choice import stated_names
-
-    missing = [name for name in stated_names(robot) if name not in effects.names]
-    if not missing:
-        return []
-    return [f"the robot's files state {', '.join(missing)}: not computed; '--effects model' computes all"]
-
-
-def by_rows(layout: Layout) -> list[str]:
-    """Return one line that says what RMS values and means of a table without times are, or no line."""
-    return [] if layout.time is not None else ["the table has no times: RMS values are means over its rows"]
-
-
-def fitted_rates(layout: Layout) -> list[str]:
-    """Return the lines that name the rates fitted by a spline."""
-    from ...description.names import listed
-
+def about(robot: HybridRobot, layout: Layout, effects: Effects) -> list[str]:
+    """Return lines on a table: its means, the rates that a spline fits, the branch, the effects."""
+    lines = []
+    if layout.time is None:
+        lines.append("the table has no times: RMS values are means over its rows")
     groups: dict[tuple[str, ...], list[str]] = {}
     for signal in layout.signals:
-        if signal.missing:
-            groups.setdefault(signal.missing, []).append(signal.name)
-    return [
+        groups.setdefault(signal.missing, []).append(signal.name)
+    lines += [
         f"not in the table, fitted by a quintic spline over time: {' and '.join(missing)} of {listed(names)}"
         for missing, names in groups.items()
+        if missing
     ]
+    lines += [*([] if layout.full_state else branch(robot)), effects_line(effects)]
+    left = ", ".join(name for name in stated_names(robot) if name not in effects.names)
+    if left:
+        lines.append(f"the robot's files state {left}: not computed; '--effects model' computes all")
+    return lines

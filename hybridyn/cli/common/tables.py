@@ -1,30 +1,25 @@
-"""Commands that compute a table from another one, row by row: their options, and the pass over the rows."""
-
-from __future__ import annotations
+"""Commands that compute a table from another one, row by row: their files, and the pass over the rows."""
 
 import contextlib
-import os
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import click
+import numpy as np
 
+from ...streams.departures import Departures
+from ...streams.one_pass import Model, Pass, Rows
+from ...streams.reaction_columns import reaction_columns, shared_wrenches
 from ...streams.workers import Workers, keep_freed_memory
-from .batch import compute_each, several
-from .figures import Drawing, plot_option
-from .files import check_targets, existing_file, report_file, result_file
-from .options import Brief, RobotChoice, RobotCommand
+from ...tables.columns import Layout
+from ...tables.opening import Table, open_table
+from ...tables.results import open_results
+from .engine import Engine
+from .files import check_targets, report_file, result_file, several
+from .options import RobotChoice
 from .progress import Progress
 from .text import counted
-
-if TYPE_CHECKING:
-    from ...streams.one_pass import Model, Pass, Rows
-    from ...streams.postures import Assemble
-    from ...structure.robot import HybridRobot
-    from ...tables.columns import Layout
-    from ...tables.opening import Table
-
 
 #: Numbers in a table above which several processes pay: about three seconds of work for one.
 LONG_TABLE = 300_000
@@ -35,17 +30,12 @@ LONG_FOR_COMPILED = 3_000_000
 class Observer(Protocol):
     """What watches the results of a pass, block by block, and says at the end what it saw."""
 
-    @property
-    def exceeded(self) -> Sequence[str]:
-        """Lines that name the limits that the motion exceeds."""
-        ...
-
     def add(self, done: Rows) -> None:
         """Add a block."""
         ...
 
-    def show(self, layout: Layout, quiet: bool) -> None:
-        """Print what was seen; on standard error only if this is not `quiet`."""
+    def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
+        """Print what was seen, and the limits that joints leave; on standard error only if not `quiet`."""
         ...
 
 
@@ -54,17 +44,17 @@ class Plan(NamedTuple):
 
     Attributes:
         model: The model to evaluate on each block.
-        columns: Columns of the result after the time.
+        columns: Columns of the result after the time; None where no rows are written.
         observers: What watches the results.
-        written: Whether the rows are written, and drawn.
-        assemble: Assembles the rows; None for the general path.
+        engine: What computes.
+        remarks: Lines at the end of the summary.
     """
 
     model: Model
-    columns: Sequence[str]
+    columns: Sequence[str] | None
     observers: Sequence[Observer]
-    written: bool = True
-    assemble: Assemble | None = None
+    engine: Engine
+    remarks: Sequence[str]
 
 
 class Tables(NamedTuple):
@@ -87,121 +77,32 @@ class Tables(NamedTuple):
     plot: str | None
 
 
-def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
-    """Return the table that the user names, or the trajectory that comes with a shipped robot."""
-    if value is not None:
-        return existing_file(ctx, param, value)
-    from ...description.shipped import own_trajectory
+def for_each_table(compute: Callable[..., int], words: dict[str, Any], *, report: bool = False) -> int:
+    """Compute a table, or each of several ones, and return the exit status.
 
-    robot = ctx.params.get("robot")
-    table = own_trajectory(robot) if robot else None
-    if table is None:
-        raise click.MissingParameter(ctx=ctx, param=param, param_hint="'TRAJECTORY'")
-    return table
-
-
-def _source(metavar: str, *, own: bool) -> click.Argument:
-    """Return the argument `source`: the table that a command reads, or a folder or a glob of tables."""
-
-    def callback(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-        """Check the table, or let several pass."""
-        if value is not None and several(value):
-            return value
-        return (own_table if own else existing_file)(ctx, param, value)
-
-    return click.Argument(
-        ["source"],
-        metavar=f"[{metavar}]" if own else metavar,
-        required=not own,
-        callback=callback,
-        type=click.Path(),
-    )
-
-
-def jobs_option(default: str) -> Brief:
-    """Return the option `--jobs`. `default`: the number of processes where the user gives none."""
-    return Brief(
-        ["-j", "--jobs"],
-        type=click.IntRange(1),
-        metavar="N",
-        help=f"Processes.  [default: {default}]",
-    )
-
-
-def resume_option(of: str) -> click.Option:
-    """Return the option `--resume`. `of`: the beginning of its help."""
-    return click.Option(["--resume"], is_flag=True, help=f"{of} Continue an earlier run.".lstrip())
-
-
-def _table_options(plot: str) -> tuple[click.Option, ...]:
-    return (
-        click.Option(
-            ["-o", "--output"],
-            metavar="FILE",
-            help="Result; a folder for several tables.  [default: stdout]",
-        ),
-        click.Option(
-            ["--reactions"],
-            metavar="FILE",
-            callback=result_file,
-            help="Write internal wrenches, too, .csv or .parquet.",
-        ),
-        plot_option(plot, page=True),
-        click.Option(["-q", "--quiet"], is_flag=True, help="No summary."),
-        jobs_option("1; one per core for long tables"),
-        resume_option("Several tables:"),
-    )
-
-
-class TableCommand(RobotCommand):
-    """A command that computes a table from another one, or from each of several ones.
-
-    Its function receives `load`, and `tables`, the files.
+    Args:
+        compute: Function of `tables`, the files, and the other values, that computes a table.
+        words: Values of arguments and options.
+        report: Whether the result is no table but a report, .csv or .json.
     """
+    resume = words.pop("resume")
+    if several(words["source"]):
+        from .batch import compute_each
 
-    def __init__(
-        self,
-        *,
-        metavar: str,
-        plot: str,
-        params: list[click.Parameter],
-        own: bool = False,
-        reports: Collection[str] = (),
-        **words: Any,
-    ) -> None:
-        """Add the options of tables.
+        return compute_each(compute, words, ".csv" if report else "", resume=resume)
+    if resume:
+        raise click.UsageError("--resume belongs to several tables")
+    (report_file if report else result_file)(click.get_current_context(), None, words["output"])
+    return one_table(compute, words)
 
-        Args:
-            metavar: Name of the table in the help.
-            plot: The content of a figure of the result, for the help.
-            params: The command's own options.
-            own: Whether a shipped robot's own trajectory is the default.
-            reports: Flags with which the result is no table but a report, .csv or .json.
-            words: As for `click.Command`.
-        """
-        self.reports = reports
-        super().__init__(params=[_source(metavar, own=own), *params, *_table_options(plot)], **words)
 
-    def run(self, words: dict[str, Any]) -> Any:
-        """Call the function, once for each table."""
-        resume = words.pop("resume")
-        report = any(words[name] for name in self.reports)
-        if several(words["source"]):
-            return compute_each(self, words, ".csv" if report else "", resume=resume)
-        if resume:
-            raise click.UsageError("--resume belongs to several tables")
-        output = next(one for one in self.params if one.name == "output")
-        (report_file if report else result_file)(click.get_current_context(), output, words["output"])
-        return self.one(words)
-
-    def one(self, words: dict[str, Any]) -> Any:
-        """Check the files of one table, and call the function with them."""
-        tables = Tables(**{name: words.pop(name) for name in Tables._fields})
-        check_targets([tables.source], (tables.output, tables.reactions))
-        if tables.reactions == "-" and tables.output in (None, "-"):
-            raise click.UsageError("efforts and reactions cannot both go to standard output")
-        assert self.callback is not None
-        return self.callback(tables=tables, **words)
+def one_table(compute: Callable[..., int], words: dict[str, Any]) -> int:
+    """Check the files of one table, and compute it."""
+    tables = Tables(**{name: words.pop(name) for name in Tables._fields})
+    check_targets([tables.source], (tables.output, tables.reactions))
+    if tables.reactions == "-" and tables.output in (None, "-"):
+        raise click.UsageError("efforts and reactions cannot both go to standard output")
+    return compute(tables=tables, **words)
 
 
 def run(
@@ -211,7 +112,7 @@ def run(
     *,
     outputs: Sequence[str] = (),
     efforts: bool = False,
-) -> Plan:
+) -> Departures:
     """Read a table, compute block by block, write the result and print the summary.
 
     Args:
@@ -220,54 +121,46 @@ def run(
         efforts: Whether the table has efforts.
 
     Returns:
-        The computation, whose observers have seen all blocks.
+        The limits that joints leave.
 
     Raises:
         HybridynError: A file or a row is wrong; no file is written then.
     """
-    from ...streams.one_pass import Pass
-    from ...tables.opening import open_table
-
     keep_freed_memory()
     started = time.perf_counter()
     with contextlib.ExitStack() as opened:
         table = opened.enter_context(open_table(tables.source))
         given = Pass(load(), table, outputs=outputs, efforts=efforts)
-        robot, layout = given.robot, given.layout
         planned = plan(given)
-        workers = opened.enter_context(Workers(_processes(tables.jobs, table, planned.assemble is not None)))
-        done_by = given.blocks(planned.model, planned.assemble, workers)
-        loaded, samples = time.perf_counter(), 0
+        models = planned.engine.model
+        workers = opened.enter_context(Workers(_processes(tables.jobs, table, models is not None)))
+        done_by = given.blocks(planned.model, None if models is None else models.assemble, workers)
+        loaded, samples, left = time.perf_counter(), 0, Departures()
         observers = [*planned.observers]
-        if tables.plot and planned.written:
-            title = f"{robot.name}, {os.path.basename(tables.source)}"
-            observers.insert(0, Drawing(robot, planned.columns, title, tables.plot, table.rows))
-        with _writer(tables, robot, planned, layout.time is not None) as write, Progress() as progress:
+        if tables.plot and planned.columns is not None:
+            from .drawing import Drawing
+
+            observers.insert(0, Drawing(given.robot, table, planned.columns, tables.plot))
+        with _writer(tables, given, planned.columns) as write, Progress() as progress:
             for done in done_by:
+                left.add(done.left, done.first_row, done.time)
+                planned.engine.handed_over += done.handed_over
                 for observer in observers:
                     observer.add(done)
                 write(done)
                 samples += len(done.rows)
                 progress.show(samples, min(samples / table.rows, 1.0) if table.rows else None)
-        jobs = max(workers.count, 1)
     finished = time.perf_counter()
     for observer in observers:
-        observer.show(layout, tables.quiet)
-    if planned.written and not tables.quiet:
-        _told(robot, tables, samples, finished - loaded, finished - started, jobs)
-    return planned
-
-
-def _told(robot: HybridRobot, tables: Tables, samples: int, seconds: float, wall: float, jobs: int) -> None:
-    """Print how fast the samples were computed, and which reactions are not unique."""
-    rate = samples / seconds if seconds > 0 else float("inf")
-    shared = f" in {jobs} processes" if jobs > 1 else ""
-    lines = [f"{counted(samples, 'sample')}, {rate:,.0f} samples/s{shared}, wall time {wall:.2f} s"]
-    if tables.reactions:
-        from ...streams.reaction_columns import shared_wrenches
-
-        lines += shared_wrenches(robot)
-    click.echo("\n".join(lines), err=True)
+        observer.show(given.layout, left, tables.quiet)
+    if not tables.quiet:
+        shared = f" in {workers.count} processes" if workers.count > 1 else ""
+        speed = f"{samples / max(finished - loaded, 1e-9):,.0f} samples/s{shared}"
+        lines = [*planned.remarks, str(planned.engine)]
+        lines.append(f"{counted(samples, 'sample')}, {speed}, wall time {finished - started:.2f} s")
+        lines += shared_wrenches(given.robot) if tables.reactions else []
+        click.echo("\n".join(lines), err=True)
+    return left
 
 
 def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
@@ -281,22 +174,19 @@ def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
 
 
 @contextlib.contextmanager
-def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Iterator[Callable[[Rows], None]]:
+def _writer(tables: Tables, given: Pass, columns: Sequence[str] | None) -> Iterator[Callable[[Rows], None]]:
     """Yield a function that writes the results of a block; files appear when they are complete."""
-    import numpy as np
-
-    from ...tables.results import open_results
-
-    time_column = ["time"] if timed else []
+    targets: dict[str, tuple[str | None, Sequence[str]]] = {}
+    if columns is not None:
+        targets["rows"] = (tables.output, columns)
+    if tables.reactions:
+        targets["reactions"] = (tables.reactions, reaction_columns(given.robot))
+    time_column = [] if given.layout.time is None else ["time"]
     with contextlib.ExitStack() as files:
-        writes = {}
-        if plan.written:
-            writes["rows"] = files.enter_context(open_results(tables.output, [*time_column, *plan.columns]))
-        if tables.reactions:
-            from ...streams.reaction_columns import reaction_columns
-
-            columns = [*time_column, *reaction_columns(robot)]
-            writes["reactions"] = files.enter_context(open_results(tables.reactions, columns))
+        writes = {
+            name: files.enter_context(open_results(target, [*time_column, *names]))
+            for name, (target, names) in targets.items()
+        }
 
         def write(done: Rows) -> None:
             """Write the rows of a block."""

@@ -1,7 +1,5 @@
 """Format text for the terminal: counts and columns."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 

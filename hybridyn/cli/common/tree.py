@@ -1,17 +1,12 @@
 """The tree of modules as text."""
 
-from __future__ import annotations
-
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
+from ...figures.module_tree import Card
+from ...structure.robot import HybridRobot
 from .text import NARROWEST, counted
-
-if TYPE_CHECKING:
-    from ...figures.module_tree import Card
-    from ...structure.robot import HybridRobot
 
 #: Width of a label such as "closures  " [characters].
 LABEL = 10
