@@ -20,8 +20,9 @@ import pytest
 
 import hybridyn
 from hybridyn.streams.postures import postures
+from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.designs import designs_of
-from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
+from hybridyn.studies.sweep.evaluation import Chunk, Row
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
@@ -253,7 +254,7 @@ def scene(number: int) -> str:
 def first_rows(path: Path) -> tuple[Row, ...]:
     """Evaluate the first designs of a study."""
     source = read_study(path)
-    return evaluate(source, Chunk(0, designs_of(source)[:DESIGNS])).rows
+    return evaluate_chunk(source, Chunk(0, designs_of(source)[:DESIGNS]), None).rows
 
 
 def studies(folder: Path, first: int, count: int) -> int:

@@ -18,7 +18,7 @@ from hybridyn.errors import ActuationError, ModelError, SingularityError, Trajec
 from hybridyn.streams.departures import departures
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.sizing import Sizing, motor_rows
-from hybridyn.studies.sweep.measures import OF_MOTORS
+from hybridyn.studies.sweep.measures import of_motors
 from hybridyn.view.panel import effort_limits
 from tests.comparing import close_to, refused
 from tests.effect_cases import CASES, every, rate_of
@@ -351,7 +351,7 @@ def test_a_limit_of_zero_in_a_file_is_none(engine: str) -> None:
     loads = sizing.loads()
     assert departures(silent, q, v, tau) == ()
     assert effort_limits(silent) == [np.inf, np.inf]
-    assert [OF_MOTORS[f"{name}_margin"](loads) for name in ("effort", "speed")] == [np.inf, np.inf]
+    assert [of_motors(f"{name}_margin", loads) for name in ("effort", "speed")] == [np.inf, np.inf]
 
 
 def test_a_base_that_rolls_and_heaves() -> None:

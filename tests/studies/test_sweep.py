@@ -20,9 +20,10 @@ from hybridyn.errors import install_advice
 from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
+from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.compiled_designs import Plan
 from hybridyn.studies.sweep.designs import designs_of
-from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
+from hybridyn.studies.sweep.evaluation import Chunk, Row
 from hybridyn.studies.sweep.pools import Pool, ThisProcess
 from hybridyn.studies.sweep.reading import identity, read_study
 from hybridyn.studies.sweep.shards import About, begin, read_shards, write_shard
@@ -96,7 +97,7 @@ def written(designs: str, parameters: str = SCALES, measure: str = '["peak_effor
 def evaluated(study: Path, **options: bool) -> tuple[Row, ...]:
     """Evaluate all designs of a study in one chunk."""
     source = read_study(study, **options)
-    return evaluate(source, Chunk(0, designs_of(source))).rows
+    return evaluate_chunk(source, Chunk(0, designs_of(source)), None).rows
 
 
 def effort(length: float, factor: float) -> np.ndarray:

@@ -98,7 +98,6 @@ def compiling_takes(seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
     compiling_takes(-np.inf, monkeypatch)
-    monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 1)
 
 
 def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
@@ -297,21 +296,17 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
     able = {1.0: "unreachable", 2.0: "ok", 3.0: "ok"}
     values = np.array([[1, 2], [2, 1], [2, 2], [2, 3], [3, 2], [1, -1], [1, 3]])  # -1 is no robot
 
-    def found(count: int) -> list[tuple[list[float], set[str], list[float]]]:
-        some = compiled_chunks._structures(designer, count, values)
+    def found() -> list[tuple[list[float], set[str], list[float]]]:
         return [
-            (one.structure.base.tolist(), {s.field for s in one.structure.slots}, one.designs[:, 1].tolist())
-            for one in some
+            (structure.base.tolist(), {slot.field for slot in structure.slots}, some[:, 1].tolist())
+            for structure, some, _ in compiled_chunks._structures(designer, values)
         ]
 
     scales = {"mass", "inertia"}
     two, one = ([2.0, 2.0], scales, [1.0, 2.0, 3.0]), ([1.0, 2.0], scales, [2.0, 3.0])
-    assert found(6) == [two, one]  # only one design has the third structure
-    monkeypatch.setattr(compiled_chunks, "LEAST_OF_STRUCTURE", 4)
-    assert found(11) == [two]
-    assert found(12) == [two, one]  # 2 designs of 6 are 4 of 12
+    assert found() == [two, one]  # only one design has the third structure
     monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), "singular", (), ""))
-    refused(lambda: found(12), hybridyn.HybridynError, "none of 6 designs")
+    refused(found, hybridyn.HybridynError, "none of 6 designs")
 
 
 @pytest.mark.slow

@@ -17,21 +17,15 @@ from ...spatial import Array, Index
 from ...structure.parameters.slots import differences
 from ...threads import one_thread
 from .compiled_designs import CompiledDesigns, Plan, Structure, check_task
-from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
+from .evaluation import Chunk, Designer, Evaluated, Row
 from .slot_numbers import by_structure
 from .study_file import StudyFile
 
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
 
-#: Fewest designs of a structure beside the most frequent one for which further models are compiled; their
-#: number is estimated from the designs that are read to find structures.
-LEAST_OF_STRUCTURE = 100
 #: Most structures that have compiled models; bounds the time until a process evaluates its first design.
 MOST_STRUCTURES = 16
-#: Further designs that are read to find structures: one in this many, and at most so many in all. Their
-#: numbers are multiples of the golden ratio, so that they do not repeat the pattern of a grid of designs.
-READ_SHARE, MOST_READ, GOLDEN = 20, 64, (5**0.5 - 1) / 2
 #: Designs of a structure that are tried until one can make its motions, whose robot is compiled.
 TRIED_OF_STRUCTURE = 16
 
@@ -40,7 +34,7 @@ class Models(NamedTuple):
     """The compiled models of a run, and what evaluates the other designs."""
 
     designer: Designer
-    plan: Plan
+    plan: Plan | None
     of_structures: list[CompiledDesigns]
 
 
@@ -57,14 +51,14 @@ def models_of(source: StudyFile, plan: Plan) -> Models:
     if plan.run not in _kept:
         designer = Designer(source)
         own = [CompiledDesigns(designer, structure, plan.designs) for structure in plan.structures]
-        _keep(Models(designer, plan, own))
+        _keep(plan, Models(designer, plan, own))
     return _kept[plan.run]
 
 
-def _keep(models: Models) -> None:
+def _keep(plan: Plan, models: Models) -> None:
     """Keep the models of a run instead of those of the last one."""
     _kept.clear()
-    _kept[models.plan.run] = models
+    _kept[plan.run] = models
 
 
 @one_thread()
@@ -79,9 +73,7 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
         HybridynError: This process cannot build the compiled models, or a design differs from the general
             path.
     """
-    if plan is None:
-        return evaluate(source, chunk)
-    models = models_of(source, plan)
+    models = Models(Designer(source), None, []) if plan is None else models_of(source, plan)
     started = time.perf_counter()
     with np.errstate(all="ignore"):  # overflow shows in the results
         found = rows_of(models, chunk)
@@ -96,10 +88,10 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
     """
     rows: list[Row] = []
     found = Evaluated((), 0.0)
-    at_once = min(one.at_once for one in models.of_structures)
+    at_once = min((one.at_once for one in models.of_structures), default=len(chunk.values))
     for start in range(chunk.start, chunk.stop, at_once):
         values = chunk.values[start - chunk.start :][:at_once]
-        wanted = set(models.plan.checks(start, start + len(values)))
+        wanted = set(models.plan.checks(start, start + len(values)) if models.plan else ())
         measured: dict[int, tuple[float, ...]] = {}
         left = np.arange(len(values))
         for one in models.of_structures:
@@ -139,21 +131,19 @@ def plan_for(
     try:
         for name, task in source.study.tasks.items():
             check_task(name, task)
-        if designer.variants.arguments:
-            numbers = np.append(numbers, np.setdiff1d(_further(len(designs)), numbers))
-        for found in _structures(designer, len(designs), designs[numbers]):
+        for structure, some, seconds in _structures(designer, designs[numbers]):
             try:
-                models = CompiledDesigns(designer, found.structure, len(designs))
-                if not (asked or own) and found.seconds * len(designs) < models.seconds_to_build():
+                models = CompiledDesigns(designer, structure, len(designs))
+                if not (asked or own) and seconds * len(designs) < models.seconds_to_build():
                     return None, ""
-                certain = models.certain_of_any(found.designs)
+                certain = models.certain_of_any(some)
             except (ModelError, TrajectoryError) as error:  # of this robot, or of the table with it
                 why = str(error)
                 continue
             if certain:
                 own.append(models)
             else:
-                why = f"compiled models are certain of none of {len(found.designs)} designs"
+                why = f"compiled models are certain of none of {len(some)} designs"
     except HybridynError as error:
         return None, str(error)
     if not own:
@@ -162,36 +152,19 @@ def plan_for(
     if check is None:
         check = min(MOST_CHECKED, -(-count // CHECKED_SHARE))
     plan = Plan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))
-    _keep(Models(designer, plan, own))
+    _keep(plan, Models(designer, plan, own))
     return plan, ""
 
 
-def _further(count: int) -> Index:
-    """Return the numbers of further designs that are read to find structures."""
-    multiples = GOLDEN * np.arange(1, min(MOST_READ, count // READ_SHARE) + 1)
-    return (multiples % 1 * count).astype(int)
-
-
-class _Found(NamedTuple):
-    """A structure of a study.
-
-    Attributes:
-        structure: The structure.
-        designs: Values of the parameters of some of its designs, shape (designs, parameters).
-        seconds: Processor time of the general path for the design whose robot is compiled [s].
-    """
-
-    structure: Structure
-    designs: Array
-    seconds: float
-
-
-def _structures(designer: Designer, count: int, values: Array) -> Iterator[_Found]:
-    """Yield the structures that occur often enough, the most frequent first.
+def _structures(designer: Designer, values: Array) -> Iterator[tuple[Structure, Array, float]]:
+    """Yield the structures of more than one of some designs, and in any case the most frequent one.
 
     Args:
-        count: Number of designs of the study.
-        values: Values of the parameters of some designs, shape (designs, parameters).
+        values: Values of the parameters of these designs, shape (designs, parameters).
+
+    Yields:
+        The structure, the values of some of its designs, and the processor time of the general path for the
+        design whose robot is compiled [s]; the most frequent structure first.
 
     Raises:
         ModelError: No robot of these designs can make its motions.
@@ -202,21 +175,15 @@ def _structures(designer: Designer, count: int, values: Array) -> Iterator[_Foun
         with suppress(HybridynError):  # no robot
             read.append((own, variants.description(variants.named(own))))
     groups = by_structure([description for _, description in read])
-    often = [
-        group
-        for group in groups[1:MOST_STRUCTURES]
-        if len(group) > 1 and len(group) * count >= LEAST_OF_STRUCTURE * len(read)
-    ]
     found = False
-    for group in [*groups[:1], *often]:
+    for group in [*groups[:1], *(group for group in groups[1:MOST_STRUCTURES] if len(group) > 1)]:
         for base in group[:TRIED_OF_STRUCTURE]:
             started = time.process_time()
             if designer(0, read[base][0]).status == "ok":
                 seconds, found = time.process_time() - started, True
                 slots = {slot for k in group for slot in differences(read[base][1], read[k][1])}
                 structure = Structure(read[base][0], tuple(sorted(slots)))
-                some = np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]])
-                yield _Found(structure, some, seconds)
+                yield structure, np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]]), seconds
                 break
     if not found:
         raise ModelError(f"none of {len(read)} designs, spread over the study, can make its motions")

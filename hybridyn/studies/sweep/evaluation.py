@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from ...effects import Effects, choose
 from ...errors import AssemblyError, HybridynError, SingularityError
@@ -22,10 +19,9 @@ from ...streams.postures import Postures
 from ...structure.robot import HybridRobot
 from ...tables.columns import ENERGIES, RESIDUAL
 from ...tables.trajectory import Motion
-from ...threads import one_thread
 from ..workspace.workspace import workspace
 from .following import Track, follow
-from .measures import EVENT, OF_SCENE, OF_WORKSPACE, STATISTICS, Gauge, call, functions_of
+from .measures import EVENT, OF_SCENE, OF_WORKSPACE, STATISTICS, call, functions_of, measured
 from .study_file import StudyFile, TaskTable
 from .variants import Variants
 
@@ -92,10 +88,10 @@ class Player:
     ) -> dict[str, float]:
         own = {name: _of_run(result, word) for name, word in self.wanted.items()}
         left = {name: word for name, word in self.wanted.items() if own[name] is None}
-        gauge = Gauge(robot, left, functions)
-        rows = Motion(1, len(result.t), result.t)
-        gauge.add(Postures(rows, result.q, result.v, result.a), result.tau)
-        values = gauge.values() | {name: value for name, value in own.items() if value is not None}
+        block = Postures(Motion(1, len(result.t), result.t), result.q, result.v, result.a)
+        values = measured(robot, left, [(block, result.tau)], functions) | {
+            name: value for name, value in own.items() if value is not None
+        }
         return {name: values[name] for name in self.wanted}
 
 
@@ -174,20 +170,6 @@ class Evaluated:
     difference: float = 0.0
 
 
-@one_thread()
-def evaluate(source: StudyFile, chunk: Chunk) -> Evaluated:
-    """Evaluate the designs of a chunk. Nothing of a design depends on those before it.
-
-    Raises:
-        ModelError: A Python file of the study fails.
-    """
-    started = time.perf_counter()
-    designer = Designer(source)
-    with np.errstate(all="ignore"):  # overflow shows in the results
-        rows = tuple(designer(chunk.start + i, values) for i, values in enumerate(chunk.values))
-    return Evaluated(rows, time.perf_counter() - started)
-
-
 class Designer:
     """Evaluates single designs; holds what they share: tables, functions, the last description."""
 
@@ -227,10 +209,8 @@ class Designer:
             return _in_workspace(robot, task, self.functions)
         if task.scene is not None:
             return self.players[name](robot, self.functions)
-        gauge = Gauge(robot, task.wanted, self.functions)
-        for block, tau in follow(robot, self.tracks[name], task.passive, effects_of(robot, task)):
-            gauge.add(block, tau)
-        return gauge.values()
+        blocks = [*follow(robot, self.tracks[name], task.passive, effects_of(robot, task))]
+        return measured(robot, task.wanted, blocks, self.functions)
 
 
 def effects_of(robot: HybridRobot, task: TaskTable) -> Effects:

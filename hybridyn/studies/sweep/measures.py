@@ -12,7 +12,7 @@ import importlib.util
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,25 +92,6 @@ def _absent(what: str, name: str, known: tuple[str, ...] | list[str]) -> Traject
 if TYPE_CHECKING:
     from ...compiled.programs.evaluating import DesignTable
 
-Loads = list[MotorLoad]
-
-
-def _largest(of: Callable[[MotorLoad], float]) -> Callable[[Loads], float]:
-    return lambda loads: max((abs(of(load)) for load in loads), default=math.nan)
-
-
-def _margin(of: Callable[[MotorLoad], float]) -> Callable[[Loads], float]:
-    return lambda loads: min((of(load) for load in loads), default=math.nan)
-
-
-def _sum(of: Callable[[MotorLoad], float | None]) -> Callable[[Loads], float]:
-    def total(loads: Loads) -> float:
-        """Add a number over the motors; NaN where one has none."""
-        parts = [of(load) for load in loads]
-        return math.nan if None in parts else float(sum(part for part in parts if part is not None))
-
-    return total
-
 
 def _below(peak: float, limit: float) -> float:
     """Return the part of a limit that is left, inf without a limit."""
@@ -125,39 +106,31 @@ def _stroke(load: MotorLoad) -> float:
     return min(load.travel[0] - load.lower_limit, load.upper_limit - load.travel[1]) / stroke
 
 
-#: Measures of a trajectory; margins are those of the motor that has the least.
-OF_MOTORS: dict[str, Callable[[Loads], float]] = {
-    "peak_effort": _largest(lambda load: load.effort.value),
-    "rms_effort": _largest(lambda load: load.rms_effort),
-    "peak_speed": _largest(lambda load: load.speed.value),
-    "rms_speed": _largest(lambda load: load.rms_speed),
-    "peak_power": _largest(lambda load: load.power.value),
-    "braking_power": _largest(lambda load: load.braking_power.value),
-    "mean_power": _sum(lambda load: load.mean_power),
-    "energy": _sum(lambda load: load.energy_given),
-    "effort_margin": _margin(lambda load: _below(load.effort.value, load.effort_limit)),
-    "speed_margin": _margin(lambda load: _below(load.speed.value, load.speed_limit)),
-    "stroke_margin": _margin(_stroke),
-}
-
-#: Measures whose unit is that of the motor, with the units of slides and of joints that turn.
-OF_KIND = {
-    f"{what}_{of}": units
-    for of, units in ((of, UNITS[of]) for of in ("effort", "speed"))
-    for what in ("peak", "rms")
+#: Measures of a trajectory: how the numbers of the motors are joined, and the number of one motor.
+OF_MOTORS: dict[str, tuple[Callable[[list[float]], float], Callable[[MotorLoad], float | None]]] = {
+    "peak_effort": (max, lambda load: abs(load.effort.value)),
+    "rms_effort": (max, lambda load: load.rms_effort),
+    "peak_speed": (max, lambda load: abs(load.speed.value)),
+    "rms_speed": (max, lambda load: load.rms_speed),
+    "peak_power": (max, lambda load: abs(load.power.value)),
+    "braking_power": (max, lambda load: abs(load.braking_power.value)),
+    "mean_power": (sum, lambda load: load.mean_power),
+    "energy": (sum, lambda load: load.energy_given),
+    "effort_margin": (min, lambda load: _below(load.effort.value, load.effort_limit)),
+    "speed_margin": (min, lambda load: _below(load.speed.value, load.speed_limit)),
+    "stroke_margin": (min, _stroke),
 }
 
 
-def _of_slides(word: str, linear: bool) -> Callable[[Loads], float]:
-    """Return a measure of the motors that are slides, or of the others."""
-    return lambda loads: OF_MOTORS[word]([load for load in loads if load.linear == linear])
+def of_motors(word: str, loads: Sequence[MotorLoad]) -> float:
+    """Return a measure of the motors; nan where one of them has none."""
+    join, of = OF_MOTORS[word]
+    numbers = [math.nan if number is None else number for number in map(of, loads)]
+    return float(join(numbers)) if numbers else math.nan
 
 
-OF_MOTORS |= {
-    f"{word}[{unit}]": _of_slides(word, linear)
-    for word, units in OF_KIND.items()
-    for unit, linear in zip(units, (True, False), strict=True)
-}
+#: Measures in the unit of the motors, which do not compare where it differs, by their quantity.
+OF_KIND = {f"{what}_{of}": of for of in ("effort", "speed") for what in ("peak", "rms")}
 
 #: Units of measures that do not depend on the robot; margins and conditioning have none.
 OF_ROBOT = {
@@ -216,12 +189,11 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
     known = {
         "trajectory": [*OF_MOTORS], "scene": [*OF_MOTORS, *OF_SCENE], "workspace": [*OF_WORKSPACE],
     }[kind]  # fmt: skip
-    statistic, _, column = word.partition(" ")
     statistics = {"trajectory": [*STATISTICS], "scene": [*STATISTICS, EVENT], "workspace": []}[kind]
-    of_column = statistic in statistics and column
-    if word in known and (named or "[" not in word):
+    statistic, _, column = word.partition(" ")
+    if word in known:
         return
-    if word not in known and PYTHON not in word and not of_column:
+    if PYTHON not in word and not (statistic in statistics and column):
         more = f", '{'|'.join(STATISTICS)} COLUMN'" if statistics else ""
         more += f", '{EVENT} NAME'" if EVENT in statistics else ""
         hint = did_you_mean(word, known)
@@ -236,12 +208,10 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
 def unit_of(word: str, description: Description) -> str:
     """Return the unit of a measure, "" where it has none or the robot's description does not tell it."""
     kinds = {joint.name: joint.kind for joint in description.joints}
-    name, _, unit = word.partition("[")
-    if name in OF_KIND:
-        of_motors = {OF_KIND[name][kinds[motor] != "prismatic"] for motor in description.motors}
-        return unit.removesuffix("]") or " or ".join(sorted(of_motors))
-    column = word.partition(" ")[2]
-    owner, _, quantity = column.rpartition("/")
+    if word in OF_KIND:
+        of_motors = {UNITS[OF_KIND[word]][kinds[motor] != "prismatic"] for motor in description.motors}
+        return " or ".join(sorted(of_motors))
+    owner, _, quantity = word.partition(" ")[2].rpartition("/")
     turns = kinds.get(owner) != "prismatic"
     if owner not in kinds:
         turns, quantity = quantity.startswith("w"), owner.rpartition("/")[2]
@@ -252,20 +222,16 @@ def check_units(robot: HybridRobot, words: Iterable[str]) -> None:
     """Check that a largest effort or speed is one of motors with the same unit.
 
     Raises:
-        ModelError: The motors have different units, or none has the unit of a measure.
+        ModelError: The motors have different units.
     """
-    slides = {unit == "N" for unit in robot.effort_units}
-    for word in words:
-        name, _, unit = word.partition("[")
-        if name in OF_KIND and not unit and len(slides) > 1:
-            of_slides, others = (f"'{name}[{unit}]'" for unit in OF_KIND[name])
-            raise ModelError(
-                f"measure '{word}': the motors are slides and joints that turn, whose {name} do not compare; "
-                f"write {of_slides}, {others} or 'peak MOTOR/effort'",
-                element=word,
-            )
-        if name in OF_KIND and unit and (unit == f"{OF_KIND[name][0]}]") not in slides:
-            raise ModelError(f"measure '{word}': no motor has this unit", element=word)
+    wrong = [word for word in words if word in OF_KIND and len(set(robot.effort_units)) > 1]
+    for word in wrong:
+        statistic, _, quantity = word.partition("_")
+        raise ModelError(
+            f"measure '{word}': the motors are slides and joints that turn, whose {quantity}s do not "
+            f"compare; write '{statistic} MOTOR/effort' or '{statistic} MOTOR/velocity' for each of them",
+            element=word,
+        )
 
 
 @dataclass(eq=False)
@@ -289,70 +255,39 @@ class Followed:
     measures: Mapping[str, float]
 
 
-@dataclass(eq=False)
-class Gauge:
-    """Collects what the measures of a trajectory need, block by block.
+def measured(
+    robot: HybridRobot,
+    wanted: Mapping[str, str],
+    blocks: Sequence[tuple[Postures, Array]],
+    functions: Mapping[str, Callable[..., Any]],
+) -> dict[str, float]:
+    """Measure a motion.
 
-    Attributes:
+    Args:
         wanted: The measures by name.
+        blocks: Consecutive parts of the motion, with the efforts of the motors, shape (T, motors).
         functions: The functions in Python by measure.
+
+    Raises:
+        ModelError: Efforts or speeds of different units are compared, or a function in Python fails.
+        TrajectoryError: There is no such column.
     """
-
-    robot: HybridRobot
-    wanted: Mapping[str, str]
-    functions: Mapping[str, Callable[..., Any]]
-    _sizing: Sizing | None = field(init=False)
-    _columns: dict[str, list[Array]] = field(init=False)
-    _times: list[Array] = field(default_factory=list)
-    _blocks: list[tuple[Postures, Array]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        check_units(self.robot, self.wanted.values())
-        of_motors = any(word in OF_MOTORS for word in self.wanted.values())
-        self._sizing = Sizing(self.robot) if of_motors else None
-        columns = [word for word in self.wanted.values() if PYTHON not in word and word not in OF_MOTORS]
-        asked = [word.partition(" ")[2] for word in columns]
-        self._columns = {column: [] for column in asked if column}
-
-    def add(self, block: Postures, tau: Array) -> None:
-        """Add the postures of a block and their efforts, shape (T, motors)."""
-        motion = block.motion
-        if self._sizing is not None:
-            position, speed = motor_rows(self.robot, block.q, block.v)
-            self._sizing.add(motion.time, motion.first_row, position, speed, tau)
-        for column, parts in self._columns.items():
-            parts.append(column_of(self.robot, block, tau, column))
-        if motion.time is not None:
-            self._times.append(motion.time)
-        if any(PYTHON in word for word in self.wanted.values()):
-            self._blocks.append((block, tau))
-
-    def values(self) -> dict[str, float]:
-        """Compute the measures.
-
-        Raises:
-            ModelError: A function in Python fails.
-        """
-        loads = [] if self._sizing is None else self._sizing.loads()
-        time = np.concatenate(self._times) if self._times else None
-        out: dict[str, float] = {}
-        for name, word in self.wanted.items():
-            if word in OF_MOTORS:
-                out[name] = OF_MOTORS[word](loads)
-            elif PYTHON not in word:
-                statistic, _, column = word.partition(" ")
-                out[name] = STATISTICS[statistic](np.concatenate(self._columns[column]), time)
-        if self._blocks:
-            motion = self._whole(time, out)
-            out |= {name: call(self.functions, word, self.robot, motion) for name, word in self._python()}
-        return {name: out[name] for name in self.wanted}
-
-    def _python(self) -> list[tuple[str, str]]:
-        return [(name, word) for name, word in self.wanted.items() if PYTHON in word]
-
-    def _whole(self, time: Array | None, measures: Mapping[str, float]) -> Followed:
-        _, q, v, a = Postures.joined([block for block, _ in self._blocks])
-        return Followed(time, q, v, a, np.concatenate([tau for _, tau in self._blocks]), dict(measures))
+    check_units(robot, wanted.values())
+    whole, tau = Postures.joined([block for block, _ in blocks]), np.concatenate([tau for _, tau in blocks])
+    time, loads, out = whole.motion.time, list[MotorLoad](), dict[str, float]()
+    if any(word in OF_MOTORS for word in wanted.values()):
+        sizing = Sizing(robot)
+        sizing.add(time, whole.motion.first_row, *motor_rows(robot, whole.q, whole.v), tau)
+        loads = sizing.loads()
+    for name, word in wanted.items():
+        if word in OF_MOTORS:
+            out[name] = of_motors(word, loads)
+        elif PYTHON not in word:
+            statistic, _, column = word.partition(" ")
+            out[name] = STATISTICS[statistic](column_of(robot, whole, tau, column), time)
+    followed = Followed(time, whole.q, whole.v, whole.a, tau, dict(out))
+    out |= {name: call(functions, word, robot, followed) for name, word in wanted.items() if PYTHON in word}
+    return {name: out[name] for name in wanted}
 
 
 def functions_of(source: StudyFile) -> dict[str, Callable[..., Any]]:
@@ -414,16 +349,16 @@ def measures_of(
     Returns:
         Measures of each chosen design by name; None where a column cannot be computed.
     """
-    of_motors = {name: word for name, word in wanted.items() if word in OF_MOTORS}
+    motors = {name: word for name, word in wanted.items() if word in OF_MOTORS}
     others = {name: word for name, word in wanted.items() if word not in OF_MOTORS}
     out: list[dict[str, float] | None] = [{} for _ in chosen]
-    if of_motors:
-        out = [*_loads(robot, descriptions, of_motors, motion, table, chosen)]
+    if motors:
+        out = [*_loads(robot, descriptions, motors, motion, table, chosen)]
     for i, k in enumerate(chosen.tolist() if others else ()):
-        gauge = Gauge(replace(robot, description=descriptions[i]), others, {})
+        built = replace(robot, description=descriptions[i])
+        block = Postures(motion, table.q[k], table.v[k], table.a[k])
         try:
-            gauge.add(Postures(motion, table.q[k], table.v[k], table.a[k]), table.tau[k])
-            out[i] = {**(out[i] or {}), **gauge.values()}
+            out[i] = {**(out[i] or {}), **measured(built, others, [(block, table.tau[k])], {})}
         except Exception:  # the general path says what is wrong
             out[i] = None
     return out
@@ -450,7 +385,7 @@ def _loads(
     sizing.add(motion.time, motion.first_row, *map(_aside, (position, speed, table.tau[chosen])))
     loads, count = sizing.loads(), len(robot.motors)
     own = [loads[i : i + count] for i in range(0, len(loads), count)]
-    return [{name: OF_MOTORS[word](each) for name, word in words.items()} for each in own]
+    return [{name: of_motors(word, each) for name, word in words.items()} for each in own]
 
 
 def _aside(x: Array) -> Array:

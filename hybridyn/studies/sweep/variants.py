@@ -161,7 +161,8 @@ class Variants:
         Raises:
             HybridynError: The files are wrong with these values, or a link is unknown.
         """
-        return self.numbers.described(self._read(self._differing(values)), values)
+        differing = {xacro: text_of(values[name]) for name, xacro in self.arguments.items()}
+        return self.numbers.described(self._read(differing), values)
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the values of a design's parameters by name.
@@ -202,24 +203,14 @@ class Variants:
 
     def _read(self, differing: dict[str, str]) -> Description:
         """Read the robot's file with the study's xacro arguments and those in which designs differ."""
-        arguments = self._all_arguments(differing)
+        stated = self.source.study.robot
+        arguments = {name: text_of(value) for name, value in stated.xacro.items()} | differing
         key = tuple(sorted(arguments.items()))
         if key not in self._known:
             if len(self._known) == MOST_KNOWN:
                 self._known.clear()
-            motors, folders = self.source.study.robot.motors, self._folders()
+            folders = [self.source.beside(folder) for folder in stated.package_dirs]
             self._known[key] = read(
-                self.file, motors=motors, xacro_args=arguments or None, package_dirs=folders
+                self.file, motors=stated.motors, xacro_args=arguments or None, package_dirs=folders
             )
         return self._known[key]
-
-    def _differing(self, values: Mapping[str, float]) -> dict[str, str]:
-        """Return the xacro arguments of a design in which designs differ."""
-        return {xacro: text_of(values[name]) for name, xacro in self.arguments.items()}
-
-    def _all_arguments(self, differing: dict[str, str]) -> dict[str, str]:
-        """Return the study's xacro arguments and those in which designs differ."""
-        return {name: text_of(value) for name, value in self.source.study.robot.xacro.items()} | differing
-
-    def _folders(self) -> list[str]:
-        return [self.source.beside(folder) for folder in self.source.study.robot.package_dirs]
