@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.assemble import assemble_requests
-from ...assembly.reach import closed_postures
 from ...assembly.requests import Requests, gather_requests
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
-from ...errors import AssemblyError, HybridynError, SingularityError
+from ...errors import HybridynError
 from ...spatial import Array, Index, Mask
-from ...structure.robot import HybridRobot
 from ..equations.coefficients import at_robot
 from ..library.calls import Calls
 from .closing.design_rows import DesignRequests, DesignRows
@@ -34,9 +32,7 @@ class DesignTable:
     Attributes:
         q, v, a: Motion of the spanning tree, shapes (designs, T, nq), (designs, T, nv), (designs, T, nv).
         tau: Motor efforts, shape (designs, T, motors), [N or N m]. Numbers are NaN where there are none.
-        reached: Postures whose loops close, shape (designs, T).
-        singular: Closed postures at which a matrix loses rank, shape (designs, T).
-        errors: The first error of each design that has one, by its number.
+        errors: The first error of each design that has one, by its number; it names the sample.
         recomputed: Number of designs that the general path has computed.
     """
 
@@ -44,8 +40,6 @@ class DesignTable:
     v: Array
     a: Array
     tau: Array
-    reached: Mask
-    singular: Mask
     errors: dict[int, str]
     recomputed: int
 
@@ -122,14 +116,13 @@ class DesignEvaluator:
         chunk = max(LEAST_DESIGNS, AT_ONCE // (T * (robot.nq + 2 * robot.nv + numbers.shape[1])))
         widths = (robot.nq, robot.nv, robot.nv, len(robot.motors))
         q, v, a, tau = (np.empty((D, T, width)) for width in widths)
-        reached, singular = (np.zeros((D, T), dtype=bool) for _ in range(2))
-        out = DesignTable(q, v, a, tau, reached, singular, {}, 0)
+        out = DesignTable(q, v, a, tau, {}, 0)
         rows = self.rows.requests(wanted.requests)
         others = [self._chunk(out, at, numbers, rows) for at in range_of(D, chunk)]
         left = np.concatenate([np.zeros(0, dtype=int), *others]).tolist()
         for design in left:
             if design in refused:
-                out.errors[design], out.reached[design] = str(refused[design]), False
+                out.errors[design] = str(refused[design])
             elif doubtful:
                 self._by_the_general_path(out, design, numbers[design], wanted)
             else:
@@ -143,7 +136,6 @@ class DesignEvaluator:
         states = [x.reshape(T * len(own), -1) for x in (found.q, found.v, found.a)]
         tau, trusted = self._efforts([*states, np.repeat(own, T, axis=0)])
         out.tau[at] = tau.reshape(len(own), T, -1)
-        out.reached[at] = True
         certain = trusted.reshape(len(own), T).all(axis=1) & found.certain
         left: Index = np.flatnonzero(~certain) + at.start
         return left
@@ -160,39 +152,10 @@ class DesignEvaluator:
             room[k] = np.nan
         try:
             robot = self.designs.robot_of(numbers)
-        except HybridynError as error:
-            out.errors[k], out.reached[k] = str(error), False
-            return
-        try:
             out.q[k], out.v[k], out.a[k] = assemble_requests(robot, wanted.requests, robot.home)
             out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=at_robot(self.effects, robot))
         except HybridynError as error:
             out.errors[k] = str(error)
-            if isinstance(error, AssemblyError):
-                self._find_unreached(out, k, robot, wanted)
-            self._find_singular(out, k, robot)
-
-    def _find_unreached(self, out: DesignTable, k: int, robot: HybridRobot, wanted: _Wanted) -> None:
-        """Find the postures of a design that do not close."""
-        try:
-            out.q[k], out.reached[k] = closed_postures(
-                robot, motors=wanted.motors, platforms=wanted.platforms, guess=robot.home
-            )
-        except AssemblyError:
-            out.reached[k] = False
-        if out.reached[k].all():  # each posture closes, but they are not one motion
-            out.reached[k] = False
-
-    def _find_singular(self, out: DesignTable, k: int, robot: HybridRobot) -> None:
-        """Find the closed postures of a design at which a matrix loses rank, by the inverse model at rest."""
-        rest = np.zeros(robot.nv)
-        for t in np.flatnonzero(out.reached[k]):
-            try:
-                idm(robot, out.q[k, t], rest, rest, effects=at_robot(self.effects, robot))
-            except SingularityError:
-                out.singular[k, t] = True
-            except HybridynError:
-                continue
 
 
 def range_of(count: int, chunk: int) -> Iterator[slice]:

@@ -28,7 +28,6 @@ class InverseCalls(ModuleCalls):
         received: Wrench that the modules on each output require, by output.
         motors: Wrenches along delta of unit motor efforts in its groups of legs, by group.
         calls: Its calls, in order.
-        leg_calls: Those of its legs.
         left: What is left of the forces along its motions, if `write_balance` writes the calls.
         u_dot: Accelerations along its motions, where `write_balance` is asked for them.
         F_base: Target of the wrench on its base; None on a fixed base.
@@ -40,7 +39,6 @@ class InverseCalls(ModuleCalls):
     received: dict[int, Add] = field(default_factory=dict)
     motors: dict[int, Each] = field(default_factory=dict)
     calls: list[Call] = field(default_factory=list)
-    leg_calls: list[Call] = field(default_factory=list)
     left: Shared | None = None
     u_dot: Shared | None = None
     F_base: Target | None = None
@@ -205,4 +203,3 @@ class _Sweeps:
             calls.motors[n] = self.w.each(len(group), 6 * len(driven))
             targets["motors"] = calls.motors[n]
         Stages(self.w, ("legs", key), stages, ["legs"], len(group)).call(0, sources, targets)
-        calls.leg_calls.append(self.w.last)

@@ -94,7 +94,7 @@ class Postures:
             platforms: As in `hybridyn.assemble`.
 
         Returns:
-            States, efforts, and the postures that are unreachable or singular; no design raises an error.
+            States, efforts, and the errors of designs that cannot make the motion; none is raised.
 
         Raises:
             TrajectoryError: The table or the parameters are wrong.

@@ -8,91 +8,26 @@ them (`motor_motion`), and results are accelerations of the motors.
 Along motions that keep the loops closed this is the derivative of the direct model. Single columns, which
 open the loops, may differ from those of its program where a base that moves carries a module with closures in
 its core: there the program projects the base's forces by the closures, and r by rigid motion.
-
-The wrenches of legs on base and platform follow from the direct model's sums over them (`legs.leg_sums`).
-With the acceleration A of the base less gravity, and that of the platform relative to it, delta,
-
-    F_base  = S1 A + B delta + b_base
-    F_delta = B^T A + L delta + b_delta
-
-These calls replace the legs' inverse model in a balance, of which only derivatives at fixed A are needed:
-those over A are S1 and B.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
 from ....spatial import Index
 from ...code.rules import compacted
-from ...equations.direct import LEG_SUMS
-from ...equations.expressions import dot, pack, symbols, symmetric
-from ...equations.inverse import LEG_WRENCHES
 from ...equations.request import Request
-from ...equations.rigid import momentum
-from ...program import Call, Constants, Program, Shared, Source, Target
-from ..direct import DirectCalls, direct_inputs, write_direct_sweeps
-from ..inverse import InverseCalls, inverse_inputs, write_balance, write_inverse_sweeps
-from ..module_calls import read
+from ...program import Call, Constants, Program, Shared, Target
+from ..direct import direct_inputs, write_direct_sweeps
+from ..inverse import inverse_inputs, write_balance, write_inverse_sweeps
 from ..writer import Writer
 from .columns import changes_of_coordinates, collect, coordinates_of, coordinates_of_freedoms
 from .motor_motion import Motions
 from .relations import JOINED, Relations, groups_of
 from .results import Results, relations_of
-from .sweeps import DENSE, PART, Graph, Joiner, Reading, Sweep, identity
-
-
-def sum_legs(w: Writer, modules: list[DirectCalls], balance: list[InverseCalls], start: int) -> list[Call]:
-    """Replace the legs' calls of a balance, and return the calls to be differentiated.
-
-    Args:
-        w: The program under construction.
-        modules: Calls of the direct model.
-        balance: Calls of the balance, which receive the new ones.
-        start: Number of its first step.
-    """
-    of = {id(call): calls for calls in balance for call in calls.leg_calls}
-    old, out = w.steps[start:], []
-    del w.steps[start:]
-    for step in old:
-        calls = of.get(id(step))
-        if calls is None or not isinstance(step, Call):
-            w.steps.append(step)
-            out += [step] if isinstance(step, Call) else []
-            continue
-        direct, new = modules[calls.k], []
-        if step is calls.leg_calls[0]:
-            first = len(w.steps)
-            for i in sorted({group[0].platform for group in calls.groups}):
-                _sum_platform(w, direct, calls, i)
-            new = w.calls_from(first)
-        A, fixed = (x.sources().get("A_base", Constants(np.zeros((1, 6)))) for x in (calls, direct))
-        sources = tuple(fixed if identity(x) == identity(A) else x for x in step.sources)
-        new.append(replace(step, sources=sources))
-        out += new
-        calls.calls += new
-    return out
-
-
-def _sum_platform(w: Writer, direct: DirectCalls, calls: InverseCalls, i: int) -> None:
-    """Add the call that computes the wrenches of a platform's legs."""
-
-    def function() -> ca.Function:
-        """Return both wrenches."""
-        columns = {name: symbols(name, size) for name, size in (*LEG_SUMS, ("A", 6), ("delta", 6))}
-        S1, B, L, b_base, b_delta, A, delta = (entries for _, entries in columns.values())
-        B, L = B.reshape(6, 6), symmetric(L, 6)
-        base, along = momentum(S1, A) + dot(B, delta) + b_base, dot(B.T, A) + dot(L, delta) + b_delta
-        return ca.Function("legs", [column for column, _ in columns.values()], [pack(base), pack(along)])
-
-    A = calls.sources().get("A_base", Constants(np.array([calls.options.base])))
-    sums: list[Source] = [read(direct.sums[i, name]) for name, _ in LEG_SUMS]
-    targets = [calls.sums[i, name] for name, _ in LEG_WRENCHES]
-    w.call(w.kernel("sums of legs", function, PART), 1, [*sums, A, direct.deltas[i]], list(targets))
+from .sweeps import DENSE, Graph, Joiner, Reading, Sweep
 
 
 def inverse_derivatives(request: Request, *, order: Index | None = None) -> Program:
@@ -176,7 +111,7 @@ def direct_derivatives(request: Request, *, motors: bool = False) -> Program:
     modules = write_direct_sweeps(request, w, motions=True)
     start = len(w.steps)
     balance = write_balance(request, w)
-    steps = sum_legs(w, modules, balance, start)
+    steps = w.calls_from(start)
     groups = [group for group in groups_of(request, balance) if group.mobility or not motors]
     relations = relations_of(w, groups, modules, steps, Motions(w), motors=motors)
     results = Results(w, widths, relations)
