@@ -10,8 +10,6 @@ therefore loaded, and every sign is reported: `load` warns, and `info` lists the
 
 from __future__ import annotations
 
-import contextlib
-import itertools
 import re
 from collections.abc import Container, Iterator
 from pathlib import Path
@@ -104,21 +102,15 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:
-    """Raise for frames that no closure uses, but whose names state one (`closedloop1_A`).
-
-    If the robot states other closures, frames such as `closedloop1_A` are noted.
+    """Raise for frames whose names state a closure (`closedloop1_A`) in a robot that states none.
 
     Raises:
         ModelError: There are such frames.
     """
-    used = {name for closure in robot.closures for name in (closure.link_a, closure.link_b)}
     lines = {link.name: link.line for link in robot.links}
-    lines |= {joint.name: joint.line for joint in robot.joints if joint.child not in used}
-    free = [name for name in lines if name not in used]
-    named = [name for name in free if _NAMED_FRAME.search(name)]
-    if named and robot.closures:
-        robot.notes.append(f"frames {listed(named)} are named for closing a loop, but no closure uses them")
-    elif named:
+    lines |= {joint.name: joint.line for joint in robot.joints}
+    named = [] if robot.closures else [name for name in lines if _NAMED_FRAME.search(name)]
+    if named:
         raise ModelError(
             f"{listed(named)} looks like the end of a closed loop, but nothing says which frames close it; "
             f"list the pairs in a side-car robot.yaml, or write <loop>. A{ACCEPTED_FORMS[1:]}",
@@ -276,19 +268,10 @@ class Bodies:
         return [(self.of[link], (self.placement[link] @ frame)[:3, 3]) for link, frame in at]
 
 
-#: End of a name that distinguishes the two frames of a pair (a number or letter), and what may follow it.
-ENDING = r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?"
-#: The ends of two names that make a pair.
-ENDS = ({"1", "2"}, {"0", "1"}, {"a", "b"})
-#: Words of names that suggest a loop.
-LOOP_WORDS = {
-    "cl", "close", "closed", "closing", "closure", "constraint", "cut", "fermeture", "loop", "weld",
-}  # fmt: skip
-CLOSED_LOOP = r"(?i)closed_?loop|loop_?closure|closing_?loop|loop_?joint"
+#: Names that suggest a loop.
+LOOP_NAMES = r"(?i)closed_?loop|loop_?closure|fermeture|loop_?joint|(?<![a-z])closing(?![a-z])"
 BESIDE = r"(?i).*(submechanism|loop_?closure|closed_?loop).*\.ya?ml"
 FOLDERS = ("submechanism", "smurf")
-#: Most entries of a folder that are examined.
-MOST_FILES = 1000
 #: How each format states loops.
 STATE_THEM: dict[Format, str] = {
     "URDF": "state its loops as <loop>, or the pairs of frames in a side-car robot.yaml (closed_loop)",
@@ -317,53 +300,20 @@ class Sign(NamedTuple):
 
 def lost_loops(description: Description) -> list[Sign]:
     """Return the signs that a robot had loops which its file does not state."""
-    out = [*_paired_frames(description)]
+    out = [*_named_frames(description)]
     return out if description.closures else [*out, *_passive_joints(description), *_files_beside(description)]
 
 
-def _paired_frames(description: Description) -> Iterator[Sign]:
-    """Yield signs for pairs of massless frames on two bodies that are named for a loop."""
-    bodies, mend = Bodies(description).of, STATE_THEM[description.format]
-    frames = _free_frames(description)
-    reported: set[str] = set()
-    for stem, one, other in _pairs(frames):
-        named = LOOP_WORDS & _words(stem) or re.search(CLOSED_LOOP, stem)
-        if named and bodies[one] != bodies[other] and not {one, other} & reported:
-            reported |= {one, other}
-            message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop"
-            yield Sign(f"{message}, but no closure uses them", mend, link=one)
-    lone = [joint.child for joint in frames if "closing" in _words(joint.child)]
-    if lone := [name for name in lone if name not in reported]:
-        message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
-        yield Sign(message, mend, link=lone[0])
-
-
-def _free_frames(description: Description) -> list[Joint]:
-    """Return the fixed joints of massless links that carry nothing, and that no closure uses."""
+def _named_frames(description: Description) -> Iterator[Sign]:
+    """Yield a sign for massless frames that are named for a loop, carry nothing, and that no closure uses."""
     taken = {joint.parent for joint in description.joints}
     taken |= {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
     taken |= {link.name for link in description.links if link.mass or link.inertia.any()}
-    return [joint for joint in description.joints if joint.kind == "fixed" and joint.child not in taken]
-
-
-def _pairs(frames: list[Joint]) -> list[tuple[str, ...]]:
-    """Return frames whose names, or whose joints' names, differ in their ends: the stem, and two links."""
-    alike: dict[str, dict[str, dict[str, None]]] = {}
-    for joint in frames:
-        for name in (joint.child, joint.name):
-            if match := re.fullmatch(ENDING, name):
-                ends = alike.setdefault(match[1], {})
-                ends.setdefault((match[2] or match[3]).lower(), {})[joint.child] = None
-    return [
-        (stem, *(link for end in sorted(ends) for link in ends[end]))
-        for stem, ends in alike.items()
-        if set(ends) in ENDS and all(len(links) == 1 for links in ends.values())
-    ]
-
-
-def _words(name: str) -> set[str]:
-    """Return the words of a name in lower case, without numbers."""
-    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
+    frames = [joint for joint in description.joints if joint.kind == "fixed" and joint.child not in taken]
+    named = [one.child for one in frames if re.search(LOOP_NAMES, f"{one.child} {one.name}")]
+    if named:
+        message = f"massless frames {listed(named)} are named for closing a loop, but no closure uses them"
+        yield Sign(message, STATE_THEM[description.format], link=named[0])
 
 
 def _passive_joints(description: Description) -> Iterator[Sign]:
@@ -418,21 +368,13 @@ def _files_beside(description: Description) -> Iterator[Sign]:
     if description.source is None:
         return
     folder = Path(description.source).absolute().parent
-    beside = [place for above in (folder, folder.parent) for place in _entries(above)]
-    folders = [p for p in beside if p.name.lower().startswith(FOLDERS) and p.is_dir()]
-    found = [
-        file for place in (folder, *folders) for file in _entries(place) if re.fullmatch(BESIDE, file.name)
-    ]
+    beside = [place for above in (folder, folder.parent) for place in above.glob("[sS]*")]
+    folders = [folder, *(place for place in beside if place.name.lower().startswith(FOLDERS))]
+    files = [file.name for place in folders for file in sorted(place.glob("*"))]
+    found = [name for name in files if re.fullmatch(BESIDE, name)]
     if found:
-        names = listed(dict.fromkeys(file.name for file in found))
+        names = listed(dict.fromkeys(found))
         yield Sign(
             f"{names} beside it may state its loops, but is not read; the file itself states none",
             f"{STATE_THEM[description.format]}; move the file away if it belongs to another robot",
         )
-
-
-def _entries(folder: Path) -> list[Path]:
-    """Return the entries of a folder, sorted; none if the folder cannot be read."""
-    with contextlib.suppress(OSError):
-        return sorted(itertools.islice(folder.iterdir(), MOST_FILES))
-    return []

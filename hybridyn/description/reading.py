@@ -18,7 +18,7 @@ from .motors import choose_motors
 from .names import counted, listed
 from .records import Description, ReadFrom, RobotFile
 from .side_cars.model_toml import find_model_file, find_side_car, find_submechanisms
-from .urdf.robot_folders import record
+from .urdf.robot_folders import content_of
 from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
 from .validate import validate
@@ -62,7 +62,7 @@ def read(
         ModelError: A file is invalid; the message names the file, the line and the correction. Or there are
             notes, and this is `strict`; the message lists them.
     """
-    root, notes = open_file(path, xacro_args or {}, package_dirs)
+    root = open_robot(path, xacro_args, package_dirs)
     file = os.fspath(path)
     if root.tag not in FORMATS:
         other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
@@ -70,7 +70,7 @@ def read(
     module, reader = FORMATS[root.tag]
     content = root.file if root.tag == "_usd" else root  # USD is no XML
     robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)
-    robot.notes += notes
+    robot.notes += root.notes
     if root.tag == "robot":
         _read_side_cars(robot, file)
     home = _read_model_file(robot, file)
@@ -177,33 +177,22 @@ def open_robot(
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
 ) -> Node:
-    """Return the root element of a robot file, expanded if it is xacro, without checking its content.
+    """Return the root element of a robot file, expanded if it is xacro, with notes of XML and xacro.
 
     USD is no XML: its root is `USD`, without content.
 
     Raises:
         ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
-    return open_file(path, xacro_args or {}, package_dirs)[0]
-
-
-def open_file(
-    path: str | os.PathLike[str],
-    xacro_args: Mapping[str, object],
-    package_dirs: Sequence[str | os.PathLike[str]],
-) -> tuple[Node, list[str]]:
-    """Return the root element of a file, and notes of XML and xacro."""
     file = os.fspath(path)
     text = read_bytes(file)
     root = None if file.endswith(".xacro") else parse(USD if text.startswith(USD_STARTS) else text, file)
     if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):
-        expanded, notes = expand(file, xacro_args, package_dirs)
-        root = parse(expanded, file, placed=True)
-    elif xacro_args:
+        expanded, notes = expand(file, xacro_args or {}, package_dirs)
+        return parse(expanded, file, placed=True)._replace(notes=tuple(notes))
+    if xacro_args:
         raise ModelError(f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
-    else:
-        notes = list(root.notes)
-    return root, notes
+    return root
 
 
 def read_bytes(file: str) -> bytes:
@@ -212,17 +201,10 @@ def read_bytes(file: str) -> bytes:
     Raises:
         ModelError: The file cannot be read, is not a regular file, or is larger than `LARGEST_FILE`.
     """
+    if os.path.isdir(file):
+        raise ModelError("is a folder; name the robot file in it", file=file)
     try:
-        path = Path(file)
-        if path.is_dir():
-            raise ModelError("is a folder; name the robot file in it", file=file)
-        if path.exists() and not path.is_file():
-            raise ModelError("is not a regular file", file=file)
-        if path.stat().st_size > LARGEST_FILE:
-            raise ModelError(f"is larger than {LARGEST_FILE // 2**20} MiB", file=file)
-        content = path.read_bytes()
-        record(file, content)
-        return content
+        return content_of(file, LARGEST_FILE)
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", file=file) from None
     except ValueError as error:

@@ -41,9 +41,9 @@ MATES = "".join(
 )
 DIALECTS = robot(
     MATES,
-    '<gazebo><joint name="E" type="universal"><parent>coupler</parent><child>rocker</child>'
+    '<gazebo><joint name="E" type="revolute"><parent>coupler</parent><child>rocker</child>'
     '<pose relative_to="crank">1 0 0 0 0.1 0</pose><axis><xyz expressed_in="__model__">0 0 1</xyz></axis>'
-    "<axis2><xyz>0 1 0</xyz></axis2></joint></gazebo>",
+    "</joint></gazebo>",
 )
 SUBMECHANISMS = """submechanisms:
 - type: NUMERICAL

@@ -357,7 +357,6 @@ def test_a_loop_that_would_be_lost_is_refused(texts: Texts, messages: list[str],
 @pytest.mark.parametrize(
     ("texts", "notes"),
     [
-        (robot(CLOSING, LOOP), {"named for closing a loop"}),
         (robot(PLUGIN.format("elbow")), {"'elbow' mimic others by a Gazebo plugin"}),
         (robot(PLUGIN.format("stranger")), ()),
         *(({"four_bar.urdf": FOUR_BAR, name: "closures: []"}, {name}) for name in SIDE_CARS),

@@ -49,7 +49,11 @@ def light(*parts: str) -> str:
 
 ALL = driven("drive", "elbow", "swing")
 LOST = {
-    "named pair": (robot(frame("l1_cl1_1", "coupler"), frame("l1_cl1_2", "rocker"), ALL), "'l1_cl1_1' and"),
+    "frames of a loop": (robot(frame("loop_joint_1", "coupler"), ALL), "'loop_joint_1' are named for"),
+    "frames beside a loop": (
+        robot(LOOP, frame("closedloop1_A", "coupler"), driven("drive")),
+        "'closedloop1_A' are named for",
+    ),
     "lone closing frame": (robot(frame("closing_knee", "coupler"), ALL), "'closing_knee'"),
     "efforts of zero": (robot(effort("free", 0)), "'free'"),
     "no effort at all": (
@@ -109,8 +113,7 @@ QUIET = {
     "a tree": robot(ALL),
     "motors named": robot(effort("free", 0), driven("drive", "elbow", "swing", "free")),
     "cameras": robot(frame("camera_1", "coupler", "0 0.1 0"), frame("camera_2", "rocker"), ALL),
-    "four feet": robot(*(frame(f"cl_{i}", "rocker" if i % 2 else "coupler") for i in range(1, 5)), ALL),
-    "one body": robot(frame("loop_1", "rocker"), frame("loop_2", "rocker", "1 0 0"), ALL),
+    "a box that encloses": robot(frame("enclosing_box", "rocker"), ALL),
     "at a joint": robot(frame("pin_1", "crank", "1 0 0"), frame("pin_2", "coupler"), ALL),
     "a frame with mass": light(
         frame("weight", "coupler").replace('name="weight"/>', f'name="weight">{INERTIAL}</link>', 1)

@@ -10,21 +10,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..closure_forms import FORMS, LARGEST_COSINE
+from ..closure_forms import FORMS, closure_of
 from ..names import did_you_mean, listed
 from ..placement import poses_at_zero, relative, rotation_to_axis
 from ..records import Array, RobotFile
 from ..sdf.elements import direction, flag, pose
-from .loops import closure, kind_of
+from .loops import kind_of
 from .xml_node import Node
 
 #: Types of SDF joints by the kind of closure.
 TYPES = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
-    "ball": "spherical", "universal": "universal", "revolute2": "universal",
+    "ball": "spherical",
 }  # fmt: skip
 MODEL = "__model__"
-CHILDREN = ("parent", "child", "pose", "axis", "axis2", "physics", "sensor", "gearbox_ratio", "thread_pitch")
+CHILDREN = ("parent", "child", "pose", "axis", "physics", "sensor", "gearbox_ratio", "thread_pitch")
 
 
 def read_gazebo_joints(root: Node, robot: RobotFile) -> None:
@@ -40,31 +40,24 @@ def read_gazebo_joints(root: Node, robot: RobotFile) -> None:
 
 
 def _read_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> None:
+    kind = TYPES[kind_of(node, TYPES, "an SDF joint of type '{}' closes no loop here; write it as <loop>")]
     node.only(["name", "type"], CHILDREN)
-    stated = kind_of(node, TYPES, "an SDF joint of type '{}' closes no loop here")
-    kind, name = TYPES[stated], node.text("name")
     links = [_link(node.required_child(end), poses) for end in ("parent", "child")]
     at_child, at = node.child("pose"), poses[links[1]]
     if at_child is not None:
         at_child.only(["relative_to", "frame"], [])
         frame = at_child.xml.get("relative_to") or at_child.xml.get("frame") or links[1]
         at = _frame(at_child, frame, poses) @ pose(at_child)
-    axes = [node.required_child("axis")] if FORMS[kind].has_axis else []
-    axes += [node.required_child("axis2")] if kind == "universal" else []
-    directions = [_direction(axis, at, poses) for axis in axes]
-    if kind == "universal":
-        cosine = float(np.clip(directions[0] @ directions[1], -1, 1))
-        if abs(cosine) > LARGEST_COSINE:
-            raise node.error(
-                f"the axes of this {stated} joint stand at {np.degrees(np.arccos(cosine)):.4g} degrees; a "
-                "closure of two axes needs 90 degrees: mend the axes, or add a link between two revolute "
-                "joints"
+    turn = np.eye(3)
+    if FORMS[kind].has_axis:
+        axis = node.required_child("axis")
+        turn = rotation_to_axis(_direction(axis, at, poses))
+        if unread := [tag for tag in ("dynamics", "limit") if axis.child(tag)]:
+            robot.notes.append(
+                f"closure '{node.text('name')}': {listed(unread)} of the SDF joint is not read"
             )
-    if unread := {tag for axis in axes for tag in ("limit", "dynamics") if axis.child(tag)}:
-        robot.notes.append(f"closure '{name}': {listed(sorted(unread))} of the SDF joint is not read")
-    turns = [rotation_to_axis(direction) for direction in directions] or [np.eye(3)]
     sides = [(link, relative(poses[link], at)) for link in links]
-    robot.closures.append(closure(node, kind, sides, (turns[0], turns[-1])))
+    robot.closures.append(closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line))
 
 
 def _link(node: Node, poses: Mapping[str, Array]) -> str:

@@ -7,14 +7,14 @@ attribute or child of these elements is an error.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from ..closure_forms import FORMS, Form, Side, closure_of, form_of_rows
+from ..closure_forms import FORMS, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import rotation_to_axis
-from ..records import FREEDOMS, Array, Closure, Coupling, Joint
+from ..records import Array, Closure, Coupling, Joint
 from .xml_node import Node, axis_of, origin_of
 
 POSE = ("xyz", "rpy", "quat_xyzw")
@@ -33,11 +33,11 @@ def read_loop(node: Node) -> Closure:
             form = form_of_rows(node.text("rows"))
         except ValueError as error:
             raise node.error(str(error)) from None
-        turn = form.rotation_of_frames
-        return closure(node, kind, sides, (turn, turn), form)
+        turns = (form.rotation_of_frames,) * 2
+        return closure_of(node.text("name"), kind, sides, turns, form, node.line)
     turn = _turn(node.child("axis"), kind)
     other = _turn(node.required_child("axis2"), kind) if kind == "universal" else turn
-    return closure(node, kind, sides, (turn, other))
+    return closure_of(node.text("name"), kind, sides, (turn, other), line=node.line)
 
 
 def read_loop_joint(node: Node) -> Closure:
@@ -59,28 +59,11 @@ def read_loop_joint(node: Node) -> Closure:
             end.only(["link", *POSE], [])
         sides = [(end.text("link"), origin_of(end)) for end in sorted(ends, key=lambda end: end.tag)]
     turn = _turn(node.child("axis"), kind)
-    return closure(node, kind, sides, (turn, turn))
+    return closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line)
 
 
 #: Readers of closures by the name of their element.
 CLOSURE_READERS = {"loop": read_loop, "loop_joint": read_loop_joint}
-
-
-def closure(
-    node: Node,
-    kind: str,
-    sides: Sequence[Side],
-    turns: Sequence[Array],
-    form: Form | None = None,
-) -> Closure:
-    """Return the closure that an element states.
-
-    Args:
-        sides: Both sides.
-        turns: Rotations of both frames about their own axes, which map z to the closure's axis.
-        form: Its form, where that is not the one of its kind.
-    """
-    return closure_of(node.text("name"), kind, sides, turns, form, node.line)
 
 
 def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:
@@ -110,26 +93,16 @@ def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:
         ends.append(end.text("link"))
         if ends[-1] not in parents:
             raise end.error(f"unknown link '{ends[-1]}'{did_you_mean(ends[-1], parents)}")
-    signed = terms_between(ends[0], ends[1], parents)
-    if many := next((joint for joint, _ in signed if FREEDOMS[joint.kind] != 1), None):
-        raise node.error(
-            f"joint '{many.name}' on its path is {many.kind}; only joints with one freedom can be coupled"
-        )
-    if not signed:
-        raise node.error(f"there is no movable joint between '{ends[0]}' and '{ends[1]}'")
-    terms = tuple((joint.name, ratio if sign > 0 else -1.0) for joint, sign in signed)
-    return Coupling(node.text("name"), terms, 0.0, node.line)
-
-
-def terms_between(link_a: str, link_b: str, parents: Mapping[str, Joint | None]) -> list[tuple[Joint, int]]:
-    """Return the movable joints on which only one of two links hangs, with 1 for A's and -1 for B's."""
-    paths = [_path_to_root(link, parents) for link in (link_a, link_b)]
-    return [
-        (joint, sign)
-        for own, other, sign in ((paths[0], paths[1], 1), (paths[1], paths[0], -1))
+    path_a, path_b = (_path_to_root(link, parents) for link in ends)
+    terms = [
+        (joint.name, coefficient)
+        for own, other, coefficient in ((path_a, path_b, ratio), (path_b, path_a, -1.0))
         for joint in reversed(own.values())
         if joint.name not in other and joint.kind != "fixed"
     ]
+    if not terms:
+        raise node.error(f"there is no movable joint between '{ends[0]}' and '{ends[1]}'")
+    return Coupling(node.text("name"), tuple(terms), 0.0, node.line)
 
 
 def read_mimic(node: Node, follower: str) -> Coupling:

@@ -46,6 +46,25 @@ def record(path: str | os.PathLike[str], content: bytes) -> None:
         found[os.path.abspath(path)] = hashlib.sha256(content).hexdigest()
 
 
+def content_of(path: str, largest: int) -> bytes:
+    """Read a file, and record it.
+
+    Raises:
+        OSError: The system cannot open or read the file.
+        ModelError: It is not a regular file, or larger than `largest` bytes.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(handle, "rb") as file:
+        about = os.fstat(handle)
+        if not stat.S_ISREG(about.st_mode):
+            raise ModelError(f"'{path}' is not a regular file")
+        if about.st_size > largest:
+            raise ModelError(f"'{path}' is larger than {largest // 2**20} MiB")
+        content = file.read(largest)
+    record(path, content)
+    return content
+
+
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
 MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")
 
@@ -121,16 +140,7 @@ class RobotFolders:
             OSError: The system cannot open or read the file.
             ModelError: The file is outside the robot's folders, hidden, not a regular file, or too large.
         """
-        handle = os.open(self._within(path), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(handle, "rb") as file:
-            about = os.fstat(file.fileno())
-            if not stat.S_ISREG(about.st_mode):
-                raise ModelError(f"'{path}' is not a regular file")
-            if about.st_size > self.largest:
-                raise ModelError(f"'{path}' is larger than {self.largest // 2**20} MiB")
-            content = file.read(self.largest)
-        record(path, content)
-        return content
+        return content_of(self._within(path), self.largest)
 
     def find(self, package: str) -> str:
         """Return the folder of a package.

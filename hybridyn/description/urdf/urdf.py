@@ -156,13 +156,10 @@ def _joint_kind(node: Node) -> JointKind:
     kind = node.text("type")
     if kind in URDF_KINDS:
         return cast(JointKind, kind)
-    if kind in ("spherical", "ball", "universal", "cylindrical", "screw"):
-        raise node.error(
-            f"joint type '{kind}' does not exist in URDF; write it as one-freedom joints with massless links "
-            "between them, or retype a revolute joint as SPHERICAL or UJOINT_XY in a side-car robot.yaml"
-        )
     raise node.error(
-        f"unknown joint type '{kind}'{did_you_mean(kind, URDF_KINDS)}; known: {listed(URDF_KINDS)}"
+        f"joint type '{kind}' does not exist in URDF{did_you_mean(kind, URDF_KINDS)}; known: "
+        f"{listed(URDF_KINDS)}. Write others as one-freedom joints with massless links between them, or "
+        "retype a revolute joint as SPHERICAL or UJOINT_XY in a side-car robot.yaml"
     )
 
 
