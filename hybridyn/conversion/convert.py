@@ -9,14 +9,17 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..assembly.assemble import assemble
 from ..description.closure_forms import words_of_rows
 from ..description.names import did_you_mean
+from ..description.placement import poses_at
 from ..description.reading import read
 from ..description.records import Description, StatedBase
 from ..description.shape_files import MeshFiles, MissingMeshError, Shape, shapes_of, urdf_root
@@ -24,16 +27,15 @@ from ..description.shipped import find_robot
 from ..description.side_cars.model_toml import find_model_file, find_side_car
 from ..description.urdf.xml_node import Node
 from ..description.writing import write_text
-from ..errors import ModelError
-from .home import closed_at_home
-from .mjcf.mjcf import write_mjcf
-from .request import TIGHTNESS, Losses, Request, Written
-from .sdf.sdf import write_sdf
-from .urdf.urdf import write_urdf
-from .usd.usd import write_usd
-
-if TYPE_CHECKING:
-    from ..structure.robot import HybridRobot
+from ..errors import HybridynError, ModelError
+from ..linkage.closures import residual_of
+from ..structure.building import build_robot
+from ..structure.robot import HybridRobot, positions
+from .mjcf import write_mjcf
+from .request import TIGHTNESS, Losses, Request, Written, home_of
+from .sdf import write_sdf
+from .urdf import write_urdf
+from .usd import write_usd
 
 #: Words of files of other formats that state shapes.
 SHAPES = (b"<geom", b"<visual", b"def Mesh", b"def Cube", b"def Sphere", b"def Cylinder", b"def Capsule")
@@ -84,6 +86,9 @@ def _reference(file: str, path: Path | None, target: Path) -> str:
         return file
     return os.path.relpath(path.resolve(), target.resolve().parent)
 
+
+#: Opening at home that is rounding in the file [rad, or of the robot's size], as in `load`.
+ROUNDING = 1e-4
 
 #: Writers by the ending of the file.
 WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
@@ -232,6 +237,52 @@ def _sayable(d: Description, losses: Losses) -> Description:
             replace(c, terms=tuple((name, factor) for name, factor in c.terms if factor)) for c in d.couplings
         ),
     )
+
+
+def closed_at_home(d: Description, robot: HybridRobot | None) -> tuple[Description, tuple[str, ...]]:
+    """Return a robot whose loops are closed at home, with its motors where they were, and notes.
+
+    Args:
+        robot: The robot that the description belongs to; None to build it where that is needed.
+
+    Raises:
+        ModelError: The loops are open at home, and no posture near it closes them.
+    """
+    open_by, name = max(_openings(d), default=(0.0, ""))
+    if open_by <= ROUNDING:
+        return d, ()
+    opening = f"'{name}' is open at home by {open_by:.2g} (radians, or of the robot's size)"
+    try:
+        robot = robot or build_robot(d)
+        home = positions(robot, robot.home)
+        q, _, _ = assemble(robot, motors={motor: home[motor][0] for motor in robot.motors})
+    except HybridynError as error:
+        raise ModelError(
+            f"{opening}, and no posture near home closes it with the motors where they are ({error}); "
+            "state a closed home posture: [home] in model.toml, which 'hybridyn home --at MOTOR=NUMBER "
+            "--write' finds",
+            file=d.source,
+            element=name,
+        ) from error
+    return replace(d, home=positions(robot, q)), (
+        f"{opening}; written closed, with the motors where they are",
+    )
+
+
+def _openings(d: Description) -> Iterator[tuple[float, str]]:
+    """Yield by how much each closure and coupling is open at home [rad, or of the robot's size]."""
+    poses = poses_at(d, d.home)
+    size = float(np.ptp([pose[:3, 3] for pose in poses.values()], axis=0).max()) or 1.0
+    for closure in d.closures:
+        ends = poses[closure.link_a] @ closure.frame_a, poses[closure.link_b] @ closure.frame_b
+        a, b = ((M[None, :3, :3], M[None, :3, 3]) for M in ends)
+        off = np.abs(residual_of(closure.translations, closure.rotation, a, b)[0])
+        off[: len(closure.translations)] /= size
+        yield float(off.max(initial=0.0)), closure.name
+    at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
+    for coupling in d.couplings:
+        error = sum(factor * at[name] for name, factor in coupling.terms) - coupling.offset
+        yield abs(error) / max(abs(factor) for _, factor in coupling.terms), coupling.name
 
 
 def _refuse_names(d: Description) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,8 @@ import numpy as np
 
 from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
 from ..description.names import listed, unique
-from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint
+from ..description.placement import angle_of
+from ..description.records import FREEDOMS, ZERO, Array, Closure, Coupling, Description, Joint
 from ..description.shape_files import Shape
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.
@@ -21,6 +21,12 @@ TIGHTNESS = 1e-4
 USUAL_GRAVITY = (0.0, 0.0, -9.81)
 #: Limits of a joint; a speed or effort of zero is none.
 LIMITS = ("lower", "upper", "speed_limit", "effort_limit")
+#: Friction and rotor of a joint.
+FORCES = ("damping", "friction", "rotor_inertia", "gear_ratio")
+#: What becomes of a floating joint where a body that no joint holds is one.
+FREED = "floating joints have the name of their link and _free, and start at the world"
+#: A joint without limits, friction and rotor.
+PLAIN = Joint("", "fixed", "", "", np.eye(4), np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -81,10 +87,31 @@ class Losses:
         return tuple(f"{reason}: {listed(names)}" if names else reason for reason, names in named.items())
 
 
-def add_limits(joint: Joint, losses: Losses, words: Sequence[str] = LIMITS) -> None:
-    """List the limits of a joint with several freedoms that are lost. `words`: attributes of the joint."""
-    if FREEDOMS[joint.kind] > 1 and any(isfinite(getattr(joint, word)) for word in words):
-        losses.add("limits of joints with several freedoms", joint.name)
+def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
+    """Return the home position of a joint: angles as one number, other coordinates as Pinocchio's.
+
+    Args:
+        joint: One of its joints, not fixed.
+    """
+    at = d.home.get(joint.name) or ZERO[joint.kind]
+    if joint.kind == "planar":
+        return (*at[:2], angle_of(at[2:]))
+    return at if joint.kind in ("spherical", "floating") else (angle_of(at),)
+
+
+def add_of_several(
+    joint: Joint, losses: Losses, limits: Sequence[str] = LIMITS, forces: Sequence[str] = FORCES
+) -> None:
+    """List limits and forces of a joint with several freedoms that are lost.
+
+    Args:
+        limits: Attributes of the joint, some of `LIMITS`.
+        forces: Attributes of the joint, some of `FORCES`.
+    """
+    for what, words in (("limits", limits), ("friction and rotors", forces)):
+        stated = any(getattr(joint, word) != getattr(PLAIN, word) for word in words)
+        if FREEDOMS[joint.kind] > 1 and stated:
+            losses.add(f"{what} of joints with several freedoms", joint.name)
 
 
 def followers_of(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridyn.conversion.home import home_of
+from hybridyn.conversion.request import home_of
 from hybridyn.description import Closure, Description
 from hybridyn.description.placement import inverse, poses_at, turned
 

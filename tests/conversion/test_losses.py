@@ -13,7 +13,7 @@ import pytest
 
 import hybridyn
 from hybridyn.conversion.request import Losses
-from hybridyn.conversion.sdf.sdf import counted_from_home
+from hybridyn.conversion.sdf import counted_from_home
 from tests.conversion.facts import SAME, SINGLE, changed
 from tests.conversion.features import FEATURES
 from tests.conversion.judge import read_back
@@ -23,7 +23,6 @@ LINES = {
     "continuous": "continuous joints, which MuJoCo does not have: read back as hinges",
     "endless": "continuous joints, which USD does not have: read back as hinges",
     "effort": "effort limits of joints without a motor",
-    "cross": "universal closures are a hinge on a massless body, and a hinge that closes",
     "point": "links without inertia, which USD cannot say: written with a small one",
     "other": "names that USD does not allow, or that two things have, are changed",
     "planar": "planar joints are two slides and a hinge",
@@ -35,12 +34,11 @@ LINES = {
     "speed": "speed limits, which MuJoCo does not have",
     "limit": "limits of joints with several freedoms",
     "gear": "gear ratios: the rotor's inertia is written as that at the joint",
-    "forces": "damping, friction and rotors of joints with several freedoms",
-    "friction": "dry friction and rotors of joints with several freedoms",
+    "forces": "friction and rotors of joints with several freedoms",
     "turns": "springs of continuous joints: MuJoCo counts whole turns",
     "damper": "dampers are read back as viscous friction, to which they are added",
     "level": "levels of coulomb_friction are read back as dry friction, too",
-    "slides": "closures are slides and a loop joint behind them, with massless links",
+    "slides": "closures are joints with massless links, and a closure behind them",
     "rows": "closures left out, since they have no row",
     "axes": "axes in which hybridyn reports the wrenches of closures",
     "mimic": "names of couplings, which are read back with those of joints",
@@ -54,7 +52,7 @@ LINES = {
     "follow": "closures are a weld to a body of their own, which follows one link",
     "thin": "links without inertia about an axis, which MuJoCo refuses: written with a small one",
     "light": "links with inertia but without mass: written with",
-    "large": "inertias that no body can have: the largest principal moment is reduced",
+    "large": "inertias that no body can have: principal moments are changed",
     "load": "which part of a link is an added body",
     "name": "names that SDF does not allow, or that two things have, are changed",
     "world": "names that MuJoCo keeps for itself: written with an underscore",
@@ -66,7 +64,7 @@ CHANGES = {
     "point": ["link tool"], "equal": ["lower", "upper"], "crossed": ["crossed"], "speed": ["speed_limit"],
     "limit": ["lower", "upper", "speed_limit", "effort_limit"], "gear": ["rotor_inertia", "gear_ratio"],
     "forces": ["damping", "friction", "rotor_inertia", "gear_ratio"], "turns": [],
-    "friction": ["friction", "rotor_inertia"], "damper": ["damping", "effects"], "level": ["friction"],
+    "damper": ["damping", "effects"], "level": ["friction"],
     "axes": ["closures"], "mimic": ["names"], "base": ["base"], "pose": ["base"], "gravity": ["gravity"],
     "load": ["added bodies"],
 }  # fmt: skip
@@ -103,17 +101,17 @@ rotor                           kept        kept              kept          kept
 geared rotor                    kept        gear              kept          kept
 gear without rotor              kept        gear              kept          kept
 viscous friction, spherical     kept        kept              forces        kept
-viscous friction, planar        kept        planar            planar+forces forces+planar
-viscous friction, floating      kept        balls             free+forces   forces+free
-dry friction, spherical         kept        friction          forces        kept
-dry friction, planar            kept        planar+friction   planar+forces forces+planar
-dry friction, floating          kept        balls+friction    free+forces   forces+free
+viscous friction, planar        kept        planar            planar        planar+forces
+viscous friction, floating      kept        balls             free+forces   free+forces
+dry friction, spherical         kept        forces            forces        kept
+dry friction, planar            kept        planar+forces     planar+forces planar+forces
+dry friction, floating          kept        balls+forces      free+forces   free+forces
 rotor, spherical                kept        kept              forces        kept
-rotor, planar                   kept        planar+friction   planar+forces forces+planar
-rotor, floating                 kept        balls+friction    free+forces   forces+free
+rotor, planar                   kept        planar+forces     planar+forces planar+forces
+rotor, floating                 kept        balls+forces      free+forces   free+forces
 gear, spherical                 kept        gear              forces        kept
-gear, planar                    kept        planar+gear       planar+forces forces+planar
-gear, floating                  kept        balls+gear        free+forces   forces+free
+gear, planar                    kept        planar+gear       planar+forces planar+forces
+gear, floating                  kept        balls+gear        free+forces   free+forces
 position limit, spherical       limit       limit             limit         limit
 position limit, planar          limit       planar+limit      planar+limit  planar+limit
 position limit, floating        limit       balls+limit       free+limit    free+limit
@@ -140,26 +138,26 @@ closure fixed                   kept        kept              home          kept
 closure revolute                kept        pins              home          kept
 closure prismatic               kept        follow            home          kept
 closure cylindrical             kept        follow            home+slides   kept
-closure universal               kept        follow            home          cross
+closure universal               kept        follow            home          slides
 closure planar                  kept        follow            home+slides   kept
 closure spherical               kept        kept              home          kept
 closure rows_x                  kept        follow            home+slides   kept
 closure rows_yz                 kept        follow            home+slides   kept
-closure rows_y_perpendicular    kept        follow            home+slides   cross
+closure rows_y_perpendicular    kept        follow            home+slides   slides
 closure rows_xz_parallel        kept        follow            home+slides   kept
 closure rows_x_fixed            kept        follow            home+slides   kept
 closure rows_parallel           kept        follow            home+slides   kept
 closure rows_fixed              kept        follow            home+slides   kept
 closure without a row           rows        rows              rows          rows
 closure from the base           kept        pins              home          kept
-closure to the base             kept        follow            home          cross
+closure to the base             kept        follow            home          slides
 closure at a massless end       kept        follow+body       home          kept
 massless end on the base        kept        follow+body       home          kept
 author's axes, fixed            kept        kept              home          kept
 author's axes, spherical        kept        kept              home          kept
 author's axes, revolute         kept        pins              home          kept
 author's axes, prismatic        kept        follow            home          kept
-author's axes, universal        kept        follow            home          cross
+author's axes, universal        kept        follow            home          slides
 author's axes, rows_xz_parallel kept        follow            home+slides   kept
 oblique axes, revolute          kept        pins              home          axes
 oblique axes, rows_x_fixed      axes        follow            home+slides   axes

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.request import Losses
-from hybridyn.conversion.sdf.sdf import counted_from_home
+from hybridyn.conversion.sdf import counted_from_home
 from hybridyn.description import Description
 from hybridyn.description.records import ZERO
 from hybridyn.structure.building import build_robot

@@ -102,8 +102,8 @@ def test_the_home_of_a_planar_joint_comes_back(tmp_path: Path) -> None:
     )  # fmt: skip
     for before in (tree, replace(tree, closures=(pin,))):
         after, _ = read_back(before, tmp_path / "cart.sdf")
-        found = {name: after.home.get(name, (0.0,))[0] for name in ("roll_x", "roll_y", "roll", "hinge")}
-        expected = {"roll_x": 0.5, "roll_y": -0.4, "roll": angle, "hinge": 0.2}
+        found = {name: after.home.get(name, (0.0,))[0] for name in ("roll_x", "roll_y", "roll_turn", "hinge")}
+        expected = {"roll_x": 0.5, "roll_y": -0.4, "roll_turn": angle, "hinge": 0.2}
         assert found == pytest.approx(dict.fromkeys(found, 0.0) if before.closures else expected, abs=1e-15)
         theirs = poses_at(after, after.home)
         for name in ("cart", "rod"):

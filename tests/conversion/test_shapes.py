@@ -75,9 +75,8 @@ def test_urdf_writes_the_same_shapes(file: Path, tmp_path: Path) -> None:
 def test_mjcf_writes_shapes_that_mujoco_reads(file: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.xml"
     losses = convert(file, out, package_dirs=[tmp_path]).losses
-    assert "meshes that were not found: 'none.stl'" in losses
-    (unread,) = (line for line in losses if line.startswith("meshes that MuJoCo does not read"))
-    assert unread.endswith(": 'package://robot/arm.dae', 'robot/text.stl'")
+    (unread,) = (line for line in losses if line.startswith("visual shapes without extent, and meshes"))
+    assert unread.endswith(": 'package://robot/arm.dae', 'none.stl', 'robot/text.stl'")
     geoms = ET.parse(out).getroot().findall(".//geom")
     assert [geom.get("size") for geom in geoms] == ["0.5 1 1.5", "0.5 1", "0.25", None]
     model = needs("mjcf").MjModel.from_xml_path(str(out))

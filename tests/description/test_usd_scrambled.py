@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.request import Losses, allowed
-from hybridyn.conversion.usd.usd import End, Prim, add_body, add_closure, axis_of, start_joint, valid_name
+from hybridyn.conversion.usd import End, Prim, add_body, add_closure, axis_of, start_joint, valid_name
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy
 from tests.conversion.judge import SINGLE, same_robot, states
@@ -76,8 +76,7 @@ def scrambled(d: Description, seed: int) -> str:
         )
         moved_closure = replace(closure, frame_a=end_a, frame_b=end_b)
         ends = closure.link_a, closure.link_b
-        at = [longer(poses[name] @ frames[name]) for name in ends]
-        add_closure(robot, moved_closure, (bodies[ends[0]], bodies[ends[1]]), (at[0], at[1]), Losses())
+        add_closure(robot, moved_closure, (bodies[ends[0]], bodies[ends[1]]), Losses())
     units = 'metersPerUnit = 0.01\nkilogramsPerUnit = 0.5\nupAxis = "Z"'
     head = f'#usda 1.0\n(\ndefaultPrim = "{robot.name}"\n{units}\n)\n'
     return head + "\n".join(robot.lines()) + "\n"

@@ -1,4 +1,10 @@
-"""Write links and joints as nested bodies, with limits, friction, rotors, springs, motors and shapes.
+"""Write an MJCF file: bodies, closures, couplings, forces, motors, home.
+
+a point        one connect between sites         two joints     a joint equality
+fixed          one weld between sites            more joints    an equality of a fixed tendon
+revolute       two connects, at two points of the axis
+
+MuJoCo counts positions in equalities from those at `qpos0`.
 
 A massless link that only carries one joint has no body: its joint stands in the body of the next link, before
 that link's own, as MuJoCo writes universal joints.
@@ -9,72 +15,46 @@ it weighs equalities, and home is `ref`. Positions and axes of joints are in the
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
-from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.placement import inverse, motion_of
-from ...description.records import FREEDOMS, ZERO, Array, Description, Joint, JointKind, Link
-from ...description.shape_files import Shape
-from ..home import home_of
-from ..numerals import add, numeral, principal, put, quaternion_of
-from ..request import Losses, Request, add_limits
+from ..description.names import unique
+from ..description.placement import inverse, motion_of, outwards, placement_from, turned
+from ..description.records import FREEDOMS, ZERO, Array, Description, Joint, JointKind, Link
+from ..description.shape_files import Shape
+from ..description.side_cars.model_toml import model_file
+from ..errors import ModelError
+from .numerals import add, numeral, principal, put, quaternion_of
+from .parts import AXES, LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless, of_mujoco, sizes_of
+from .request import FORCES, USUAL_GRAVITY, Losses, Request, Written, add_of_several, home_of
 
-AXES = np.eye(3)
+#: Most bodies one inside the other; XML readers stop at 256 elements.
+DEEPEST = 240
+#: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
+FREE_FALL = 10.0
+#: Gravity where the robot has none [m/s^2].
+EARTH = 9.81
+#: Impedance of equalities, the largest that MuJoCo takes.
+HARDEST = 0.9999
+#: Longest time step [s]; slower motions than those of the closures need to be followed, too.
+LONGEST_STEP = 1e-3
+#: Part of a unit by which a step of two digits may miss it.
+TWO_DIGITS = 1e-9
+
+
+#: Excess of the largest principal moment over the sum of the others that is rounding, relative to it.
+MOMENT_ROUNDING = 1e-12
 #: Name of MuJoCo's own body, which does not move.
 WORLD = "world"
 #: MuJoCo's words for kinds of joints in a body.
 WORDS: dict[JointKind, str] = {
     "revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball",
 }  # fmt: skip
-
-#: Mass and inertia of a moving link without any, relative to those of the lightest link. Smaller ones would
-#: change the robot less, but make its closures softer.
-LIGHT = 1e-3
-#: Inertia of a point mass, relative to mass and size of the robot: far above MuJoCo's least one, 1e-15.
-POINT_INERTIA = 1e-9
-#: Least principal moment that MuJoCo takes, with a margin [kg m^2].
-LEAST_MOMENT = 1e-14
-#: Excess of the largest principal moment over the sum of the others that is rounding, relative to it.
-MOMENT_ROUNDING = 1e-12
-
-
-class Sizes(NamedTuple):
-    """Sizes of a robot.
-
-    Attributes:
-        light: A link with the least mass and inertia.
-        size: The median distance between joints [m].
-    """
-
-    light: Link
-    size: float
-
-
-def sizes_of(d: Description) -> Sizes:
-    """Return the sizes of a robot."""
-    steps = [float(np.linalg.norm(joint.placement[:3, 3])) for joint in d.joints]
-    size = float(np.median([step for step in steps if step] or [1.0]))
-    mass = min((link.mass for link in d.links if link.mass > 0), default=1.0)
-    moments = [float(np.linalg.eigvalsh(link.inertia)[-1]) for link in d.links if link.mass > 0]
-    moment = min((moment for moment in moments if moment > 0), default=mass * size**2)
-    return Sizes(Link("", LIGHT * mass, np.zeros(3), LIGHT * moment * np.eye(3)), size)
-
-
-def is_solid(link: Link) -> bool:
-    """Say whether a link has mass and a positive definite inertia."""
-    return link.mass > 0 and bool(np.linalg.eigvalsh(link.inertia)[0] > 4 * LEAST_MOMENT)
-
-
-def is_weightless(link: Link) -> bool:
-    """Say whether a link has neither mass nor inertia."""
-    return not link.mass and not link.inertia.any()
-
 
 #: A joint whose body is still to come, and the body's frame at `qpos0` in the joint's frame.
 Carried = tuple[Joint, Array]
@@ -199,18 +179,17 @@ def _add_inertial(body: ET.Element, link: Link, sizes: Sizes, moving: bool, loss
     elif not link.mass:
         losses.add(f"links with inertia but without mass: {light}", link.name)
     moments, axes = principal(inertia)
-    possible = moments.copy()
+    possible = np.maximum(moments, 0.0)
     if moving and moments.min() < LEAST_MOMENT:
         losses.add(
             "links without inertia about an axis, which MuJoCo refuses: written with a small one", link.name
         )
         possible = np.maximum(moments, max(LEAST_MOMENT, POINT_INERTIA * mass * sizes.size**2))
     largest = int(np.argmax(possible))
-    others = np.delete(possible, largest)
-    if possible[largest] > others.sum() * (1 + MOMENT_ROUNDING):
-        losses.add("inertias that no body can have: the largest principal moment is reduced", link.name)
-    while possible[largest] > others.sum():
-        possible[largest] = np.nextafter(others.sum(), 0)
+    most = np.delete(possible, largest).sum()
+    if possible[largest] > most * (1 + MOMENT_ROUNDING) or moments.min() < 0:
+        losses.add("inertias that no body can have: principal moments are changed", link.name)
+    possible[largest] = min(possible[largest], most)
     quat = None if np.array_equal(axes, np.eye(3)) else quaternion_of(axes)
     add(body, "inertial", pos=link.com, mass=mass, diaginertia=possible, quat=quat)
 
@@ -228,8 +207,10 @@ SAID = ("spring", "damper")
 
 #: Endings of the meshes that MuJoCo reads.
 MESHES = (".stl", ".obj", ".msh")
-#: Most triangles of an STL file that MuJoCo reads.
-MOST_FACES = 200_000
+#: What is told of shapes that MuJoCo does not read.
+UNREADABLE = (
+    "visual shapes without extent, and meshes that are not found or none of .stl (binary), .obj, .msh"
+)
 
 
 def with_effects(d: Description) -> Description:
@@ -287,8 +268,6 @@ def list_losses(d: Description, tree: Tree, losses: Losses) -> None:
             "damping of free joints": joint.damping
             and joint.kind == "floating"
             and joint.name in tree.joints,
-            "dry friction and rotors of joints with several freedoms": freedoms > 1
-            and (old.friction or (joint.armature and joint.kind != "spherical")),
             "continuous joints, which MuJoCo does not have: read back as hinges": endless,
             "speed limits, which MuJoCo does not have": freedoms and np.isfinite(joint.speed_limit),
             "gear ratios: the rotor's inertia is written as that at the joint": freedoms
@@ -302,8 +281,8 @@ def list_losses(d: Description, tree: Tree, losses: Losses) -> None:
         for reason, is_lost in lost.items():
             if is_lost:
                 losses.add(reason, joint.name)
-        if freedoms:
-            add_limits(joint, losses, ("lower", "upper", "effort_limit"))
+        forces = FORCES[1:2] if joint.kind == "spherical" else FORCES[1:3]
+        add_of_several(old, losses, ("lower", "upper", "effort_limit"), forces)
 
 
 def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) -> None:
@@ -313,47 +292,181 @@ def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) 
         root: The root element, which receives `<asset>`.
         losses: Receives the shapes that MuJoCo cannot read.
     """
-    assets: dict[tuple[str, tuple[float, ...]], str] = {}
+    asset = ET.Element("asset")
     for shape in request.shapes:
         body = tree.bodies.get(shape.link)
         if body is None:
             losses.add("visual shapes of massless links that have no body", shape.link)
-        elif shape.kind != "mesh" and any(size <= 0 for size in shape.size):
-            losses.add("visual shapes without extent", shape.link)
-        elif shape.kind != "mesh" or _is_readable(shape, losses):
+        elif not _is_readable(shape):
+            losses.add(UNREADABLE, shape.file or shape.link)
+        else:
             first, *others = shape.size  # of a box all edges, else the radius and perhaps a length
             size = first / 2 if shape.kind == "box" else first, *(other / 2 for other in others)
             mesh = None
             if shape.path is not None:
+                mesh = f"{shape.path.stem}_{len(asset)}"
                 file = os.path.relpath(shape.path.resolve(), request.target.resolve().parent)
-                mesh = assets.setdefault((file, shape.size), f"{shape.path.stem}_{len(assets)}")
+                add(asset, "mesh", name=mesh, file=file, inertia="shell", scale=shape.size)
             add(
                 body, "geom", type=shape.kind, group="2", contype="0", conaffinity="0", mass="0", mesh=mesh,
                 size=None if mesh else size, rgba=shape.colour, **pose(shape.placement),
             )  # fmt: skip
-    asset = add(root, "asset") if assets else root
-    for (file, scale), name in assets.items():
-        factors = scale if any(factor != 1 for factor in scale) else None
-        add(asset, "mesh", name=name, file=file, inertia="shell", scale=factors)
+    root.extend([asset] if len(asset) else [])
 
 
-def _is_readable(shape: Shape, losses: Losses) -> bool:
-    """Say whether MuJoCo reads a mesh, as far as its ending and the head of an STL file tell."""
-    if shape.path is None:
-        losses.add("meshes that were not found", shape.file)
-        return False
-    ending = shape.path.suffix.lower()
-    readable = ending in MESHES and (ending != ".stl" or _is_binary(shape.path))
-    if not readable:
-        losses.add(
-            f"meshes that MuJoCo does not read (it takes {', '.join(MESHES)}; STL in binary)", shape.file
-        )
-    return readable
+def _is_readable(shape: Shape) -> bool:
+    """Say whether MuJoCo reads a shape, as far as sizes, the ending and the head of an STL file tell."""
+    if shape.kind != "mesh":
+        return all(size > 0 for size in shape.size)
+    if shape.path is None or shape.path.suffix.lower() != ".stl":
+        return shape.path is not None and shape.path.suffix.lower() in MESHES
+    with open(shape.path, "rb") as content:
+        faces = int.from_bytes(content.read(84)[80:], "little")
+    return faces > 0 and shape.path.stat().st_size == 84 + 50 * faces
 
 
-def _is_binary(file: Path) -> bool:
-    """Say whether an STL file is a binary one that MuJoCo reads."""
-    with open(file, "rb") as content:
-        head = content.read(84)
-    faces = int.from_bytes(head[80:84], "little")
-    return 0 < faces <= MOST_FACES and file.stat().st_size == 84 + 50 * faces
+def write_mjcf(request: Request, losses: Losses) -> Written:
+    """Write a robot as MJCF.
+
+    Raises:
+        ModelError: The robot is too deep for nested bodies, or names would occur twice.
+    """
+    d = request.description
+    _check_depth(d)
+    root, notes = ET.Element("mujoco", model=d.name), list[str]()
+    add(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
+    option = add(root, "option", gravity=d.gravity or USUAL_GRAVITY, integrator="implicitfast")
+    if d.closures or d.couplings:
+        tight = _add_softness(root, option, d, request.tightness)
+        notes.append(tight)
+        root.insert(0, ET.Comment(f" {tight} "))
+        if any(name in SAID for name, _ in d.effects):
+            notes.append(
+                "this does not count springs and dampers: stiff ones open the closures further, or break up "
+                "the simulation; then convert with a smaller tightness"
+            )
+    tree = _add_robot(root, d, losses)
+    add_visuals(root, request, tree, losses)
+    if tree.qpos:
+        add(add(root, "keyframe"), "key", name="home", qpos=tree.qpos)
+    ET.indent(root)
+    beside = [name for name, _ in d.effects if name not in SAID]
+    if beside:
+        notes.append(f"MuJoCo does not see these effects, which the model.toml holds: {', '.join(beside)}")
+    model = model_file(d, motors=not d.motors, effects=beside)
+    text = ET.tostring(root, encoding="unicode") + "\n"
+    return Written(text, tuple(notes), {".model.toml": model} if model else {})
+
+
+def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
+    """Add bodies, closures, couplings, forces and motors."""
+    sizes = sizes_of(d)
+    parts = of_mujoco(with_effects(d), sizes, losses)
+    tree = Tree(parts, sizes, losses)
+    root.append(tree.worldbody)
+    list_losses(d, tree, losses)
+    if d.closures or d.couplings:
+        equality = add(root, "equality")
+        _add_closures(equality, parts, tree, sizes.size, losses)
+        _add_couplings(root, equality, parts)
+    add_forces(root, parts, tree)
+    for link in d.links:
+        if link.name not in tree.bodies:
+            losses.add("names of massless links that only carry a joint or end a closure", link.name)
+    for joint in d.joints:
+        if joint.kind == "fixed" and joint.child in tree.bodies and joint.name != f"{joint.child}_fixed":
+            losses.add("names of fixed joints, which MuJoCo does not have", joint.name)
+    return tree
+
+
+def _add_softness(root: ET.Element, option: ET.Element, d: Description, tightness: float) -> str:
+    """Add the time step and how equalities act, so that closures stay as tight as the user asks.
+
+    MuJoCo pulls a closure shut like a critically damped spring with time constant T. Where the links of a
+    closure would part with acceleration c without it, it opens by about c T^2. Equalities are as hard as
+    MuJoCo allows, so that the load on a closure adds little to this. The time step is T / 2, the longest that
+    MuJoCo takes.
+
+    Args:
+        root: The root element, which receives `<default>`.
+        option: The element `<option>`.
+        d: The robot.
+        tightness: Distance by which closures may open [m].
+
+    Returns:
+        These numbers in words.
+    """
+    acceleration = FREE_FALL * (math.hypot(*d.gravity) if d.gravity and any(d.gravity) else EARTH)
+    step = min(math.sqrt(tightness / acceleration) / 2, LONGEST_STEP)
+    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    step = float(f"{math.floor(step / unit * (1 + TWO_DIGITS)) * unit:.1e}")  # two digits, rounded down
+    put(option, timestep=step)
+    add(add(root, "default"), "equality", solref=(2 * step, 1), solimp=(HARDEST, HARDEST, 0.001, 0.5, 2))
+    return (
+        f"closures stay within {numeral(tightness)} m up to accelerations of {acceleration:.3g} m/s^2: "
+        f"time step {step:.2g} s, solref {2 * step:.2g} s"
+    )
+
+
+def _add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, losses: Losses) -> None:
+    """Add sites and equalities.
+
+    Args:
+        equality: The element `<equality>`.
+        d: The robot; its closures are points, axes and welds.
+        tree: The bodies, which receive sites.
+        arm: Distance of the two points that hold an axis [m].
+        losses: Receives closures that MuJoCo has no word for.
+    """
+    for closure in d.closures:
+        word = "weld" if closure.rotation == "fixed" else "connect"
+        ends = (("a", closure.link_a, closure.frame_a), ("b", closure.link_b, closure.frame_b))
+        stems = {closure.name: (f"{closure.name}:", turned(np.eye(4), closure.turn.T))}
+        if closure.rotation == "parallel":
+            ahead = placement_from(np.eye(3), np.array([0.0, 0.0, arm]))
+            stems[f"{closure.name}:axis"] = (f"{closure.name}:axis_", ahead)
+            losses.add("closures with an axis are connects of two points on it", closure.name)
+        for name, (stem, there) in stems.items():
+            for end, link, frame in ends:
+                add(tree.bodies[link], "site", name=stem + end, **pose(frame @ there))
+            add(equality, word, name=name, site1=f"{stem}a", site2=f"{stem}b")
+
+
+def _add_couplings(root: ET.Element, equality: ET.Element, d: Description) -> None:
+    """Add the couplings of a robot.
+
+    Args:
+        root: The root element, which receives `<tendon>`.
+        equality: The element `<equality>`; its names stay unique.
+        d: The robot.
+    """
+    at, taken = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}, set[str]()
+    for closure in d.closures:
+        taken |= {closure.name, f"{closure.name}:axis"}
+    for coupling in d.couplings:
+        name = unique(coupling.name, taken)
+        offset = coupling.offset - sum(coefficient * at[joint] for joint, coefficient in coupling.terms)
+        (first, factor), *others = coupling.terms
+        if len(others) > 1:
+            tendon = root.find("tendon")
+            fixed = add(add(root, "tendon") if tendon is None else tendon, "fixed", name=name)
+            for joint, coefficient in coupling.terms:
+                add(fixed, "joint", joint=joint, coef=coefficient)
+            add(equality, "tendon", name=name, tendon1=name, polycoef=(offset, 0, 0, 0, 0))
+            continue
+        second, coefficient = others[0] if others else (None, 0.0)
+        polynomial = (offset / factor, -coefficient / factor, 0, 0, 0)
+        add(equality, "joint", name=name, joint1=first, joint2=second, polycoef=polynomial)
+
+
+def _check_depth(d: Description) -> None:
+    """Refuse robots that are too deep to be written as nested bodies."""
+    depth = {d.root: 1}
+    for joint in outwards(d.joints, [d.root]):
+        depth[joint.child] = depth[joint.parent] + 1
+        if depth[joint.child] > DEEPEST:
+            raise ModelError(
+                f"more than {DEEPEST} joints one behind the other, up to link '{joint.child}'; bodies of "
+                "MJCF stand inside one another, and XML readers go no deeper",
+                element=joint.child,
+            )

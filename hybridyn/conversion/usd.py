@@ -1,9 +1,8 @@
 """Write USD as text: one Xform with a rigid body for each link, joints, closures, and the scene's gravity.
 
 Lengths are metres, z points up. What USD cannot say goes to the model file beside. Closures are excluded
-from the articulation. A universal closure is no joint of USD. A massless body stands for it: it turns, and
-slides where the closure lets it, on the first link, and holds the axis of the second one, about which the
-closing joint turns.
+from the articulation. A universal closure is no joint of USD. A massless body stands for it: it turns on the
+first link, and holds the axis of the second one, about which the closing joint turns (see `parts`).
 """
 
 from __future__ import annotations
@@ -15,15 +14,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...description.closure_forms import ROWS
-from ...description.names import unique
-from ...description.placement import angle_of, free_pose, placement_from, poses_at, rotation_to_axis, turned
-from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
-from ...description.side_cars.model_toml import model_file
-from ...description.usd.schema import AXES, DEGREES
-from ..mjcf.bodies import POINT_INERTIA, sizes_of
-from ..numerals import numeral, principal, quaternion_of
-from ..request import USUAL_GRAVITY, Losses, Request, Written, add_limits, allowed, followers_of, rows_of
+from ..description.closure_forms import ROWS
+from ..description.names import unique
+from ..description.placement import angle_of, free_pose, poses_at, rotation_to_axis, turned
+from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link, RotationKind
+from ..description.side_cars.model_toml import model_file
+from ..description.usd.schema import AXES, DEGREES
+from .numerals import numeral, principal, quaternion_of
+from .parts import POINT_INERTIA, in_parts, sizes_of
+from .request import (
+    FORCES,
+    FREED,
+    USUAL_GRAVITY,
+    Losses,
+    Request,
+    Written,
+    add_of_several,
+    allowed,
+    followers_of,
+    rows_of,
+)
 
 
 class Prim:
@@ -108,7 +118,7 @@ def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
 
 #: What becomes of joints that are no type of USD.
 REPLACED = {
-    "floating": "floating joints have the name of their link and _free, and start at the world",
+    "floating": FREED,
     "continuous": "continuous joints, which USD does not have: read back as hinges",
     "planar": "planar joints are two slides and a hinge",
 }
@@ -125,9 +135,6 @@ KINDS: dict[tuple[str, ...], str] = {
     (): "Fixed", AXES[3:]: "Spherical",
     **{(axis,): "Revolute" if axis in AXES[3:] else "Prismatic" for axis in AXES},
 }  # fmt: skip
-
-#: Axes of the closing joint of a universal closure in its second frame: it turns about x there.
-ABOUT_X = np.eye(3)[:, [2, 0, 1]]
 
 
 class End(NamedTuple):
@@ -184,11 +191,9 @@ def add_joint(
         home: Its position at home, None for zero.
         losses: Receives what USD cannot say.
     """
-    numbers = joint.damping, joint.friction, joint.rotor_inertia, joint.gear_ratio - 1
-    if joint.kind in ("planar", "floating") and any(numbers):
-        losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
     if joint.kind in REPLACED:
         losses.add(REPLACED[joint.kind], joint.name)
+    add_of_several(joint, losses, forces=() if joint.kind == "spherical" else FORCES)
     if joint.kind == "floating":
         return None
     free, turn = FREE.get(joint.kind), np.eye(3)
@@ -253,49 +258,30 @@ def _add_numbers(
             prim.numbers("float", attribute, value / of_file)
 
 
-def add_closure(
-    parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], poses: tuple[Array, Array], losses: Losses
-) -> None:
-    """Add a closure.
+def behind(closure: Closure) -> RotationKind | None:
+    """Return the rotation that a closure locks behind a chain, None for a joint of USD."""
+    return "parallel" if closure.rotation == "perpendicular" else None
+
+
+def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losses: Losses) -> None:
+    """Add a closure, which is a joint of USD.
 
     Args:
         parent: The prim that receives it.
         closure: The closure.
         bodies: The bodies of its links.
-        poses: Their poses in the world, shapes (4, 4).
         losses: Receives what USD cannot say.
     """
-    (first, second), free = bodies, ["rotX"]
-    frames = closure.frame_a, turned(closure.frame_b, ABOUT_X)
-    if closure.rotation == "perpendicular":
-        losses.add("universal closures are a hinge on a massless body, and a hinge that closes", closure.name)
-        first, frames = _cross(parent, closure, first, poses), (np.eye(4), frames[1])
-    else:
-        words, turn = rows_of(closure, losses)
-        free = [axis for row, axis in zip(ROWS, AXES, strict=True) if row not in words.split()]
-        frames = turned(closure.frame_a, turn.T), turned(closure.frame_b, turn.T)
-    start_joint(parent, closure.name, free, (End(first, frames[0]), End(second, frames[1])), closes=True)
-
-
-def _cross(parent: Prim, closure: Closure, first: Prim, poses: tuple[Array, Array]) -> Prim:
-    """Add a massless body that moves along the free axes and about z of the first frame, and return it."""
-    at_a, at_b = poses[0] @ closure.frame_a, poses[1] @ closure.frame_b
-    shift = at_a[:3, :3].T @ (at_b[:3, 3] - at_a[:3, 3])
-    shift[list(closure.translations)] = 0.0
-    along = at_a[:3, :3].T @ at_b[:3, 2]
-    cosine, sine = along[:2] / np.linalg.norm(along[:2])
-    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    massless = Link(f"{closure.name}_cross", 0.0, np.zeros(3), np.zeros((3, 3)))
-    cross = add_body(parent, massless, at_a @ placement_from(turn, shift))
-    free = [axis for i, axis in enumerate(AXES) if i < 3 and i not in closure.translations]
-    ends = End(first, closure.frame_a), End(cross, np.eye(4))
-    start_joint(parent, f"{closure.name}_hinge", [*free, "rotZ"], ends)
-    return cross
+    words, turn = rows_of(closure, losses)
+    free = [axis for row, axis in zip(ROWS, AXES, strict=True) if row not in words.split()]
+    ends = End(bodies[0], turned(closure.frame_a, turn.T)), End(bodies[1], turned(closure.frame_b, turn.T))
+    start_joint(parent, closure.name, free, ends, closes=True)
 
 
 def write_usd(request: Request, losses: Losses) -> Written:
     """Write a robot as USD."""
     d = _with_inertias(allowed(request.description, losses, "USD", valid_name), losses)
+    d = in_parts(d, losses, (), behind)
     top = Prim("", "", "")
     robot = top.child("Xform", valid_name(d.name))
     if robot.name != d.name:
@@ -321,15 +307,12 @@ def write_usd(request: Request, losses: Losses) -> Written:
     ]  # fmt: skip
     closing = robot.child("Scope", "closures") if d.closures else robot
     for closure in d.closures:
-        a, b = closure.link_a, closure.link_b
-        add_closure(closing, closure, (bodies[a], bodies[b]), (poses[a], poses[b]), losses)
+        add_closure(closing, closure, (bodies[closure.link_a], bodies[closure.link_b]), losses)
     by_name = {joint.name: (joint, prim) for joint, prim in zip(d.joints, joints, strict=True) if prim}
     followers, left = followers_of(d.couplings, losses)
     for name, (leader, factor, offset) in followers.items():
         _add_mimic(*by_name[name], *by_name[leader], factor, offset)
     _add_scene(top, d)
-    for joint in d.joints:
-        add_limits(joint, losses)
     model = _model_file(d, left)
     beside = {".model.toml": model} if model else {}
     return Written(_text(robot, top), tuple(_notes(d)), beside)

@@ -10,14 +10,14 @@ import json
 
 import numpy as np
 
-from ...description.closure_forms import FORMS
-from ...description.placement import turned
-from ...description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
-from ...description.shape_files import SIZES, Shape
-from ...description.side_cars.model_toml import model_file
-from ...description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
-from ..numerals import Content, angles_of, document, numerals
-from ..request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_limits, followers_of, rows_of
+from ..description.closure_forms import FORMS
+from ..description.placement import turned
+from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
+from ..description.shape_files import SIZES, Shape
+from ..description.side_cars.model_toml import model_file
+from ..description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
+from .numerals import Content, angles_of, document, numerals
+from .request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_of_several, followers_of, rows_of
 
 
 def write_urdf(request: Request, losses: Losses) -> Written:
@@ -125,7 +125,7 @@ def _loop(closure: Closure, losses: Losses) -> Content:
 
 def _add_losses(d: Description, losses: Losses) -> None:
     for joint in d.joints:
-        add_limits(joint, losses, LIMITS if joint.kind == "spherical" else LIMITS[:2])
+        add_of_several(joint, losses, LIMITS if joint.kind == "spherical" else LIMITS[:2], ())
     if d.base == "floating":
         losses.add("the base floats, which URDF cannot say: load the file with base='floating'")
         if d.base_home is not None:

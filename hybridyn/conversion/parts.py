@@ -1,0 +1,299 @@
+"""Make a robot of the joints and closures that a format has.
+
+A planar joint, or a floating one inside the tree, becomes a chain. A closure that a format has no word for
+becomes one that it has, behind a chain of joints that the closure leaves free. The links of chains are
+massless. MuJoCo refuses these: there, all joints that a closure leaves free lead to a *follower*, a body of
+its own that is welded to the other link. It has half of that link's inertia. Together they are the same
+rigid body, so that the motion stays the same; a body of small mass would be a soft weld.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..description.closure_forms import SIDEWAYS
+from ..description.loop_signs import Bodies
+from ..description.names import unique
+from ..description.placement import inverse, placement_from, poses_at
+from ..description.records import Array, Closure, Description, Joint, JointKind, Link, RotationKind, massless
+from .numerals import quaternion_of
+from .request import Losses, home_of
+
+FULL, AXES = (0, 1, 2), np.eye(3)
+
+#: Mass and inertia of a moving link without any, relative to those of the lightest link. Smaller ones would
+#: change the robot less, but make its closures softer.
+LIGHT = 1e-3
+#: Inertia of a point mass, relative to mass and size of the robot: far above MuJoCo's least one, 1e-15.
+POINT_INERTIA = 1e-9
+#: Least principal moment that MuJoCo takes, with a margin [kg m^2].
+LEAST_MOMENT = 1e-14
+
+
+class Sizes(NamedTuple):
+    """Sizes of a robot.
+
+    Attributes:
+        light: A link with the least mass and inertia.
+        size: The median distance between joints [m].
+    """
+
+    light: Link
+    size: float
+
+
+def sizes_of(d: Description) -> Sizes:
+    """Return the sizes of a robot."""
+    steps = [float(np.linalg.norm(joint.placement[:3, 3])) for joint in d.joints]
+    size = float(np.median([step for step in steps if step] or [1.0]))
+    mass = min((link.mass for link in d.links if link.mass > 0), default=1.0)
+    moments = [float(np.linalg.eigvalsh(link.inertia)[-1]) for link in d.links if link.mass > 0]
+    moment = min((moment for moment in moments if moment > 0), default=mass * size**2)
+    return Sizes(Link("", LIGHT * mass, np.zeros(3), LIGHT * moment * np.eye(3)), size)
+
+
+def is_solid(link: Link) -> bool:
+    """Say whether a link has mass and a positive definite inertia."""
+    return link.mass > 0 and bool(np.linalg.eigvalsh(link.inertia)[0] > 4 * LEAST_MOMENT)
+
+
+def is_weightless(link: Link) -> bool:
+    """Say whether a link has neither mass nor inertia."""
+    return not link.mass and not link.inertia.any()
+
+
+#: The joints that stand for a joint, by its kind: in words, and the ending and the kind of each.
+PARTS: dict[JointKind, tuple[str, dict[str, JointKind]]] = {
+    "planar": ("two slides and a hinge", {"_x": "prismatic", "_y": "prismatic", "_turn": "revolute"}),
+    "floating": (
+        "three slides and a ball",
+        {"_x": "prismatic", "_y": "prismatic", "_z": "prismatic", "_turn": "spherical"},
+    ),
+}
+
+
+class _Step(NamedTuple):
+    """A joint of a chain: its kind, its axis in the chain's frame (3,), and its position at home."""
+
+    kind: JointKind
+    axis: Array
+    home: tuple[float, ...]
+
+
+def in_parts(
+    d: Description,
+    losses: Losses,
+    kinds: Collection[str],
+    behind: Callable[[Closure], RotationKind | None],
+) -> Description:
+    """Return a robot in which chains of massless links stand for what a format does not have.
+
+    Args:
+        d: The robot.
+        losses: Receives what is changed.
+        kinds: Kinds of joints that the format does not have, keys of `PARTS`.
+        behind: Returns the rotation that a closure locks behind a chain, "parallel" of a universal one; None
+            for a closure that the format has.
+    """
+    parts, closures = Parts(d, losses), []
+    for joint in d.joints:
+        parts.split(joint) if joint.kind in kinds else parts.joints.append(joint)
+    for closure in d.closures:
+        rotation = behind(closure)
+        if rotation is not None:
+            losses.add("closures are joints with massless links, and a closure behind them", closure.name)
+            closure = parts.led(closure, rotation)
+        closures.append(closure)
+    return parts.described(closures)
+
+
+class Parts:
+    """A robot in the making: its links by name, its joints, and its home posture."""
+
+    def __init__(self, d: Description, losses: Losses) -> None:
+        self.d, self.losses = d, losses
+        self.links, self.home = {link.name: link for link in d.links}, dict(d.home)
+        self.joints: list[Joint] = []
+        self._poses = poses_at(d, d.home)
+        self.taken = {*self.links, *(joint.name for joint in d.joints), *(c.name for c in d.closures)}
+
+    def described(self, closures: Collection[Closure]) -> Description:
+        """Return the robot, with these closures."""
+        links, joints = tuple(self.links.values()), tuple(self.joints)
+        return replace(self.d, links=links, joints=joints, closures=tuple(closures), home=self.home)
+
+    def split(self, joint: Joint) -> None:
+        """Add the chain that stands for a planar or floating joint."""
+        words, parts = PARTS[joint.kind]
+        self.losses.add(f"{joint.kind} joints are {words}", joint.name)
+        home, steps = home_of(self.d, joint), {}
+        for i, (ending, kind) in enumerate(parts.items()):
+            at = home[i:] if kind == "spherical" else home[i : i + 1]
+            steps[joint.name + ending] = _Step(kind, AXES[i % 3], at)
+        self.home.pop(joint.name, None)
+        self.chain(steps, (joint.parent, joint.child), joint.placement, joint.damping)
+
+    def chain(self, steps: dict[str, _Step], ends: tuple[str, str], at: Array, damping: float = 0.0) -> None:
+        """Add joints by name from a parent to a child link, with massless links between them.
+
+        Args:
+            at: Frame of the chain in the parent, shape (4, 4).
+        """
+        parent, child = ends
+        for name, step in steps.items():
+            below, name = child, unique(name, self.taken)
+            if step is not [*steps.values()][-1]:
+                below = unique(f"{child}_{name}", self.taken)
+                self.links[below] = massless(below)
+            self.joints.append(Joint(name, step.kind, parent, below, at, step.axis, damping=damping))
+            self.home[name] = step.home
+            parent, at = below, np.eye(4)
+        if not steps:
+            self.joints.append(Joint(child, "fixed", parent, child, at, AXES[0]))
+
+    def led(self, closure: Closure, rotation: RotationKind) -> Closure:
+        """Add a chain to a closure's first link, and return the closure from its end to the second link.
+
+        Args:
+            rotation: The rotation that is left to lock: the closure's, or "parallel" of a universal one,
+                whose chain turns about the first axis.
+        """
+        turning = rotation != closure.rotation
+        at, steps = self.free(closure if turning else replace(closure, rotation="fixed"), True)
+        end = unique(f"{closure.name}_end", self.taken)
+        self.links[end] = massless(end)
+        named = {f"{closure.name}_{n}": step for n, step in enumerate(steps[:-1] if turning else steps, 1)}
+        self.chain(named, (closure.link_a, end), closure.frame_a @ at)
+        out = replace(closure, link_a=end, frame_a=np.eye(4), translations=FULL, rotation=rotation)
+        return replace(out, turn=np.eye(3)) if turning else out
+
+    def free(self, closure: Closure, first: bool) -> tuple[Array, list[_Step]]:
+        """Return the joints that a closure leaves free, from one of its frames to the other.
+
+        Args:
+            first: Whether they lead from A to B; else those from A to B in reverse.
+
+        Returns:
+            Place of the other frame in the one at zero, shape (4, 4), and the joints in that frame.
+        """
+        X = (
+            inverse(self._poses[closure.link_a] @ closure.frame_a)
+            @ self._poses[closure.link_b]
+            @ closure.frame_b
+        )
+        turn, turns = _turns(closure, X[:3, :3])
+        free = [i for i in range(3) if i not in closure.translations]
+        if first:
+            slides = [_Step("prismatic", turn.T @ AXES[i], (float(X[i, 3]),)) for i in free]
+            return placement_from(turn, np.zeros(3)), [*slides, *turns]
+        back = [
+            _Step(kind, turn @ axis, (*(-x for x in home[:3]), *home[3:]))
+            for kind, axis, home in reversed(turns)
+        ]
+        slides = [_Step("prismatic", AXES[i], (-float(X[i, 3]),)) for i in free]
+        return placement_from(turn.T, np.zeros(3)), [*back, *slides]
+
+
+def _turns(closure: Closure, R: Array) -> tuple[Array, list[_Step]]:
+    """Return B's axes at zero in A, shape (3, 3), and the turns from A to B; R are B's axes at home."""
+    if closure.rotation == "fixed":
+        return np.eye(3), []
+    if closure.rotation == "parallel":
+        return np.eye(3), [_Step("revolute", AXES[2], (float(np.arctan2(R[1, 0], R[0, 0])),))]
+    if closure.rotation == "free":
+        w, x, y, z = quaternion_of(R)
+        return np.eye(3), [_Step("spherical", AXES[2], (x, y, z, w))]
+    alpha = float(np.arctan2(R[1, 2], R[0, 2]))
+    c, s = np.cos(alpha), np.sin(alpha)
+    rest = SIDEWAYS.T @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ R
+    beta = float(np.arctan2(rest[1, 0], rest[0, 0]))
+    return SIDEWAYS, [
+        _Step("revolute", SIDEWAYS.T @ AXES[2], (alpha,)),
+        _Step("revolute", AXES[2], (beta,)),
+    ]
+
+
+def of_mujoco(d: Description, sizes: Sizes, losses: Losses) -> Description:
+    """Return a robot each of whose joints and closures has an equal in MuJoCo.
+
+    Args:
+        d: The robot.
+        sizes: Its size and the least inertia of its links.
+        losses: Receives what is changed.
+    """
+    welded = {link for link, body in Bodies(d).of.items() if body == d.root}
+    still = welded if d.base == "fixed" else set()
+    parts, closures, ends = Parts(d, losses), [], _weightless_ends(d, still)
+    for closure in d.closures:
+        if {closure.link_a, closure.link_b} & ends or (
+            closure.translations != FULL or closure.rotation == "perpendicular"
+        ):
+            losses.add("closures are a weld to a body of their own, which follows one link", closure.name)
+            closure = _followed(parts, closure, ends, still, sizes)
+        closures.append(closure)
+    followers, parts.joints = parts.joints, []
+    ending = {end for closure in closures for end in (closure.link_a, closure.link_b)}
+    carrying = Counter(joint.parent for joint in (*d.joints, *followers))
+    for joint in d.joints:
+        link = joint.child
+        is_body = not is_weightless(parts.links[link]) or carrying[link] != 1 or link in ending
+        hangs_free = joint.parent == d.root and np.array_equal(joint.placement, np.eye(4))
+        is_free = joint.kind == "floating" and hangs_free and d.base == "fixed" and is_body
+        if joint.kind in PARTS and not is_free:
+            parts.split(joint)
+        else:
+            parts.joints.append(joint)
+    parts.joints += followers
+    return parts.described(closures)
+
+
+def _followed(parts: Parts, closure: Closure, ends: set[str], still: set[str], sizes: Sizes) -> Closure:
+    """Add the follower of a closure, which takes its inertia from a link, and return its weld.
+
+    Args:
+        ends: The links that only end a closure and have no inertia.
+        still: The links that do not move.
+    """
+    links = closure.link_a, closure.link_b
+    solid = [is_solid(parts.links[link]) and link not in still for link in links]
+    first = links[0] in ends or (links[1] not in ends and (solid[1] or not solid[0]))
+    frames = closure.frame_a, closure.frame_b
+    (on, welded), (own, other) = (links, frames) if first else (links[::-1], frames[::-1])
+    name = unique(f"{closure.name}_follower", parts.taken)
+    if any(solid):
+        half = parts.links[welded]
+        half = replace(half, mass=half.mass / 2, inertia=half.inertia / 2)
+        parts.links[welded], turn = half, other[:3, :3]
+        com = turn.T @ (half.com - other[:3, 3])
+        body = replace(half, name=name, com=com, inertia=turn.T @ half.inertia @ turn)
+    else:
+        body = replace(sizes.light, name=name)
+        if welded not in still:
+            reason = "closures between links without mass: a body of small mass follows them"
+            parts.losses.add(reason, closure.name)
+    parts.links[name] = body
+    place, steps = parts.free(closure, first)
+    named = {f"{closure.name}_{number}": step for number, step in enumerate(steps, 1)}
+    parts.chain(named, (on, name), own @ place)
+    weld = replace(closure, translations=FULL, rotation="fixed")
+    if first:
+        return replace(weld, link_a=name, frame_a=np.eye(4))
+    return replace(weld, link_b=name, frame_b=np.eye(4))
+
+
+def _weightless_ends(d: Description, still: set[str]) -> set[str]:
+    """Return the moving links that have no inertia and only end a closure.
+
+    MuJoCo refuses bodies without mass: the follower of the closure takes their place.
+    """
+    carrying = {joint.parent for joint in d.joints} | still
+    light = {link.name for link in d.links if is_weightless(link)} - carrying
+    pairs = [(closure.link_a, closure.link_b) for closure in d.closures]
+    counted = Counter(end for pair in pairs for end in pair)
+    alone = [{*pair} & light for pair in pairs if not {*pair} <= light]
+    return {end for ends in alone for end in ends if counted[end] == 1}

@@ -1,0 +1,238 @@
+"""Write SDF: links, joints, loop joints; what it cannot say goes to the model file beside it.
+
+SDF has no home posture: joints are at zero where the links stand. Loops have to be closed there. A robot with
+closures therefore stands at home, and a tree at zero, but for its free bodies. Other programs take the
+frames of a loop joint from this posture. A closure that is no type of SDF is written as slides along its free
+axes, with massless links, and a loop joint behind them (see `parts`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..description.names import noted, unique
+from ..description.placement import angle_of, free_pose, inverse, motion_of, poses_at, turned
+from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link, RotationKind
+from ..description.sdf.elements import NUMBERS
+from ..description.shape_files import SIZES, Shape
+from ..description.side_cars.model_toml import model_file
+from ..linkage.closures import residual_of
+from .numerals import Content, angles_of, document
+from .parts import FULL, in_parts
+from .request import FORCES, Losses, Request, Written, add_of_several, allowed, followers_of
+
+#: Types of joints that lock every translation, by the locked part of the rotation.
+POINTS: dict[RotationKind, str] = {
+    "fixed": "fixed", "parallel": "revolute", "perpendicular": "universal", "free": "ball",
+}  # fmt: skip
+
+#: Opening of a closure in the posture of the file [m, or between unit axes] that is rounding.
+OPEN_AT_HOME = 1e-9
+
+
+def pose(placement: Array, frame: str | None = None) -> Content | None:
+    """Return a placement (4, 4) as position, roll, pitch, yaw; None for the identity in the usual frame."""
+    numbers = (*placement[:3, 3], *angles_of(placement[:3, :3]))
+    stated = frame or not np.array_equal(placement, np.eye(4))
+    return {"@relative_to": frame, "": numbers} if stated else None
+
+
+def joint_of(name: str, kind: str, parent: str, child: str, **content: Any) -> Content:
+    """Return a joint of a type of SDF between two links, of which the parent may be "world"."""
+    return {"@name": name, "@type": kind, "parent": parent, "child": child, **content}
+
+
+def _joint(joint: Joint, spring: tuple[float, float], mimic: tuple[str, float, float] | None) -> Content:
+    """Return a joint of the tree that is no floating one.
+
+    Args:
+        joint: The joint.
+        spring: Stiffness and rest position of its spring; stiffness 0 for none.
+        mimic: Leader, factor and offset, where it follows another joint.
+    """
+    kind = "ball" if joint.kind == "spherical" else joint.kind
+    if FREEDOMS[joint.kind] != 1:
+        return joint_of(joint.name, kind, joint.parent, joint.child)
+    leader, *numbers = mimic or ("", 1.0, 0.0)
+    follows = {"@joint": leader, **dict(zip(NUMBERS["mimic"], (*numbers, 0.0), strict=True))}
+    bounds = {word: getattr(joint, word) for word in ("lower", "upper", "effort", "velocity")}
+    limits = {word: bound for word, bound in bounds.items() if np.isfinite(bound)}
+    forces = joint.damping, joint.friction, spring[1], spring[0]
+    dynamics = dict(zip(NUMBERS["dynamics"], forces, strict=True))
+    content = {
+        "drake:rotor_inertia": joint.rotor_inertia or None,
+        "drake:gear_ratio": joint.gear_ratio if joint.gear_ratio != 1 else None,
+        "axis": {
+            "xyz": joint.axis, "limit": limits or None, "dynamics": dynamics if any(forces) else None,
+            "mimic": follows if mimic else None,
+        },
+    }  # fmt: skip
+    return joint_of(joint.name, kind, joint.parent, joint.child, **content)
+
+
+def behind(closure: Closure) -> RotationKind | None:
+    """Return the rotation that a closure locks behind slides, None for a type of SDF."""
+    is_type = closure.translations == FULL or (closure.translations, closure.rotation) == ((0, 1), "fixed")
+    return None if is_type else closure.rotation
+
+
+def _loop_joint(closure: Closure, poses: Mapping[str, Array], losses: Losses) -> Content:
+    """Return a closure.
+
+    Args:
+        closure: The closure, which is a type of SDF.
+        poses: Poses of the links in the posture of the file, shapes (4, 4).
+        losses: Receives what SDF cannot say.
+    """
+    parent, child = closure.link_a, closure.link_b
+    kind = POINTS[closure.rotation] if closure.translations == FULL else "prismatic"
+    at_a, at_b = poses[parent] @ closure.frame_a, poses[child] @ closure.frame_b
+    ends = ((M[:3, :3], M[:3, 3]) for M in (at_a, at_b))
+    if np.abs(residual_of(closure.translations, closure.rotation, *ends)).max() > OPEN_AT_HOME:
+        losses.add("closures that are open at home are closed there", closure.name)
+    if child == "world":
+        losses.add("closures with their ends exchanged, since SDF has no child 'world'", closure.name)
+        parent, child = child, parent
+    at = turned(at_a, closure.turn.T)
+    return joint_of(
+        closure.name, kind, parent, child, pose=pose(inverse(poses[child]) @ at),
+        axis=None if kind in ("fixed", "ball") else {"xyz": closure.turn[:, 2]},
+        axis2={"xyz": at[:3, :3].T @ at_b[:3, 2]} if kind == "universal" else None,
+        physics={"simbody": {"must_be_loop_joint": "true"}},
+    )  # fmt: skip
+
+
+#: Version that is written: the first whose `<mimic>` names an axis.
+VERSION = "1.11"
+
+#: Namespace of rotors, which are not SDF's own.
+DRAKE = "http://drake.mit.edu"
+
+
+def write_sdf(request: Request, losses: Losses) -> Written:
+    """Write a robot as SDF."""
+    d = counted_from_home(allowed(request.description, losses, "SDF", _name), losses)
+    parts = in_parts(d, losses, ("planar",), behind)
+    for joint in d.joints:
+        if joint.kind == "floating":
+            losses.add(
+                "floating joints have the name of their link and _free, and start at the world", joint.name
+            )
+        add_of_several(joint, losses, forces=FORCES[1:] if joint.kind == "planar" else FORCES)
+    d = counted_from_home(parts, Losses())
+    poses, above = poses_at(d, {}), {joint.child: joint for joint in d.joints}
+    links = {link.name: link for link in d.links}
+    world = links.pop("world", None)
+    if world is not None and (world.mass or world.inertia.any()):
+        losses.add("mass and inertia of the world's link, which do not move", world.name)
+    joints = []
+    if d.base == "fixed" and world is None:
+        joints.append(
+            joint_of(
+                unique("anchor", {*links, *(joint.name for joint in d.joints)}), "fixed", "world", d.root
+            )
+        )
+    springs = {spring.name: (spring.stiffness, spring.rest) for spring in d.springs}
+    mimics, couplings = followers_of(d.couplings, losses)
+    joints += [
+        _joint(joint, springs.get(joint.name, (0.0, 0.0)), mimics.get(joint.name))
+        for joint in d.joints if joint.kind != "floating"
+    ]  # fmt: skip
+    joints += [_loop_joint(closure, poses, losses) for closure in d.closures]
+    bodies = [_link(link, above.get(name), request.shapes) for name, link in links.items()]
+    at = pose(free_pose(d.base_home)) if d.base == "floating" and d.base_home is not None else None
+    content: Content = {"model": {"@name": d.name, "pose": at, "link": bodies, "joint": joints}}
+    if d.gravity is not None:
+        content = {"world": {"@name": "world", "gravity": np.array(d.gravity), **content}}
+    text = document("sdf", {"@version": VERSION, "@xmlns:drake": DRAKE, **content})
+    beside = model_file(
+        d, motors=True, home=True, couplings=couplings,
+        effects=[name for name, _ in d.effects if name != "spring"],
+    )  # fmt: skip
+    return Written(text, tuple(_notes(d, couplings)), {".model.toml": beside})
+
+
+def _name(name: str) -> str:
+    """Return a name without `::` that is none of SDF's own."""
+    new = name.replace("::", "__")
+    own = new == "world" or (new.startswith("__") and new.endswith("__"))
+    return f"{new.strip('_')}_link" if own else new
+
+
+def _link(link: Link, above: Joint | None, shapes: tuple[Shape, ...]) -> Content:
+    """Return a link where it stands relative to its parent.
+
+    It has its inertia, which SDF otherwise takes as 1 kg and 1 kg m^2, and its shapes.
+    """
+    at = pose(above.placement, None if above.parent == "world" else above.parent) if above else None
+    moments = zip(NUMBERS["inertia"], link.inertia[np.triu_indices(3)], strict=True)
+    inertial = {
+        "pose": np.append(link.com, np.zeros(3)) if link.com.any() else None, "mass": link.mass,
+        "inertia": dict(moments),
+    }  # fmt: skip
+    own = enumerate(shape for shape in shapes if shape.link == link.name)
+    visuals = [_visual(shape, f"{link.name}_{number}") for number, shape in own]
+    return {"@name": link.name, "pose": at, "inertial": inertial, "visual": visuals}
+
+
+def _visual(shape: Shape, name: str) -> Content:
+    sizes = {"box": ("size",), "mesh": ("scale",)} | SIZES
+    numbers = shape.size if shape.kind in SIZES else [shape.size]
+    size = {"uri": shape.file or None, **dict(zip(sizes[shape.kind], numbers, strict=True))}
+    material = shape.colour and {"diffuse": shape.colour}
+    return {
+        "@name": name,
+        "pose": pose(shape.placement),
+        "geometry": {shape.kind: size},
+        "material": material,
+    }
+
+
+def counted_from_home(d: Description, losses: Losses) -> Description:
+    """Return the same robot, whose joints are at zero where its links stand in the file.
+
+    Args:
+        d: The robot.
+        losses: Receives the joints whose zero moves.
+    """
+    moved = [joint for joint in d.joints if d.closures or joint.kind == "floating"]
+    home = {joint.name: d.home[joint.name] for joint in moved if joint.name in d.home}
+    shift = {name: angle_of(x) for name, x in home.items() if len(x) in (1, 2)}  # of those with one freedom
+    joints = []
+    for joint in d.joints:
+        motion, by = motion_of(joint, home), shift.get(joint.name, 0.0)
+        if not np.array_equal(motion, np.eye(4)):
+            if joint.kind != "floating":
+                losses.add("positions of joints count from home, where the loops are closed", joint.name)
+            joint = replace(joint, placement=joint.placement @ motion)
+        joints.append(replace(joint, lower=joint.lower - by, upper=joint.upper - by))
+    couplings = []
+    for coupling in d.couplings:
+        by = sum(factor * shift.get(name, 0.0) for name, factor in coupling.terms)
+        couplings.append(replace(coupling, offset=coupling.offset - by))
+    effects = tuple((name, _shifted(numbers, shift)) for name, numbers in d.effects)
+    left = {name: x for name, x in d.home.items() if name not in home}
+    out = replace(d, joints=tuple(joints), couplings=tuple(couplings), effects=effects, home=left)
+    springs = [replace(spring, rest=spring.rest - shift.get(spring.name, 0.0)) for spring in d.springs]
+    return out.with_springs(springs) if springs else out
+
+
+def _shifted(numbers: dict[str, Any], shift: Mapping[str, float]) -> dict[str, Any]:
+    """Return the numbers of an effect, whose limits by joint count from home."""
+    limits = {
+        key: {name: x - shift.get(name, 0.0) for name, x in numbers[key].items()}
+        for key in ("lower", "upper") if key in numbers
+    }  # fmt: skip
+    return numbers | limits
+
+
+def _notes(d: Description, couplings: list[Coupling]) -> list[str]:
+    return noted({
+        "links without mass, which Gazebo refuses: {}":
+            [link.name for link in d.links if not link.mass and link.name != "world"],
+        "couplings that only the model file beside it states: {}": [coupling.name for coupling in couplings],
+    })  # fmt: skip
