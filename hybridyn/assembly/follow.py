@@ -30,6 +30,8 @@ STRIDE = 8
 FARTHEST = 1.0
 #: A guess whose loops are open by more than this [module lengths] is no posture, and has no branch.
 NEARLY_CLOSED = 1e-3
+#: Number of parts of the motion from a guess to a first sample that are solved at once.
+PARTS = 32
 #: Largest number of parts into which a step is divided.
 FINEST = 4096
 #: The same if Newton does not converge at the end of the step.
@@ -137,7 +139,10 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     targets = [t.from_here(motion, starts) for t in problem.targets]
     way = task._replace(problem=replace(problem, targets=targets), known=known)
     steady = _steps_as_predicted(way, pairwise(start.q, found), 2 * np.arange(len(guess)))
-    for k in np.flatnonzero(~(steady & task.closed(result))):
+    closed = task.closed(result)
+    for k in np.flatnonzero(~(steady & closed)):
+        if closed[k] and _joined(way, start.q[k], found[k], 2 * int(k)):
+            continue
         end, whole = _walk(way, start.q[k], 2 * int(k), strict)
         if whole:
             found[k] = end
@@ -281,6 +286,20 @@ def _next(task: Task, q: Array, sample: int, keep_branch: bool) -> Array:
     if keep_branch or not task.closed(result)[0]:
         raise _lost(task, result, sample + 1, "from the one before")
     return np.asarray(result.q[0])
+
+
+def _joined(task: Task, q: Array, end: Array, sample: int) -> bool:
+    """Return whether `PARTS` steps, all as predicted, join a sample's posture and one of the next, (nq,)."""
+    tree, fractions = task.problem.tree, np.arange(PARTS + 1) / PARTS
+    way = task.between(sample, fractions)
+    whole = tree.difference(q[None], end[None])
+    start = tree.integrate(np.tile(q, (PARTS - 1, 1)), fractions[1:-1, None] * whole)
+    result = way.solve(start, np.arange(1, PARTS), enough=STALLED)
+    if not way.closed(result).all():
+        return False
+    return bool(
+        _steps_as_predicted(way, np.concatenate([q[None], result.q, end[None]]), np.arange(PARTS)).all()
+    )
 
 
 def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Array, bool]:
