@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import HybridynError, install_advice
+from ..errors import required
 from .panels import Chart, Panel
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
 #: Largest number of names in one column of a legend.
 MOST_NAMES = 12
-#: Number of names below bars, and the angle at which they are written where there are more.
-LEVEL, SLOPE = 4, 30
+#: Angle of the names below bars.
+SLOPE = 30
 #: How marks are drawn.
 STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.3},
@@ -38,12 +39,9 @@ def empty_figure(width: float, height: float) -> Figure:
     Raises:
         HybridynError: matplotlib is missing.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        message = f"figures need matplotlib: {install_advice('plot')}"
-        raise HybridynError(message) from error
-    return Figure(figsize=(width, height), layout="constrained")
+    matplotlib = required("matplotlib.figure", "plot", "a figure")
+    figure: Figure = matplotlib.Figure(figsize=(width, height), layout="constrained")
+    return figure
 
 
 def figure_of_chart(chart: Chart) -> Figure:
@@ -55,21 +53,22 @@ def figure_of_chart(chart: Chart) -> Figure:
     columns, rows, shared = chart.columns, chart.rows, bool(chart.x_label)
     width, height = (WIDTHS[columns], HEIGHT) if shared else (2.6 * columns + 0.6, 2.5)
     figure = empty_figure(max(width, 5.0), height * rows + 0.5)
+    figure.suptitle(chart.title, fontsize="medium")
     axes = figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel()
     named: dict[str, Artist] = {}
-    for number, (ax, panel) in enumerate(zip(axes, chart.panels, strict=False)):
+    for ax, panel in itertools.zip_longest(axes, chart.panels):
+        if panel is None:
+            ax.set_axis_off()
+            continue
         own = _draw(ax, panel)
         named |= own
         if shared and own:
             across = 1 + (len(own) - 1) // MOST_NAMES
             place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "ncols": across}
             ax.legend([*own.values()], [*own], fontsize="x-small", **place)
-        if shared and number + columns >= len(chart.panels):
-            ax.set_xlabel(chart.x_label)
-            ax.tick_params(labelbottom=True)
-    for ax in axes[len(chart.panels) :]:
-        ax.set_axis_off()
-    figure.suptitle(chart.title, fontsize="medium")
+    for ax in axes[max(len(chart.panels) - columns, 0) : len(chart.panels)] if shared else ():
+        ax.set_xlabel(chart.x_label)
+        ax.tick_params(labelbottom=True)
     if named and not shared:
         across = min(len(named), 2 * columns)
         figure.legend([*named.values()], [*named], loc="outside lower center", ncols=across, fontsize="small")
@@ -80,20 +79,18 @@ def _draw(ax: Axes, panel: Panel) -> dict[str, Artist]:
     """Draw a panel, and return what its legend names."""
     named: dict[str, Artist] = {}
     bars = [mark for mark in panel.marks if mark.style == "bar"]
-    for mark in panel.marks:
+    for number, mark in enumerate(panel.marks):
         artist: Artist
         if mark.style == "bar":
             width = 0.8 / len(bars)
-            places = np.arange(len(mark.x)) + (bars.index(mark) - (len(bars) - 1) / 2) * width
+            places = np.arange(len(mark.x)) + (number - (len(bars) - 1) / 2) * width
             artist = ax.bar(places, mark.y, width, color=mark.colour).patches[0]
+            ax.set_xticks(range(len(mark.x)), mark.x, rotation=SLOPE)
         else:
             (artist,) = ax.plot(mark.x, mark.y, color=mark.colour, **STYLES[mark.style])
         if mark.name:
             named[mark.name] = artist
-    if bars:
-        ax.set_xticks(range(len(bars[0].x)), bars[0].x, rotation=SLOPE * (len(bars[0].x) > LEVEL))
-    if panel.logarithmic:
-        ax.set_yscale("log")
+    ax.set_yscale("log" if panel.logarithmic else "linear")
     ax.set_title(panel.title, loc="left", fontsize="small", color=panel.colour, weight="bold")
     ax.set_xlabel(panel.x_label, fontsize="small")
     ax.set_ylabel(panel.label, fontsize="small")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import HybridynError, install_advice
+from ..errors import required
 from .panels import Chart, Mark
 
 HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
@@ -23,30 +23,32 @@ def page_of_chart(chart: Chart) -> str:
     Raises:
         HybridynError: plotly is missing.
     """
-    try:
-        from plotly.subplots import make_subplots
-    except ImportError as error:
-        message = f"pages need plotly: {install_advice('plot')}"
-        raise HybridynError(message) from error
+    subplots = required("plotly.subplots", "plot", "a page")
     columns, rows, shared = chart.columns, chart.rows, bool(chart.x_label)
     titles = [f'<b style="color:{panel.colour}">{panel.title}</b>' for panel in chart.panels]
-    figure = make_subplots(
+    figure = subplots.make_subplots(
         rows, columns, vertical_spacing=0.28 / max(rows, 2), shared_xaxes="all" if shared else False,
         subplot_titles=titles,
     )  # fmt: skip
-    named: set[str] = set()
+    named = {""}
     for number, panel in enumerate(chart.panels):
         place = {"row": number // columns + 1, "col": number % columns + 1}
-        group = {"legendgroup": panel.title, "legendgrouptitle_text": panel.title} if shared else {}
         for mark in panel.marks:
-            seen = not mark.name or (not shared and mark.name in named)
-            words = group or {"legendgroup": mark.name}  # a name shows and hides its marks in all panels
-            figure.add_trace(_trace(mark).update(showlegend=not seen, **words), **place)
+            words = {"legendgroup": mark.name, "showlegend": mark.name not in named}
+            if shared:
+                words = {
+                    "legendgroup": panel.title,
+                    "legendgrouptitle_text": panel.title,
+                    "showlegend": bool(mark.name),
+                }
+            figure.add_trace(_trace(mark) | words, **place)
             named.add(mark.name)
         bottom = shared and number + columns >= len(chart.panels)
-        figure.update_xaxes(title_text=chart.x_label if bottom else panel.x_label, **place)
-        if bottom:
-            figure.update_xaxes(showticklabels=True, **place)
+        figure.update_xaxes(
+            title_text=chart.x_label if bottom else panel.x_label,
+            showticklabels=bottom or not shared,
+            **place,
+        )
         scale = {"type": "log", "exponentformat": "power"} if panel.logarithmic else {}
         figure.update_yaxes(title_text=panel.label, **scale, **place)
     figure.update_layout(
@@ -58,12 +60,10 @@ def page_of_chart(chart: Chart) -> str:
     return text
 
 
-def _trace(mark: Mark) -> Any:
+def _trace(mark: Mark) -> dict[str, Any]:
     """Return a mark as plotly draws it."""
-    import plotly.graph_objects as go
-
+    common = {"x": list(mark.x), "y": list(mark.y), "name": mark.name}
     if mark.style == "bar":
-        return go.Bar(x=list(mark.x), y=list(mark.y), name=mark.name, marker_color=mark.colour)
-    style = STYLES[mark.style]
-    colour = {"line_color" if style["mode"] == "lines" else "marker_color": mark.colour}
-    return go.Scatter(x=list(mark.x), y=list(mark.y), name=mark.name, **style, **colour)
+        return common | {"type": "bar", "marker_color": mark.colour}
+    own = {f"{part}_color": mark.colour for part in ("line", "marker")}
+    return common | {"type": "scatter"} | STYLES[mark.style] | own

@@ -1,4 +1,4 @@
-"""Build a chart of a table of a motion: a panel per quantity, module and unit, then power and energies.
+"""Build a chart of a table of a motion: a panel per quantity, module and unit, then energies.
 
 A table names its joints, but does not state which of them slide and which turn. Where the robot is not known
 either, each joint has an axis of its own.
@@ -7,17 +7,16 @@ either, each joint has an axis of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from ..colours import MODULES, module_colour
+from ..colours import ALARM, MODULES, module_colour
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
 from ..tables.signals import UNITS, unit_of
-from .panels import Chart, Mark, Panel, with_limits
+from .panels import Chart, Mark, Panel
 
 #: Quantities of a joint that are drawn.
 QUANTITIES = ("position", "velocity", "acceleration", "effort")
@@ -25,8 +24,8 @@ QUANTITIES = ("position", "velocity", "acceleration", "effort")
 MOST_PANELS = 60
 #: Value drawn for an exact zero on a logarithmic axis.
 SMALLEST = 1e-17
-#: Number of modules whose power is drawn.
-MOST_POWERS = 9
+#: A limit is drawn if the largest value is within this factor of it.
+LIMIT_FACTOR = 2.5
 #: Samples, or pairs of extremes, of which a chart consists at most. A figure has fewer pixels.
 MOST_SAMPLES = 4000
 
@@ -75,24 +74,28 @@ def chart_of_rows(
     x, rows = extremes(x, rows, max(1, len(x) // MOST_SAMPLES))
     data = dict(zip(columns, rows.T, strict=True))
     panels = [panel for quantity in QUANTITIES for panel in _of_joints(robot, x, data, quantity)]
-    if (left := len(panels) - MOST_PANELS) > 0:
-        last = panels[MOST_PANELS - 1]
-        panels = panels[: MOST_PANELS - 1]
-        panels.append(replace(last, title=f"{last.title} ({left:,} more panels are not drawn)"))
-    panels += [*_power(robot, x, data), *_energies(x, data)]
+    if len(panels) > MOST_PANELS:
+        title += f" (the first {MOST_PANELS} of {len(panels):,} panels)"
+        panels = panels[:MOST_PANELS]
+    energies = [
+        Mark(name.partition("/")[2], x, data[name], "solid", colour)
+        for name, colour in zip(ENERGIES, MODULES, strict=False)
+        if name in data
+    ]
+    if energies:
+        panels.append(Panel("energy", "energy [J]", energies))
     if not panels or not len(x):
         raise TrajectoryError("there is nothing to draw: no column of a joint and no energy")
     if RESIDUAL in data:
-        y = np.maximum(data[RESIDUAL], SMALLEST)
-        marks = [Mark("", x, y, "solid", MODULES[0])]
-        title_ = "closures: how far open, over the module's size"
-        panels.append(Panel(title_, RESIDUAL, marks, logarithmic=True))
+        marks = [Mark("", x, np.maximum(data[RESIDUAL], SMALLEST), "solid", MODULES[0])]
+        what = "closures: how far open, over the module's size"
+        panels.append(Panel(what, RESIDUAL, marks, logarithmic=True))
     return Chart(title, panels, "time [s]" if timed else "row")
 
 
 def _of_joints(robot: HybridRobot | None, x: Array, data: Data, quantity: str) -> list[Panel]:
     """Return the panels of one quantity, one per module or run of joints in series, and unit."""
-    places = {} if robot is None else _places(robot)
+    records, places = ({}, {}) if robot is None else (robot.records, _places(robot))
     motors = {name.removesuffix("/effort") for name in data if name.endswith("/effort")}
     groups: dict[tuple[str, str, str], list[str]] = {}
     for column in data:
@@ -100,17 +103,21 @@ def _of_joints(robot: HybridRobot | None, x: Array, data: Data, quantity: str) -
         if name == column or (motors and name not in motors):
             continue
         place, unit = (name, "#222222"), " or ".join(UNITS[quantity])
-        if robot is not None and name in places:
-            place, unit = places[name], unit_of(robot.records[name].kind, quantity)
+        if name in places:
+            place, unit = places[name], unit_of(records[name].kind, quantity)
         groups.setdefault((*place, unit), []).append(name)
     panels = []
     for (title, colour, unit), names in groups.items():
-        limits = [
-            robot.records[name].effort_limit if robot and name in places and quantity == "effort" else np.inf
-            for name in names
-        ]
-        lines = {name: data[f"{name}/{quantity}"] for name in names}
-        panels.append(with_limits(title, f"{quantity} [{unit}]", x, lines, limits, unit, colour))
+        marks = []
+        for number, name in enumerate(names):
+            y, own = data[f"{name}/{quantity}"], MODULES[number % len(MODULES)]
+            at = int(np.abs(y).argmax())
+            marks.append(Mark(f"{name}, peak {y[at]:.4g}", x, y, "solid", own))
+            marks.append(Mark("", x[[at]], y[[at]], "dot", own))
+            limit = records[name].effort_limit if quantity == "effort" and name in places else np.inf
+            if limit <= LIMIT_FACTOR * abs(y[at]):
+                marks += [Mark("", x[[0, -1]], np.full(2, end), "dashed", ALARM) for end in (-limit, limit)]
+        panels.append(Panel(title, f"{quantity} [{unit}]", marks, colour=colour))
     return panels
 
 
@@ -130,29 +137,3 @@ def _places(robot: HybridRobot) -> dict[str, tuple[str, str]]:
         place = " ... ".join(ends), module_colour(run[0])
         out |= {j: place for k in run for j in robot.modules[k].joints if j in robot.records}
     return out
-
-
-def _power(robot: HybridRobot | None, x: Array, data: Data) -> list[Panel]:
-    """Return a panel of the motor power per module, if the rows hold the rates of the motors."""
-    powers: dict[str, Array] = {}
-    for module in robot.modules if robot else ():
-        pairs = [(f"{motor}/effort", f"{motor}/velocity") for motor in module.motors]
-        if pairs and all(name in data for pair in pairs for name in pair):
-            powers[module.name] = np.sum([data[a] * data[b] for a, b in pairs], axis=0)
-    if len(powers) > 1:
-        some = list(powers.items())[:MOST_POWERS]
-        powers = {"all motors": np.sum(list(powers.values()), axis=0), **dict(some)}
-    return [_lines("power of the motors", "power [W]", x, powers)] if powers else []
-
-
-def _energies(x: Array, data: Data) -> list[Panel]:
-    """Return a panel of the energies, if a table has them."""
-    lines = {name.partition("/")[2]: data[name] for name in ENERGIES if name in data}
-    return [_lines("energy", "energy [J]", x, lines)] if lines else []
-
-
-def _lines(title: str, label: str, x: Array, lines: Data) -> Panel:
-    """Return a panel of lines."""
-    colours = [MODULES[number % len(MODULES)] for number in range(len(lines))]
-    marks = [Mark(name, x, y, "solid", own) for (name, y), own in zip(lines.items(), colours, strict=True)]
-    return Panel(title, label, marks)
