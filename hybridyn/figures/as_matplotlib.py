@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
 #: Largest number of names in one column of a legend.
 MOST_NAMES = 12
-#: Angle of the names below bars.
-SLOPE = 30
+#: Number of names below bars, and the angle at which they are written where there are more.
+LEVEL, SLOPE = 4, 30
 #: How marks are drawn.
 STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.3},
@@ -85,7 +85,7 @@ def _draw(ax: Axes, panel: Panel) -> dict[str, Artist]:
             width = 0.8 / len(bars)
             places = np.arange(len(mark.x)) + (number - (len(bars) - 1) / 2) * width
             artist = ax.bar(places, mark.y, width, color=mark.colour).patches[0]
-            ax.set_xticks(range(len(mark.x)), mark.x, rotation=SLOPE)
+            ax.set_xticks(range(len(mark.x)), mark.x, rotation=SLOPE * (len(mark.x) > LEVEL))
         else:
             (artist,) = ax.plot(mark.x, mark.y, color=mark.colour, **STYLES[mark.style])
         if mark.name:

@@ -5,6 +5,7 @@ A motor's characteristic must enclose the cloud of its speeds and efforts.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -27,6 +28,9 @@ LOADS = {
     "power": ("W", {"peak": "peak_power", "peak of braking": "peak_braking_power"}),
 }
 
+#: Signs of the two ends of an axis.
+ENDS = np.array([-1.0, 1.0])
+
 Row = Mapping[str, str | float | None]
 
 
@@ -40,52 +44,31 @@ def chart_of_report(rows: Sequence[Row], *, title: str = "") -> Chart:
     Raises:
         TrajectoryError: The rows are of another kind.
     """
-    if rows and "effect" in rows[0] and "rms" in rows[0]:
-        panels = _of_effects(rows)
-    elif rows and "motor" in rows[0] and "peak_effort" in rows[0]:
-        panels = [panel for quantity in LOADS for panel in _of_loads(rows, quantity)]
+    known = {*rows[0]} if rows else {*()}
+    if {"effect", "motor", "rms"} <= known:
+        bars = [
+            (f"RMS of what it adds [{row['unit']}]", row["effect"], row["motor"], row["rms"]) for row in rows
+        ]
+    elif {"motor", "peak_effort"} <= known:
+        bars = [
+            (f"{quantity} [{row.get(unit, unit)}]", name, row["motor"], row[column])
+            for quantity, (unit, columns) in LOADS.items()
+            for row in rows
+            for name, column in columns.items()
+        ]
     else:
         raise TrajectoryError("there is nothing to draw: neither loads of motors nor effects")
-    return Chart(title, panels, across=min(len(panels), 2))
-
-
-def _of_loads(rows: Sequence[Row], quantity: str) -> list[Panel]:
-    of_unit, columns = LOADS[quantity]
-    panels = []
-    for unit in dict.fromkeys(row.get(of_unit, of_unit) for row in rows):
-        ours = [row for row in rows if row.get(of_unit, of_unit) == unit]
-        bars = {name: np.abs(_numbers(ours, column)) for name, column in columns.items()}
-        panels.append(_bars(ours, f"{quantity} [{unit}]", bars))
-    return panels
-
-
-def _of_effects(rows: Sequence[Row]) -> list[Panel]:
-    panels = []
-    for unit in dict.fromkeys(row["unit"] for row in rows):
-        ours = [row for row in rows if row["unit"] == unit]
-        effects = _names(ours, "effect")
-        bars = {name: _numbers([row for row in ours if row["effect"] == name], "rms") for name in effects}
-        panels.append(_bars(ours, f"RMS of what it adds [{unit}]", bars))
-    return panels
-
-
-def _bars(rows: Sequence[Row], label: str, bars: dict[str, Array]) -> Panel:
-    """Return a panel of bars per motor."""
-    motors = _names(rows, "motor")
-    marks = [
-        Mark(name, motors, y, "bar", MODULES[number % len(MODULES)])
-        for number, (name, y) in enumerate(bars.items())
-    ]
-    return Panel("", label, marks)
-
-
-def _names(rows: Sequence[Row], column: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(str(row[column]) for row in rows))
-
-
-def _numbers(rows: Sequence[Row], column: str) -> Array:
-    """Return the numbers of a column; unknown ones are 0."""
-    return np.array([float(row[column] or 0.0) for row in rows])
+    panels: dict[str, dict[str, dict[str, float]]] = {}  # sizes by label, name and motor; unknown ones are 0
+    for label, name, motor, number in bars:
+        panels.setdefault(label, {}).setdefault(str(name), {})[str(motor)] = abs(float(number or 0.0))
+    drawn = [
+        Panel("", label, [
+            Mark(name, (*sizes,), np.array([*sizes.values()]), "bar", colour)
+            for (name, sizes), colour in zip(named.items(), itertools.cycle(MODULES), strict=False)
+        ])
+        for label, named in panels.items()
+    ]  # fmt: skip
+    return Chart(title, drawn, across=min(len(drawn), 2))
 
 
 def chart_of_sizing(sizing: Sizing, *, title: str = "") -> Chart:
@@ -102,20 +85,18 @@ def _panel(load: MotorLoad, points: Array) -> Panel:
     if len(points):
         at = int(np.argmax(np.abs(effort)))
         marks.append(Mark("peak effort", speed[[at]], effort[[at]], "dot", MOTOR))
-    limits = [
+    speed_limit, effort_limit = (
         limit if limit <= CLOUD_LIMIT_FACTOR * abs(peak.value) else math.inf
         for limit, peak in ((load.speed_limit, load.speed), (load.effort_limit, load.effort))
-    ]
-    right, top = (  # lines cross the panel
-        max([*np.abs(values), *(end for end in (limit,) if end < math.inf)], default=1.0)
-        for values, limit in zip((speed, effort), limits, strict=True)
     )
-    across, up = np.array([-right, right]), np.array([-top, top])
-    for sign in (-1.0, 1.0):
+    across, up = (  # lines cross the panel
+        ENDS * max([*np.abs(values), *(end for end in (limit,) if end < math.inf)], default=1.0)
+        for values, limit in ((speed, speed_limit), (effort, effort_limit))
+    )
+    for sign in ENDS:
         marks.append(Mark("RMS effort", across, np.full(2, sign * load.rms_effort), "dashed", GOOD))
-        if limits[1] < math.inf:
-            marks.append(Mark("limit", across, np.full(2, sign * limits[1]), "solid", ALARM))
-        if limits[0] < math.inf:
-            marks.append(Mark("limit", np.full(2, sign * limits[0]), up, "solid", ALARM))
-    unit, across_unit = load.unit("effort"), load.unit("speed")
-    return Panel(load.motor, f"effort [{unit}]", marks, f"speed [{across_unit}]")
+        if effort_limit < math.inf:
+            marks.append(Mark("limit", across, np.full(2, sign * effort_limit), "solid", ALARM))
+        if speed_limit < math.inf:
+            marks.append(Mark("limit", np.full(2, sign * speed_limit), up, "solid", ALARM))
+    return Panel(load.motor, f"effort [{load.unit('effort')}]", marks, f"speed [{load.unit('speed')}]")

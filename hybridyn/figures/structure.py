@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from ..colours import MOTOR, lighter, module_colour
 from ..linkage.joints import LETTERS
@@ -22,12 +25,8 @@ TITLE, LINE, LEG, PAD = 0.30, 0.21, 0.30, 0.12
 TALLEST = 9.0
 MOST_COLUMNS = 4
 MARGIN, KEY = 0.3, 0.45
-#: Offset between the cards of a pile.
-PILE = 0.07
-#: Distance between neighbouring joints of a leg.
+#: Largest distance between neighbouring joints of a leg.
 STEP = 0.33
-#: Largest number of joints drawn in a row; the rest of a longer chain is counted.
-MOST_SIGNS = 10
 #: Facts that are written on a card; the text tells them all.
 FACTS = ("like", "closures", "motors")
 INK, FAINT = "#22262b", "#5b6068"
@@ -41,14 +40,12 @@ class Place(NamedTuple):
         y: Its upper edge [inch].
         width: Its width [inch].
         height: Its height [inch].
-        column: Number of its column.
     """
 
     x: float
     y: float
     width: float
     height: float
-    column: int
 
 
 def layout(cards: Sequence[Card]) -> tuple[list[Place], float, float]:
@@ -70,11 +67,11 @@ def layout(cards: Sequence[Card]) -> tuple[list[Place], float, float]:
     across = WIDTH + max(lanes) * INDENT + GUTTER
     places: list[Place] = []
     y, column = MARGIN, 0
-    for card, height, lane in zip(cards, heights, lanes, strict=True):
+    for height, lane in zip(heights, lanes, strict=True):
         if column + 1 < columns and y - MARGIN + height / 2 > whole / columns and places:
             y, column = MARGIN, column + 1
-        places.append(Place(MARGIN + column * across + lane * INDENT, y, WIDTH, height, column))
-        y += height + GAP + (2 * PILE if len(card.modules) > 1 else 0.0)
+        places.append(Place(MARGIN + column * across + lane * INDENT, y, WIDTH, height))
+        y += height + GAP
     bottom = max(place.y + place.height for place in places)
     return places, 2 * MARGIN + (column + 1) * across - GUTTER, bottom + MARGIN + KEY
 
@@ -92,49 +89,39 @@ def figure_of_cards(cards: Sequence[Card]) -> Figure:
     ax.set(xlim=(0, width), ylim=(height, 0))
     ax.set_axis_off()
     for card, place in zip(cards, places, strict=True):
-        if card.parent is not None:
-            _edge(ax, places[card.parent], place, lighter(_colour(card), 0.25))
-        _card(ax, card, place)
+        _card(ax, card, place, None if card.parent is None else places[card.parent])
     used = {letter for card in cards for leg in card.legs for letter, _ in leg}
-    kinds = {letter: kind for kind, letter in LETTERS.items() if letter in used and kind != "continuous"}
-    says = ", ".join(["dark: motor", *(f"{letter} {kind}" for letter, kind in kinds.items())])
-    ax.text(MARGIN, height - MARGIN, says if used else "", fontsize=8, color=FAINT, va="center")
+    kinds = [f"{one} {kind}" for kind, one in LETTERS.items() if one in used and kind != "continuous"]
+    ax.text(MARGIN, height - MARGIN, ", ".join(["dark: motor", *kinds]), fontsize=8, color=FAINT, va="center")
     return figure
 
 
-def _edge(ax: Axes, parent: Place, child: Place, colour: str) -> None:
-    """Draw the edge from a card to its child; the cards cover the ends of the edge."""
-    to, middle = child.y + PAD + TITLE / 2, parent.y + PAD + TITLE / 2
-    if parent.column == child.column:
-        x, y = [parent.x + 0.17] * 2 + [child.x + 0.2], [middle, to, to]
-    else:
-        x, y = [parent.x + WIDTH - 0.2] + [child.x - 0.3] * 2 + [child.x + 0.2], [middle, middle, to, to]
-    ax.plot(x, y, color=colour, linewidth=2.2, zorder=1)
-
-
-def _card(ax: Axes, card: Card, place: Place) -> None:
+def _card(ax: Axes, card: Card, place: Place, below: Place | None) -> None:
+    """Draw a card, and an edge to the card below it, whose ends the cards cover."""
     from matplotlib.patches import FancyBboxPatch
 
+    colour = module_colour(card.modules[0] if card.modules else -1)
+    middle = PAD + TITLE / 2
+    if below is not None:
+        right = below.x + WIDTH
+        start, bend = (below.x + 0.17,) * 2 if right > place.x else (right - 0.2, place.x - 0.3)
+        across, down = [start, bend, bend, place.x + 0.2], [below.y, below.y, place.y, place.y]
+        ax.plot(across, np.array(down) + middle, color=lighter(colour, 0.25), linewidth=2.2, zorder=1)
     style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.09", "linewidth": 1.3, "zorder": 2}
-    style |= {"edgecolor": _colour(card), "facecolor": lighter(_colour(card), 0.9)}
-    for shift in (2 * PILE, PILE, 0.0) if len(card.modules) > 1 else (0.0,):
-        corner = (place.x + shift, place.y + shift)
-        ax.add_patch(FancyBboxPatch(corner, place.width, place.height, **style))
+    style |= {"edgecolor": colour, "facecolor": lighter(colour, 0.9)}
+    ax.add_patch(FancyBboxPatch((place.x, place.y), WIDTH, place.height, **style))
     x, y = place.x + 0.16, place.y + PAD
     look: dict[str, Any] = {"va": "center", "zorder": 3}
-    ax.text(x, y + TITLE / 2, _fitting(card.title, 38), fontsize=11, weight="bold", color=INK, **look)
+    ax.text(x, place.y + middle, card.title[:38], fontsize=11, weight="bold", color=INK, **look)
     y += TITLE
     for line in _lines(card):
-        ax.text(x, y + LINE / 2, _fitting(line, 60), fontsize=8.5, color=FAINT, **look)
+        ax.text(
+            x, y + LINE / 2, textwrap.shorten(line, 60, placeholder=" ..."), fontsize=8.5, color=FAINT, **look
+        )
         y += LINE
     for signs, count in Counter(map(_signs, card.legs)).items():
-        _leg(ax, signs, count, x, y + LEG / 2, lighter(_colour(card), 0.35))
+        _leg(ax, signs, count, x, y + LEG / 2, lighter(colour, 0.35))
         y += LEG
-
-
-def _colour(card: Card) -> str:
-    """Return the colour of a card's first module."""
-    return module_colour(card.modules[0] if card.modules else -1)
 
 
 def _lines(card: Card) -> list[str]:
@@ -149,22 +136,11 @@ def _signs(leg: Leg) -> tuple[str, ...]:
 
 def _leg(ax: Axes, signs: Sequence[str], count: int, x: float, y: float, colour: str) -> None:
     """Draw equal legs as a line with its joints."""
-    if count > 1:
-        ax.text(x, y, f"{count} x", fontsize=9.5, color=INK, va="center", zorder=3)
-    start = x + 0.55
-    end = start + STEP * (max(min(len(signs), MOST_SIGNS), 1) - 1)
-    ax.plot([start - 0.2, end + 0.2], [y, y], color=colour, linewidth=2, zorder=2.5)
-    for number, sign in enumerate(signs[:MOST_SIGNS]):
-        shape = "square,pad=0.35" if sign[0] == "P" else "circle,pad=0.25"
+    step = min(STEP, 3.4 / max(len(signs), 1))
+    ax.text(x, y, f"{count} x", fontsize=9.5, color=INK, va="center", zorder=3)
+    ax.plot([x + 0.35, x + 0.4 + step * len(signs)], [y, y], color=colour, linewidth=2, zorder=2.5)
+    for number, sign in enumerate(signs):
         ink, paper = ("#ffffff", MOTOR) if sign.endswith("*") else (INK, "#ffffff")
-        box = {"boxstyle": shape, "facecolor": paper, "edgecolor": MOTOR, "linewidth": 1.1}
-        at = start + STEP * number
-        ax.text(at, y, sign[0], fontsize=7.5, color=ink, ha="center", va="center", zorder=4, bbox=box)
-    if (left := len(signs) - MOST_SIGNS) > 0:
-        ax.text(end + 0.28, y, f"and {left} more", fontsize=8.5, color=FAINT, va="center", zorder=3)
-
-
-def _fitting(text: str, letters: int) -> str:
-    """Return a text, shortened in the middle if it is too long."""
-    half = (letters - 3) // 2
-    return text if len(text) <= letters else f"{text[:half]}...{text[-half:]}"
+        box = {"boxstyle": "circle,pad=0.25", "facecolor": paper, "edgecolor": MOTOR, "linewidth": 1.1}
+        at = x + 0.55 + step * number
+        ax.text(at, y, sign[:1], fontsize=7.5, color=ink, ha="center", va="center", zorder=4, bbox=box)
