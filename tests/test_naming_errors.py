@@ -155,11 +155,11 @@ def test_cost_takes_the_shipped_motion(
 ) -> None:
     asked: list[str] = []
 
-    def measured(*_: object, trajectory: str, **__: object) -> None:
+    def measured(study: object, load: object, trajectory: str, *_: object, **__: object) -> None:
         asked.append(trajectory)
         raise ModelError("enough")
 
-    monkeypatch.setattr("hybridyn.cli.cost._robot", measured)
+    monkeypatch.setattr("hybridyn.cli.cost._measure", measured)
     assert call(capsys, "cost", "lx4", status=1).err == "error: enough\n"
     assert [Path(name).parts[-2:] for name in asked] == [("lx4", "traj.csv")]
 

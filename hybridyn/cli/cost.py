@@ -14,14 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import TrajectoryError
 from ..studies.cost.points import (
     ADVISED,
+    OURS,
+    QUANTITIES,
     SECONDS,
     Study,
     advice,
     cheapest,
     error_words,
-    fronts,
+    front,
     time_words,
 )
 from .common.figures import figure_file, save
@@ -30,7 +33,7 @@ from .common.options import RobotChoice, RobotCommand, split_names
 from .common.text import aligned_rows
 
 if TYPE_CHECKING:
-    from ..studies.cost.points import Point, Progress, Worth
+    from ..studies.cost.points import Point, Worth
 
 #: Number of characters of a line of progress, and half of those of a remark.
 WIDTH = 120
@@ -38,23 +41,10 @@ WIDTH = 120
 #: Most rows of the front that are printed.
 MOST_ROWS = 12
 
-#: What is computed along a trajectory, the usual one first.
-QUANTITIES = ("idm", "ddm", "close", "designs", "idm_jacobian", "ddm_jacobian")
-
-#: Exit status after Ctrl-C.
-INTERRUPTED = 130
-
 
 def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Return the file of a scene or robot; both may be shipped ones, given by name."""
     return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
-
-
-def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """Check that a target is positive and finite."""
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise click.BadParameter(f"{value:g} is no error: give a number above zero, as 1e-3", ctx, param)
-    return value
 
 
 @click.command(
@@ -66,17 +56,17 @@ def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 @click.argument("trajectory", required=False, callback=existing_file, type=click.Path())
 @click.option(
     "--target",
-    type=float,
-    callback=_target,
+    type=click.FloatRange(0, min_open=True),
     help="Print only the fastest setting with this error, as lines for a scene; exit status 1 if none.",
 )
 @click.option(
-    "--quantity", type=click.Choice(QUANTITIES), default=QUANTITIES[0], show_default=True,
+    "--quantity", type=click.Choice([*QUANTITIES]), default="idm", show_default=True,
     help="What is computed along a trajectory.",
 )  # fmt: skip
 @click.option(
     "--with", "engines", metavar="NAMES", callback=split_names,
-    help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone.",
+    help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone, and "
+    "accelerations along a scene.",
 )  # fmt: skip
 @click.option("--all", "every", is_flag=True, help="Print every setting, not only those worth having.")
 @click.option(
@@ -113,14 +103,13 @@ def command(
     scene = load.robot.endswith(".toml")
     trajectory = trajectory or (None if scene else own_trajectory(load.robot))
     _refuse_misuse(load, trajectory, **given)
-    study, status = Study("", "per run" if scene else "per sample"), 0
-    measure = _scene if scene else partial(_robot, trajectory=str(trajectory))
+    study, status = Study("", "per run" if scene and not given["engines"] else "per sample"), 0
     try:
-        measure(study, load, target or ADVISED, **given)
+        _measure(study, load, trajectory, target or ADVISED, **given)
     except KeyboardInterrupt:
         if not study.points:
             raise
-        status = INTERRUPTED
+        status = 130  # as of a program that Ctrl-C ends
         study.remarks.append("stopped by Ctrl-C: what follows was not measured")
     if output:
         write_report(output, _rows(study))
@@ -140,8 +129,8 @@ def command(
 
 
 def _refuse_misuse(
-    load: RobotChoice, trajectory: str | None, *, quantity: str, engines: list[str] | None,
-    until: float | None, allow_python: bool, **_: float,
+    load: RobotChoice, trajectory: str | None, *, quantity: str, until: float | None, allow_python: bool,
+    **_: object,
 ) -> None:  # fmt: skip
     """Refuse options that do not belong together, in words that say what to type."""
     source, scene = load.robot, load.robot.endswith(".toml")
@@ -161,84 +150,72 @@ def _refuse_misuse(
         (scene and load != RobotChoice(source), "the robot's options stand in the scene: leave them out"),
         (not scene and (until or allow_python), "--until and --allow-python are for scenes"),
         (
-            scene and (engines or quantity != QUANTITIES[0]),
-            "--with and --quantity are for a robot and a trajectory: engines are compared by their "
-            "accelerations, 'hybridyn cost ROBOT TRAJECTORY --quantity ddm --with mujoco'",
+            scene and quantity != "idm",
+            "--quantity is for a robot and a trajectory; --with compares accelerations along a scene",
         ),
     ):
         if wrong:
             raise click.UsageError(said)
 
 
-def _shown(study: Study) -> Progress:
-    """Return a function that prints each result when it is measured, if a person looks."""
-    started = time.perf_counter()
-
-    def show(result: Point | Worth) -> None:
-        """Print a result on standard error, and how long the rest may take."""
-        spent = time.perf_counter() - started
-        words = (
-            f"without {result[0]}: {result[1]:.1e}"
-            if isinstance(result, tuple)
-            else (f"{result.line}, {result.setting}: {result.error:.1e} in {time_words(result.seconds)}")
-        )
-        if sys.stderr.isatty():
-            text = f"{spent:4.0f} s, {spent / study.done - spent:3.0f} s left  {words}"
-            click.echo(textwrap.shorten(text, WIDTH), err=True)
-
-    return show
+def _show(study: Study, started: float, result: Point | Worth) -> None:
+    """Print a result on standard error when it is measured, if a person looks; and the time left."""
+    spent = time.perf_counter() - started
+    words = (
+        f"without {result[0]}: {result[1]:.1e}"
+        if isinstance(result, tuple)
+        else (f"{result.line}, {result.setting}: {result.error:.1e} in {time_words(result.seconds)}")
+    )
+    if sys.stderr.isatty():
+        text = f"{spent:4.0f} s, {spent / study.done - spent:3.0f} s left  {words}"
+        click.echo(textwrap.shorten(text, WIDTH), err=True)
 
 
-def _robot(
-    study: Study, load: RobotChoice, target: float, *, trajectory: str, quantity: str,
-    engines: list[str] | None, **_: float | None,
+def _measure(
+    study: Study, load: RobotChoice, trajectory: str | None, target: float, *, quantity: str,
+    engines: list[str] | None, until: float | None, seconds: float, allow_python: bool,
 ) -> None:  # fmt: skip
-    """Measure a robot on a trajectory, with every effect that its files state, or those that engines have."""
-    from ..effects import choose
-    from ..effects.choice import stated_names
-    from ..errors import TrajectoryError
+    """Measure a scene, or a robot on a trajectory: every effect of its files, or those that engines have."""
+    from ..effects.choice import choose, stated_names
+    from ..scenes.stage import stage
     from ..streams.one_pass import read_postures
     from ..studies.cost.models import Trajectory, study_models
+    from ..studies.cost.runs import states_of, study_runs
 
-    robot = load()
-    layout, (motion, q, v, a) = read_postures(robot, trajectory)
-    if motion.wrenches:
-        raise TrajectoryError(
-            f"has wrenches ({', '.join(map(repr, motion.wrenches))}), which 'cost' does not measure: leave "
-            "their columns out",
-            file=trajectory,
-        )
-    table = None if layout.full_state or motion.time is None else motion
+    show = partial(_show, study, time.perf_counter())
+    if trajectory is None:
+        ready = stage(load.robot, allow_python=allow_python)
+        robot, duration = ready.robot, min(ready.source.scene.duration, until or math.inf)
+        if ready.motion is not None:
+            raise TrajectoryError(
+                "the scene's motion is given: nothing is integrated. Try 'hybridyn cost ROBOT TRAJECTORY'",
+                file=load.robot,
+            )
+        if not engines:
+            study_runs(ready, duration, show, seconds, study, target)
+            return
+        quantity, states = "ddm", states_of(ready, duration, choose(robot, ["default"]))
+    else:
+        robot = load()
+        layout, (motion, q, v, a) = read_postures(robot, trajectory)
+        if motion.wrenches:
+            raise TrajectoryError(
+                f"has wrenches ({', '.join(map(repr, motion.wrenches))}), which 'cost' does not measure: "
+                "leave their columns out",
+                file=trajectory,
+            )
+        table = None if layout.full_state or motion.time is None else motion
+        states = Trajectory(q, v, a, motion.time, table)
     study_models(
-        robot, Trajectory(q, v, a, motion.time, table),
-        choose(robot, ["default", *(() if engines else stated_names(robot))]), _shown(study), study,
+        robot, states, choose(robot, ["default", *(() if engines else stated_names(robot))]), show, study,
         quantity=quantity, engines=engines or (), target=target,
     )  # fmt: skip
 
 
-def _scene(
-    study: Study, load: RobotChoice, target: float, *, until: float | None, seconds: float,
-    allow_python: bool, **_: object,
-) -> None:  # fmt: skip
-    """Measure a scene."""
-    from ..errors import TrajectoryError
-    from ..scenes.stage import stage
-    from ..studies.cost.runs import study_runs
-
-    ready = stage(load.robot, allow_python=allow_python)
-    if ready.motion is not None:
-        raise TrajectoryError(
-            "the scene's motion is given: nothing is integrated. Try 'hybridyn cost ROBOT TRAJECTORY'",
-            file=load.robot,
-        )
-    duration = ready.source.scene.duration
-    study_runs(ready, min(duration, until or duration), _shown(study), seconds, study, target)
-
-
 def _report(study: Study, *, every: bool) -> Iterator[str]:
     """Yield the advice, the settings worth having, and what effects are worth."""
-    own, others = fronts(study)
-    worth = [*own[len(others) - MOST_ROWS :], *others]
+    own, others = (front(study.chosen(uses), study.own_error) for uses in (OURS, ("comparison",)))
+    worth = [*[*own, *others[-MOST_ROWS // 2 :]][-MOST_ROWS:], cheapest(study, ADVISED)]
     shown = [p for p in study.points if every or p in worth or p.use == "usual"]
     rows = [["", "choice", "setting", "error", f"time {study.time_unit}", ""]]
     for p in sorted(shown, key=lambda p: p.seconds):
@@ -257,20 +234,18 @@ def _report(study: Study, *, every: bool) -> Iterator[str]:
 
 def _effects(study: Study) -> list[str]:
     """Return a table of what effects are worth; their times follow from the operations of the model."""
-    where = "along this motion" if study.time_unit == "per sample" else "in this scene"
-    rows = [[f"effect, {where}", "changes", "takes", ""]]
+    rows = [["effect", "changes", "takes", ""]]
     for one in sorted(study.worth, key=lambda one: -one.error):
-        matters = one.error > ADVISED
+        matters = one.effect in study.kept if study.kept else one.error > ADVISED
         word = ("" if one.computed else "add it") if matters else ("leave it out" if one.computed else "")
-        share = "" if math.isnan(one.share) else f"{100 * one.share:.2g} %"
         change = f"{one.error:.1e}" if math.isfinite(one.error) else "not known"
-        rows.append([one.effect.replace("_", " "), change, share, word])
+        rows.append([one.effect.replace("_", " "), change, f"{100 * one.share:.2g} %", word])
     return aligned_rows(rows, right=(1, 2))
 
 
 def _rows(study: Study) -> list[dict[str, Any]]:
     """Return the settings, and what each effect is worth, as rows of a report."""
-    worth = fronts(study)[0]
+    worth = front(study.chosen(OURS), study.own_error)
     rows = [asdict(p) | {"on_front": p in worth} for p in study.points]
     rows += [{"line": "effect", "setting": one.effect, **one._asdict()} for one in study.worth]
     return [

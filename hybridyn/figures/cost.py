@@ -19,7 +19,25 @@ CALLS = " Filled: one call; open: a batch."
 
 def figure_of(study: Study, source: str) -> Figure:
     """Draw the fronts of a study, and beside them what effects change against what they take."""
-    panels: list[Panel | Bars] = [_settings(study)]
+    each = study.time_unit == "per sample"
+    unit, scale = ("us", 1e6) if each else ("s", 1.0)
+    curves = []
+    drawn = by_line([p for p in study.points if 0 < p.seconds < inf > p.error])
+    for (name, own), colour in zip(drawn.items(), cycle(COLOURS), strict=False):
+        (x, y), (all_x, all_y) = (
+            zip(*((p.seconds * scale, p.error) for p in points), strict=True)
+            for points in (front(own, study.own_error) or own, own)
+        )
+        hollow = [each and not own[0].one_call] * len(x)
+        curves.append(Curve(name, colour, x, y, hollow=hollow, all_x=all_x, all_y=all_y))
+    named = (
+        (next((p for p in study.points if p.use == "usual"), None), "now"),
+        (cheapest(study, ADVISED), "advised"),
+    )
+    notes = [(p.seconds * scale, p.error, words) for p, words in named if p]
+    panels: list[Panel | Bars] = [
+        Panel(study.subject, f"time {study.time_unit} [{unit}]", "relative error", curves, notes=notes)
+    ]
     if study.worth:
         order = sorted(study.worth, key=lambda one: one.error)
         names = [one.effect.replace("_", " ") + ("" if one.computed else " (left out)") for one in order]
@@ -28,23 +46,4 @@ def figure_of(study: Study, source: str) -> Figure:
             "part of time": [one.share for one in order],
         }
         panels.append(Bars("effects", "part of the whole", names, pairs, study.own_error))
-    remark = REMARK + CALLS * (study.time_unit == "per sample")
-    return draw(f"{source}: {study.question}", remark, [panels])
-
-
-def _settings(study: Study) -> Panel:
-    """Return the front of each family, with the names of the present and of the advised setting."""
-    unit, scale = ("us", 1e6) if study.time_unit == "per sample" else ("s", 1.0)
-    curves = []
-    drawn = by_line(p for p in study.points if 0 < p.seconds < inf > p.error)
-    for (name, own), colour in zip(drawn.items(), cycle(COLOURS), strict=False):
-        (x, y), (all_x, all_y) = (
-            zip(*((p.seconds * scale, p.error) for p in points), strict=True)
-            for points in (front(own, study.own_error) or own, own)
-        )
-        hollow = [study.time_unit == "per sample" and not own[0].one_call] * len(x)
-        curves.append(Curve(name, colour, x, y, hollow=hollow, all_x=all_x, all_y=all_y))
-    usual = next((p for p in study.points if p.use == "usual"), None)
-    named = ((usual, "now"), (cheapest(study, ADVISED), "advised"))
-    notes = [(p.seconds * scale, p.error, words) for p, words in named if p]
-    return Panel(study.subject, f"time {study.time_unit} [{unit}]", "relative error", curves, notes=notes)
+    return draw(f"{source}: {study.question}", REMARK + CALLS * each, [panels])

@@ -12,7 +12,7 @@ import yaml
 
 import hybridyn
 from hybridyn.cli import COMMANDS
-from hybridyn.studies.cost import settings
+from hybridyn.studies.cost import runs
 from hybridyn.studies.sweep.reading import read_study
 from tests import ROOT
 from tests.command_line import call
@@ -57,8 +57,8 @@ def test_commands_print_what_is_shown(
     if page == "sweeps.md":
         write_studies()
     if page == "cost.md":
-        monkeypatch.setattr(settings, "FACTORS", (4.0,))
-        monkeypatch.setattr(settings, "TOLERANCES", (1e-7,))
+        monkeypatch.setattr(runs, "FACTORS", (4.0,))
+        monkeypatch.setattr(runs, "TOLERANCES", (1e-7,))
     text = shown(DOCS / page)
     assert text.count("$ hybridyn ") == COUNTS[page]
     if page == "view-and-plot.md":  # it shows a part of what is printed

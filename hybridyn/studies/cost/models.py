@@ -8,66 +8,252 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...assembly.assemble import assemble
 from ...compiled.compiling import compile
+from ...compiled.derivatives import Derivatives
+from ...compiled.library.calls import load
+from ...compiled.model import CompiledRobot
+from ...compiled.program import Call, Program
 from ...description.names import listed
+from ...dynamics.direct import ddm
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
+from ...scenes.references import MotorAxes
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...tables.rates import derivatives
-from ..compare.engine import NotComparableError
-from ..compare.methods import Method, each, methods_of, swept, written
-from .points import ADVISED, ROUNDS, Point, Progress, Step, Study, Worth, fill, timed
-from .quantities import (
-    EVERY,
-    GENERAL,
-    IN_C,
-    QUANTITIES,
-    SLOWER,
-    Way,
-    blocks,
-    exact,
-    extrapolated,
-    in_c,
-    motors_of,
-    off,
-    operations,
-    solver,
-    ways,
-)
-from .settings import model_fragment
+from ...tables.trajectory import Motion
+from ..compare.methods import Method, Setting, State, each, grid, methods_of, swept, written
+from .points import ADVISED, QUANTITIES, SLOWER, Point, Progress, Step, Study, Use, Worth, fill, timed
 
-if TYPE_CHECKING:
-    from ...tables.trajectory import Motion
-
+GENERAL, IN_C, SINGLE, DIFFERENCES = "general path", "compiled", "compiled, float32", "central differences"
+#: The setting that leaves no effect out.
+EVERY = "every effect"
+#: Steps of differences of the motors' positions, rates, and accelerations or efforts; and of those that are
+#: extrapolated.
+STEPS, EXTRAPOLATED = tuple(10.0**-k for k in range(1, 8)), (4e-4, 2e-4, 1e-4)
+#: Mass of the heaviest link in a design, relative to its own.
+HEAVIER = 1.1
 #: Rows of the trajectory on which models are compared, evenly spread; of these, how many are computed one by
-#: one; and consecutive rows that are closed in C, and by the general path, a hundred times as slow.
+#: one; and consecutive rows that are closed in C, and by the general path, which takes longer.
 SAMPLES, ONE_BY_ONE, CLOSED, CLOSED_SLOWLY = 400, 20, 400, 40
-#: Rows that are computed tick after tick.
-TICKED = 100
 #: Rows at which derivatives are compared, whose reference takes long.
 DERIVED = 8
 #: Rows of a batch of derivatives, and of that which threads share.
 MANY, THREADED = 400, 20_000
+#: Least peak of a motor's efforts, relative to the largest of all.
+LEAST_PEAK = 1e-6
 #: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
-#: The usual setting in words, where no effects are in question.
-USUAL = {
-    "close": "the general path",
-    "designs": "a robot for each design",
-    "idm_jacobian": "all of them in C",
-    "ddm_jacobian": "all of them in C",
-}
 #: Part of the time of the whole by which that of its stages together may differ.
 ADDS_UP = 0.15
-#: What a controller calls at each tick, from the motors, by quantity.
-TICKS = {"idm": "idm_from_motors", "close": "close"}
+#: Effects that are never omitted: those of platforms and serial links.
+KEPT = ("gravity", "inertia")
+#: Number of rows at either end that are ignored, since the rates of a spline are inaccurate there.
+EDGE = 40
+
+
+class Way(NamedTuple):
+    """A way of our own to compute a quantity.
+
+    Attributes:
+        method: The method.
+        use, what, fragment: As in `Point`.
+        setting: What distinguishes it from others of its name.
+        threads: Number of threads that share a batch.
+    """
+
+    method: Method
+    use: Use
+    what: str = ""
+    fragment: str = ""
+    setting: str = EVERY
+    threads: int = 1
+
+
+def ways(quantity: str, effects: Effects) -> list[Way]:
+    """Return the ways to compute a quantity, the usual one first."""
+    call = "# hybridyn.compile(robot, effects{}).{}"
+    if quantity.endswith("jacobian"):
+        derive = Method(IN_C, quantity, partial(_derivatives, quantity, effects), batches=True)
+        swept = Method(DIFFERENCES, quantity, partial(differences, quantity, effects), grid(step=STEPS))
+        return [
+            Way(derive, "usual", "keep the derivatives in C", f'# hybridyn.{quantity}(coordinates="motors")'),
+            Way(swept, "program", "take central differences", setting=""),
+        ]
+    slow, fast, single = (
+        Method(line, quantity, partial(set_up, quantity, effects, dtype), batches=batches, threads=True)
+        for line, dtype, batches in (
+            (GENERAL, "", quantity != "designs"), (IN_C, "float64", True), (SINGLE, "float32", True),
+        )
+    )  # fmt: skip
+    told, keep = partial(model_fragment, effects.names, command=quantity), "keep every effect and "
+    number, shared = (call.format(x, quantity) for x in (', dtype="float32"', ", threads=2"))
+    design = "# robot.with_parameters", call.format(", parameters=[...]", "idm")
+    return {
+        "close": [
+            Way(slow, "usual", "keep the general path", "# hybridyn.assemble", "(usual)"),
+            Way(fast, "command", "close the loops in C", call.format("", "assemble"), "a batch"),
+        ],
+        "designs": [
+            Way(slow, "usual", "build the robot of each design", design[0], "a robot a design"),
+            Way(fast, "command", "compute designs in C", design[1], "a batch"),
+            Way(single, "program", "compute designs in C (float32)", setting="a batch"),
+        ],
+    }.get(quantity) or [
+        Way(slow, "usual", f"{keep}the general path", told("general"), "every effect (usual)"),
+        Way(fast, "command", f"{keep}compute in C", told("compiled")),
+        Way(single, "program", "compute in C (float32)", number),
+        Way(fast, "program", "let two threads share a batch", shared, f"{EVERY}, 2 threads", 2),
+    ]
+
+
+def model_fragment(names: Sequence[str], engine: str, command: str = "idm") -> str:
+    """Write the table [effects] of some effects, and the options of a command that request them."""
+    return f"{requested(names)}\n# hybridyn {command} --engine {engine} --effects {','.join(names)}"
+
+
+def requested(names: Sequence[str]) -> str:
+    """Write a table [effects] that requests effects by their names."""
+    return "[effects]\nuse = [" + ", ".join(f'"{name}"' for name in names) + "]"
+
+
+def solver(quantity: str, robot: HybridRobot, effects: Effects, model: CompiledRobot | None = None) -> Any:
+    """Return the call that computes a quantity for many samples, by the general path without a model."""
+    if quantity == "close":
+        return partial(_closed, model.assemble if model else partial(assemble, robot), robot)
+    if quantity == "designs":
+        design = design_of(robot)
+        if model:
+            return partial(model.idm, parameters=[*design.values()])
+        return lambda *state: idm(robot.with_parameters(design), *state, effects=effects)
+    if model:
+        return getattr(model, quantity)
+    return partial(idm if quantity == "idm" else ddm, robot, effects=effects)
+
+
+def set_up(quantity: str, effects: Effects, dtype: str, robot: HybridRobot, threads: int = 1) -> Any:
+    """Prepare a compiled model of some type of numbers, or the general path without one."""
+    free = tuple(design_of(robot)) if quantity == "designs" else ()
+    model = compile(robot, effects, dtype=dtype, threads=threads, parameters=free) if dtype else None
+    solve = solver(quantity, robot, effects, model)
+    return lambda setting: solve
+
+
+def design_of(robot: HybridRobot) -> dict[str, float]:
+    """Return the design that is measured: another mass of the heaviest link."""
+    heaviest = max(robot.description.links, key=lambda link: link.mass)
+    return {f"mass:{heaviest.name}": HEAVIER * heaviest.mass}
+
+
+def motors_of(robot: HybridRobot, q: Array, v: Array, a: Array) -> State:
+    """Return positions, rates and accelerations of the motors, shapes (T, motors)."""
+    axes = MotorAxes.of(robot)
+    return axes.positions(q), v[..., axes.columns], a[..., axes.columns]
+
+
+def _closed(close: Any, robot: HybridRobot, q: Array, v: Array, a: Array) -> State:
+    """Close the loops of some rows from the motors' motion and the first posture."""
+    found: State = close(motors=motors_of(robot, q, v, a), guess=q[0])
+    return found
+
+
+def _derivatives(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
+    """Prepare the derivatives of a model over the motors."""
+    derive = Derivatives(robot, quantity.removesuffix("_jacobian"), effects, coordinates="motors")
+    return lambda setting: derive
+
+
+def differences(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
+    """Prepare central differences of the compiled model over the motors."""
+    model, n = compile(robot, effects), len(robot.motors)
+    inverse = quantity == "idm_jacobian"
+
+    def at_setting(setting: Setting) -> Any:
+        shift = setting["step"] * np.vstack([np.eye(3 * n), -np.eye(3 * n)]).reshape(-1, 3, n)
+
+        def solve(q: Array, v: Array, given: Array) -> list[Array]:
+            """Close the loops around a sample, and compute there."""
+            x, rate, change = motors_of(robot, q, v, given if inverse else v)
+            x, rate, last = np.moveaxis(np.array([x, rate, change if inverse else given]) + shift, 1, 0)
+            near = model.close(x, rate, last if inverse else None, last=q)
+            found = model.idm(*near) if inverse else model.ddm(*near[:2], last)[:, robot.motor_v]
+            ahead, behind = found.reshape(2, 3, n, n)
+            return [*((ahead - behind) / (2 * setting["step"])).swapaxes(-1, -2)]
+
+        return solve
+
+    return at_setting
+
+
+def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> list[Array]:
+    """Compute a quantity in 113-bit arithmetic, rounded at the end, as blocks of shape (T, n).
+
+    Raises:
+        HybridynError: The C code cannot be built, or it is not certain of every sample.
+        ImportError: CasADi is not installed.
+    """
+    if quantity == "designs":
+        quantity, robot = "idm", robot.with_parameters(design_of(robot))
+    program = program_of(robot, effects, quantity)
+    base = [np.zeros((len(state[0]), size)) for _, size in program.inputs[3:]]  # that of a moving base
+    found, guard = load([program], dtype="float128").batch(program.name, *state, *base)
+    if not np.all(guard <= 1.0):
+        raise HybridynError("the compiled model is not certain of every sample")
+    return [np.asarray(x, dtype=float) for x in found]
+
+
+def extrapolated(
+    quantity: str, robot: HybridRobot, effects: Effects, state: State
+) -> tuple[list[Array], float]:
+    """Compute derivatives by central differences, extrapolated to a step of zero.
+
+    Code of derivatives in 113 bits takes minutes to build.
+
+    Returns:
+        Blocks of shape (T, motors, motors), and their own error, relative to the largest number of each.
+    """
+    at, samples = differences(quantity, effects, robot), [*zip(*state, strict=True)]
+    coarse, middle, fine = (np.array(each(at({"step": step}), samples)) for step in EXTRAPOLATED)
+    less, best = ((4.0 * x - y) / 3.0 for x, y in ((middle, coarse), (fine, middle)))
+    found = [*np.moveaxis(best, 1, 0)]
+    return found, max(map(off, np.moveaxis(less, 1, 0), found))
+
+
+def program_of(robot: HybridRobot, effects: Effects, model: str) -> Program:
+    """Write a model as a program; this needs CasADi."""
+    from ...compiled.programs.whole_robot import programs
+
+    return programs(robot, effects, models=(model,))[model]
+
+
+def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
+    """Count the operations of a model without building code."""
+    program = program_of(robot, effects, model)
+    calls = (step for step in program.steps if isinstance(step, Call))
+    return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)
+
+
+def off(found: Array, exact: Array, rows: Any = slice(None), *, efforts: bool = False) -> float:
+    """Compare a block with its largest number; efforts each with the peak of its motor.
+
+    A peak is at least a part `LEAST_PEAK` of the largest: below, there is only rounding.
+    """
+    largest = np.abs(exact).max()
+    peak = np.maximum(np.abs(exact).max(axis=0), LEAST_PEAK * largest) if efforts else largest
+    error = float((np.abs(found - exact[rows]) / np.where(peak > 0, peak, 1.0)).max(initial=0.0))
+    return error if np.isfinite(error) else np.inf
+
+
+def blocks(found: Any) -> list[Array]:
+    """Return a result as a list of arrays."""
+    parts = [*found.values()] if isinstance(found, dict) else found
+    return [np.asarray(x, dtype=float) for x in (parts if isinstance(parts, tuple | list) else [parts])]
 
 
 class Trajectory(NamedTuple):
@@ -118,27 +304,28 @@ def study_models(
     """
     methods = {name: methods_of(name, quantity) for name in engines}
     study = Study("", "per sample") if study is None else study
-    study.subject, study.usual = QUANTITIES[quantity], USUAL.get(quantity, study.usual)
+    study.subject = QUANTITIES[quantity]
     study.question = f"error of {study.subject} against time per sample, {len(trajectory.q):,} rows"
-    study.second = f"the same path at {SLOWER:g} times the speed"
     if not robot.motors:
         raise HybridynError(
             f"robot '{robot.name}' has no motors, and so no {study.subject}: name some (--motors)"
         )
-    run = Measured(study, robot, trajectory, effects, quantity)
-    steps: list[Step] = [
-        (way.method.name, len(way.method.settings), run.by_way(way)) for way in ways(quantity, effects)
-    ]
-    motion = trajectory.motion
+    run, motion = Measured(study, robot, trajectory, effects, quantity), trajectory.motion
+    steps: list[Step] = [(way.method.name, run.by_way(way)) for way in ways(quantity, effects)]
     if quantity == "close" or (run.stages and motion and {*motion.joints} == {*robot.motors}):
-        steps.append(("from the motors", 1, run.by_ticks()))
+        steps.append(("from the motors", run.by_ticks()))
     if quantity in ("idm", "ddm"):
-        steps.append(("effects", len(optional(effects)), by_effects(run, target)))
+        steps.append(("effects", by_effects(run, target)))
     if quantity == "idm":
-        steps.append(("rates", 2, by_rates(run)))
-    for name, own in methods.items():
-        steps.append((name, sum(len(one.settings) for one in own), run.by_engine(own)))
+        steps.append(("rates", by_rates(run)))
+    for method in (method for known in methods.values() for method in known):
+        steps.append((method.name, run.by_way(Way(method, "comparison", setting=""))))
     fill(study, steps, progress)
+    study.remarks += [
+        f"{name}: has none of {study.subject} of robots with loops"
+        for name, known in methods.items()
+        if not known
+    ]
     return study
 
 
@@ -178,9 +365,9 @@ class Measured:
         if self.quantity.endswith("jacobian"):
             both = [extrapolated(*asked, state) for state in self.motions]
             return [x[0] for x in both], max(x[1] for x in both), "extrapolated central differences"
+        said = "the same model in 113-bit arithmetic"
         try:
-            found = [exact(*asked, state) for state in self.motions]
-            return found, 2.0**-53, "the same model in 113-bit arithmetic"
+            return [exact(*asked, state) for state in self.motions], 2.0**-53, said
         except (HybridynError, ImportError) as error:
             found = [blocks(solver(*asked)(*state)) for state in self.motions]
             return found, UNJUDGED, f"the general path (no C code: {error})"
@@ -192,22 +379,21 @@ class Measured:
             solve: Computes the quantity for many samples, or for one.
             batches: Whether it takes many.
         """
-        out = []
+        out, rows = [], slice(None) if batches else self.rows
         for motion, wanted in zip(self.motions, self.exact, strict=True):
-            if batches:
-                out.append(max(map(off, blocks(solve(*motion)), wanted)))
-                continue
-            found = each(solve, [*zip(*(x[self.rows] for x in motion), strict=True)])
-            stacked = map(np.array, zip(*map(blocks, found), strict=True))
-            out.append(max(off(x, y, self.rows) for x, y in zip(stacked, wanted, strict=True)))
+            states = [x[rows] for x in motion]
+            found = [solve(*states)] if batches else each(solve, [*zip(*states, strict=True)])
+            stack: Any = np.concatenate if batches else np.array
+            stacked = map(stack, zip(*map(blocks, found), strict=True))
+            pairs, efforts = zip(stacked, wanted, strict=True), self.quantity in ("idm", "designs")
+            out.append(max(off(x, y, rows, efforts=efforts) for x, y in pairs))
         return out[0], out[1]
 
     def by_way(self, way: Way) -> Iterator[Point]:
         """Measure a way at each of its settings: a batch; every effect in C by one call a sample, too."""
         method, states = way.method, self.motions[0]
         least = THREADED if way.threads > 1 else MANY if self.quantity.endswith("jacobian") else 1
-        if method.batches:
-            states = tuple(np.tile(x, (-(-least // len(x)), 1)) for x in states)  # type: ignore[assignment]
+        states = tuple(np.tile(x, (-(-least // len(x)), 1)) for x in states)  # type: ignore[assignment]
         singly = (way.method.name, way.setting, way.threads) == (IN_C, EVERY, 1)
         sizes = [len(states[0])] * method.batches + [1] * (singly or not method.batches)
         stage = GENERAL if method.name == GENERAL else IN_C
@@ -215,11 +401,11 @@ class Measured:
             if self.stages and not self.closing[stage]:
                 self.closing[stage] = self._stages(stage, one.solve)
             error, elsewhere = self.errors(one.solve, method.batches)
-            own = timed(one.call, rounds=3, threads=way.threads)[0] / one.samples
+            own = timed(one.call, threads=way.threads)[0] / one.samples
             yield Point(
                 f"{method.name}, one call a sample" if one.single and method.batches else method.name,
                 written(one.setting) or way.setting, error, self.closing[stage] + own, way.fragment,
-                use="program" if one.single and singly else way.use, what=way.what, own=own,
+                use="program" if one.single and singly else way.use, what=way.what,
                 one_call=one.single, elsewhere=elsewhere,
             )  # fmt: skip
 
@@ -229,17 +415,14 @@ class Measured:
         part = self.trajectory.motion.part(0, CLOSED_SLOWLY if stage == GENERAL else CLOSED)
         model = None if stage == GENERAL else compile(self.robot, self.effects)
         close: Any = model.assemble if model else partial(assemble, self.robot)
-        given = {"motors": part.joints, "platforms": part.platforms, "guess": self.trajectory.q[0]}
-        call = partial(close, **given)
-        known = model.recomputed if model else 0
+        call = partial(close, motors=part.joints, platforms=part.platforms, guess=self.trajectory.q[0])
         state = call()
-        handed = model.recomputed - known if model else 0
-        if handed:
+        if model and model.recomputed:
             self.study.remarks.append(
-                f"closing: {handed} of {part.size} samples are closed in Python, since C hands them over"
+                f"closing: {model.recomputed} of {part.size} samples are closed in Python, since C hands "
+                "them over"
             )
-        rounds = ROUNDS if handed else max(ROUNDS, part.size // 8)  # calls in C are short
-        closing, own, whole = timed(call, lambda: solve(*state), lambda: solve(*call()), rounds=rounds)
+        closing, own, whole = timed(call, lambda: solve(*state), lambda: solve(*call()))
         if abs(closing + own - whole) > ADDS_UP * whole:
             apart, together = (1e6 * x / part.size for x in (closing + own, whole))
             self.study.remarks.append(
@@ -250,8 +433,11 @@ class Measured:
 
     def by_ticks(self) -> Iterator[Point]:
         """Measure calls from the motors, tick after tick, as a controller makes them."""
-        model, name = compile(self.robot, self.effects), TICKS[self.quantity]
-        motors = motors_of(self.robot, *(x[:TICKED] for x in self.trajectory[:3]))
+        model, name = (
+            compile(self.robot, self.effects),
+            {"idm": "idm_from_motors"}.get(self.quantity, "close"),
+        )
+        motors = motors_of(self.robot, *(x[:CLOSED] for x in self.trajectory[:3]))
 
         def calls() -> None:
             """Compute sample after sample."""
@@ -263,39 +449,9 @@ class Measured:
         error, elsewhere = self.errors(solver(self.quantity, self.robot, self.effects, model))
         yield Point(
             f"{IN_C}, one call a sample", "from the motors", error, own,
-            f"# hybridyn.compile(robot, effects).{name}", "program", "call it sample by sample", own,
+            f"# hybridyn.compile(robot, effects).{name}", "program", "call it sample by sample",
             one_call=True, elsewhere=elsewhere,
         )  # fmt: skip
-
-    def by_engine(self, methods: Sequence[Method]) -> Iterator[Point]:
-        """Sweep what an engine has for the quantity.
-
-        Raises:
-            NotComparableError: It has nothing, or nothing that holds the robot's closures.
-        """
-        refusals = [] if methods else [f"has none of {self.study.subject} of robots with loops"]
-        for method in methods:
-            try:
-                yield from self.by_way(Way(method, "comparison", setting=""))
-            except NotComparableError as error:
-                refusals.append(str(error))
-        if len(refusals) >= len(methods):
-            raise NotComparableError("; ".join(dict.fromkeys(refusals)))
-
-
-#: Effects that are never omitted: those of platforms and serial links.
-KEPT = ("gravity", "inertia")
-
-#: Number of rows at either end that are ignored, since the rates of a spline are inaccurate there.
-EDGE = 40
-
-#: If efforts differ by less than this (relative), the table had no rates: its rates are those of the spline.
-SAME_RULE = 1e-12
-
-
-def optional(effects: Effects) -> list[str]:
-    """Return the names of the effects that may be left out."""
-    return [name for name in effects.names if name not in KEPT]
 
 
 def without(effects: Effects, gone: Sequence[str]) -> Effects:
@@ -333,13 +489,13 @@ def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
         except HybridynError:
             return float("inf")
 
-    for name in optional(on):
+    for name in (name for name in on.names if name not in KEPT):
         share = 1.0 - operations(robot, without(on, [name]), quantity) / every
         worth.append(Worth(name, error([name]), share, computed=True))
         yield worth[-1]
     if gone := spared(worth, target, error):
         left = without(on, gone)
-        method = Method(IN_C, quantity, partial(in_c, quantity, left, "float64"), batches=True)
+        method = Method(IN_C, quantity, partial(set_up, quantity, left, "float64"), batches=True)
         names = listed([name.replace("_", " ") for name in gone])
         what, lines = f"drop {names} and compute in C", model_fragment(left.names, "compiled", quantity)
         yield from run.by_way(Way(method, "command", what, lines, f"without {names}"))
@@ -353,10 +509,12 @@ def by_rates(run: Measured) -> Iterator[Point]:
     """
     robot, time, (q, v, a) = run.robot, run.trajectory.time, run.trajectory[:3]
     kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
-    if time is None or len(time) < 3 * EDGE:
-        raise HybridynError(f"not measured: needs times and {3 * EDGE} rows or more")
-    if robot.base != "fixed" or kinds - {"revolute", "prismatic"}:
-        raise HybridynError("not measured: needs a fixed base and motors on revolute and prismatic joints")
+    movable = robot.base != "fixed" or kinds - {"revolute", "prismatic"}
+    if time is None or len(time) < 3 * EDGE or movable:
+        raise HybridynError(
+            f"not measured: needs times, {3 * EDGE} rows or more, a fixed base, and motors on revolute and "
+            "prismatic joints"
+        )
     x, inner = q[:, robot.motor_q], slice(EDGE, len(time) - EDGE)
     efforts, model = solver("idm", robot, run.effects), compile(robot, run.effects)
     (wanted,) = blocks(efforts(q[inner], v[inner], a[inner]))
@@ -367,14 +525,11 @@ def by_rates(run: Measured) -> Iterator[Point]:
     }
     for words, rule in rules.items():
         moved = model.assemble(motors=(x, *rule()), guess=q[0])
-        error = off(efforts(*(one[inner] for one in moved)), wanted)
-        if error < SAME_RULE:
-            raise HybridynError("not measured: the table states none, so there is nothing to compare with")
-        own = timed(rule)[0] / len(time)
         yield Point(
-            "rates of the trajectory", words, error, own + after,
-            f"# rates by {words} of the motors' positions", use="program", what=f"take rates by {words}",
-            own=own,
+            "rates of the trajectory", words,
+            off(efforts(*(one[inner] for one in moved)), wanted, efforts=True),
+            timed(rule)[0] / len(time) + after, f"# rates by {words} of the motors' positions",
+            use="program", what=f"take rates by {words}",
         )  # fmt: skip
 
 

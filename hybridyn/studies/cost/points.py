@@ -9,17 +9,35 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 from ...errors import HybridynError
 
+#: What is computed along a trajectory, the usual quantity first, and what has the errors.
+QUANTITIES = {
+    "idm": "motor efforts",
+    "ddm": "accelerations",
+    "close": "the motion of all joints from the motors'",
+    "designs": "motor efforts of designs with another mass",
+    "idm_jacobian": "derivatives of motor efforts over the motors' motion",
+    "ddm_jacobian": "derivatives of the motors' accelerations over their motion and efforts",
+}
+
 #: The error that an advice is about where none is asked for.
 ADVISED = 1e-3
 
 #: Time that the runs of a scene take at most [s], but for one that is under way and for building C.
 SECONDS = 30.0
 
-#: Number of measurements of a time. The least is used, since disturbances only make a computation slower.
-ROUNDS = 5
+#: Most measurements of a time, and how long they take together [s]. The least is used, since disturbances
+#: only make a computation slower.
+ROUNDS, LONG = 50, 0.5
 
 #: Times within this factor count as equal; the more accurate configuration is then chosen.
 NOISE = 1.05
+
+#: Speed of the second motion, relative to the first, and the second motion by the unit of times, in words.
+SLOWER = 0.7
+SECOND = {
+    "per sample": f"the same path at {SLOWER:g} times the speed",
+    "per run": f"a motion that begins where this one ends, at {SLOWER:g} times the rates",
+}
 
 Use = Literal["usual", "command", "program", "comparison"]
 #: Uses of our own settings.
@@ -41,9 +59,8 @@ class Point:
         use: "usual" for the default, "command" if a command offers it, "program" if only a program of your
             own can use it, "comparison" if it is for comparison only.
         what: How to obtain it, in words that continue "For 0.1 %, ...".
-        own: The part of `seconds` that the setting affects [s].
         one_call: Whether it is the time of one sample at a time; else that of a batch or a run.
-        elsewhere: Error on a second motion; nan if there is none.
+        elsewhere: Error on the motion `SECOND`; nan if there is none.
         path: Of a run, the largest error of any of its outputs; nan if there is none, as below.
         energy: Its largest error of the energy, relative to the largest kinetic energy.
         closure: Its largest closure residual, relative to the module's length.
@@ -57,7 +74,6 @@ class Point:
     fragment: str
     use: Use = "command"
     what: str = ""
-    own: float = 0.0
     one_call: bool = False
     elsewhere: float = float("nan")
     path: float = float("nan")
@@ -90,13 +106,12 @@ class Study:
         question: Definition of error and time, in words.
         time_unit: "per sample" or "per run".
         subject: The quantity that has the errors: "motor efforts" or "the last posture".
-        usual: The usual setting, in words.
         reference: The reference of the errors, in words.
         own_error: Relative error of the reference; smaller errors of points are not known.
-        second: The second motion of `Point.elsewhere`, in words.
         points: The settings.
         worth: What each effect is worth.
-        needed: Lines that request the effects that a scene needs.
+        kept: The effects that a scene needs.
+        needed: Lines that request them.
         remarks: Further findings, in words.
         done: Part of the work that is done.
     """
@@ -104,12 +119,11 @@ class Study:
     question: str
     time_unit: str
     subject: str = "motor efforts"
-    usual: str = "the general path with every effect"
     reference: str = ""
     own_error: float = 0.0
-    second: str = ""
     points: list[Point] = field(default_factory=list)
     worth: list[Worth] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
     needed: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     done: float = 0.0
@@ -120,36 +134,35 @@ class Study:
 
 
 Progress = Callable[[Point | Worth], None]
-#: A part of a study: its name, the number of results expected of it, and these as they are measured.
-Step = tuple[str, int, Iterator[Point | Worth]]
+#: A part of a study: its name, and its results as they are measured.
+Step = tuple[str, Iterator[Point | Worth]]
 
 
 def fill(study: Study, steps: Sequence[Step], progress: Progress) -> None:
     """Take the steps of a study; one that cannot be taken, or to its end, becomes a remark."""
-    whole, before = sum(count for _, count, _ in steps), 0
-    for name, count, results in steps:
+    for number, (name, results) in enumerate(steps, 1):
         try:
-            for number, result in enumerate(results, 1):
+            for result in results:
                 (study.worth if isinstance(result, Worth) else study.points).append(result)  # type: ignore[arg-type]
-                study.done = (before + min(number, count)) / whole
+                study.done = number / len(steps)
                 progress(result)
         except (HybridynError, ImportError) as error:
             study.remarks.append(f"{name}: {error}")
-        before += count
 
 
-def timed(*calls: Callable[[], Any], rounds: int = ROUNDS, threads: int = 1) -> list[float]:
-    """Return the least time of each call [s], taken in turn; calls longer than 1 s are not repeated.
+def timed(*calls: Callable[[], Any], threads: int = 1) -> list[float]:
+    """Return the least time of each call [s], taken in turn for `LONG`, or `ROUNDS` times.
 
     On one core it is processor time, in which a busy machine shows little.
     """
     best, now = [float("inf")] * len(calls), clock.process_time if threads == 1 else clock.perf_counter
-    for _ in range(rounds):
+    end = now() + LONG
+    for _ in range(ROUNDS):
         for number, call in enumerate(calls):
             start = now()
             call()
             best[number] = min(best[number], now() - start)
-        if max(best) > 1.0:
+        if now() >= end:
             break
     return best
 
@@ -168,33 +181,20 @@ def pareto_front(
 def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
     """Return the Pareto front of points that were run as a whole, fastest first.
 
-    A point that saves less than `NOISE` of a more accurate one's time is left out.
+    A point that saves less than `NOISE` of the next more accurate one's time is left out.
 
     Args:
-        points: The points.
         own_error: Error of the reference; errors below it count as equal.
     """
-    good = [p for p in points if not p.how]
-    kept: list[Point] = []
-    for point in reversed(pareto_front(good, lambda p: p.seconds, lambda p: max(p.error, own_error))):
-        if not kept or point.seconds * NOISE <= kept[-1].seconds:
-            kept.append(point)
-    return kept[::-1]
+    good = (p for p in points if not p.how)
+    best = pareto_front(good, lambda p: p.seconds, lambda p: max(p.error, own_error))
+    following = [*(p.seconds for p in best[1:]), float("inf")]
+    return [p for p, after in zip(best, following, strict=True) if p.seconds * NOISE <= after]
 
 
-def by_line(points: Iterable[Point]) -> dict[str, list[Point]]:
+def by_line(points: Sequence[Point]) -> dict[str, list[Point]]:
     """Return the points of each family."""
-    lines: dict[str, list[Point]] = {}
-    for point in points:
-        lines.setdefault(point.line, []).append(point)
-    return lines
-
-
-def fronts(study: Study) -> tuple[list[Point], list[Point]]:
-    """Return our own front, and of each engine's method the ends and the middle of its front."""
-    own = front(study.chosen(OURS), study.own_error)
-    each = [front(line, study.own_error) for line in by_line(study.chosen(("comparison",))).values()]
-    return own, [p for line in each for p in dict.fromkeys((line[0], line[len(line) // 2], line[-1]))]
+    return {line: [p for p in points if p.line == line] for line in {p.line: 0 for p in points}}
 
 
 def cheapest(study: Study, target: float, uses: Sequence[Use] = ("usual", "command")) -> Point | None:
@@ -202,44 +202,37 @@ def cheapest(study: Study, target: float, uses: Sequence[Use] = ("usual", "comma
 
     Among equal times it is the most accurate.
     """
-    good = [p for p in study.chosen(uses) if p.error <= target]
-    if target < study.own_error or not good:
-        return None
-    least = min(p.seconds for p in good)
-    return min((p for p in good if p.seconds <= NOISE * least), key=lambda p: (p.error, p.seconds))
+    good = [p for p in study.chosen(uses) if p.error <= target >= study.own_error]
+    least = min((p.seconds for p in good), default=0.0)
+    return min((p for p in good if p.seconds <= NOISE * least), key=lambda p: p.error, default=None)
 
 
 def advice(study: Study, target: float) -> list[str]:
-    """Recommend a setting for an error of at most `target` in one sentence, and say what it saves."""
+    """Recommend a setting for an error of at most `target` in one sentence, and say what others take."""
     portion = f"{100 * target:.4g} %" if 1e-5 <= target < 10 else f"{target:.2g}"
     wanted, best = f"For {portion} on {study.subject}", cheapest(study, target)
     if best is None:
         reached = min((p.error for p in study.chosen(OURS)), default=float("inf"))
         least = max(reached, study.own_error)
         return [f"{wanted} no setting that was tried suffices: the least error is {least:.1e}."]
-    usual = next((p for p in study.points if p.use == "usual"), best)
-    takes = (
-        f"It takes {time_words(best.seconds)} {study.time_unit}, with an error of {error_words(best, study)}"
-    )
-    saves = "nothing cheaper suffices" if best is usual else f"{study.usual}: {_times(usual, best)} as long"
-    said = [f"{wanted}, {best.what}.", f"{takes}; {saves}."]
-    own = cheapest(study, target, OURS)
-    if own is not None and own.use == "program" and best.seconds > NOISE * own.seconds:
-        said.append(f"In a program of your own, {own.what}: this takes {_times(own, best)} as long.")
-    for one in dict.fromkeys(filter(None, (best, own))):
-        if one.elsewhere > target:
-            found = f"where its error is {one.elsewhere:.1e}"
-            said.append(f"'{one.line}, {one.setting}' does not carry over to {study.second}, {found}.")
-    if peer := cheapest(study, target, ("comparison",)):
-        words = f"{peer.line}, {peer.setting}".removesuffix(", ")
-        said.append(f"The fastest of other engines is {words}: {_times(peer, best)} as long.")
-    return said
-
-
-def _times(one: Point, other: Point) -> str:
-    """Write the ratio of the times of two points with two digits; a clock may be too coarse for it."""
-    ratio = one.seconds / (other.seconds or one.seconds or 1.0)
-    return f"{ratio:.0f} times" if ratio >= 10 else f"{ratio:.2g} times"
+    own, peer = cheapest(study, target, OURS) or best, cheapest(study, target, ("comparison",))
+    others = {
+        "what is usual": next((p for p in study.points if p.use == "usual"), None),
+        f"in a program of your own, {own.what}": own,
+        f"the fastest of other engines, {peer and ', '.join(filter(None, (peer.line, peer.setting)))}": peer,
+    }
+    takes, error = time_words(best.seconds), error_words(best, study)
+    said = [f"{wanted}, {best.what}.", f"It takes {takes} {study.time_unit}, with an error of {error}."]
+    for words, other in others.items():
+        if other and other is not best:
+            ratio = other.seconds / (best.seconds or other.seconds or 1.0)
+            said.append(f"{words[0].upper()}{words[1:]}: {float(f'{ratio:.2g}'):g} times as long.")
+    return said + [
+        f"'{p.line}, {p.setting}' does not carry over to {SECOND[study.time_unit]}, "
+        f"where its error is {p.elsewhere:.1e}."
+        for p in dict.fromkeys((best, own))
+        if p.elsewhere > target
+    ]
 
 
 def time_words(seconds: float) -> str:

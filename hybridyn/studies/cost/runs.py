@@ -1,58 +1,114 @@
 """Measure error and time of a scene's integration: method, step or tolerance, compiled or not, effects.
 
-Accelerations are compiled where they can be. The general path takes a hundred times as long: it runs for a
-short time only, and its time is extrapolated. So is that of any run that takes too long; its error is then
-that up to the posture it came to. At most four models are built: of the scene's effects, in float32 too, of
-every effect that is stated, and of the effects that are needed. Single effects are those of the general path.
+Accelerations are compiled. The general path takes a hundred times as long: it runs for a short time only, and
+its time is extrapolated. So is that of any run that takes too long; its error is then that up to the posture
+it came to. At most three models are built: of the scene's effects, of every effect that is stated, and of the
+effects that are needed. Single effects are those of the general path.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ...compiled.compiling import compile
+from ...dynamics.direct import ddm
 from ...effects.choice import UNITS, Effects, choose, stated_names
 from ...errors import HybridynError
+from ...scenes.scene_file import SceneFile
 from ...scenes.stage import Stage
 from ...simulation.result import Result
 from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from .models import spared, without
-from .points import ADVISED, SECONDS, Point, Progress, Step, Study, Worth, cheapest, fill
-from .quantities import SLOWER, operations
-from .settings import (
-    FACTORS,
-    Setting,
-    effects_fragment,
-    families,
-    setting_of,
-    usual_setting,
-)
+from ..compare.methods import written
+from .models import Trajectory, operations, requested, spared, without
+from .points import ADVISED, SECOND, SECONDS, SLOWER, Point, Progress, Step, Study, Use, Worth, cheapest, fill
 
-#: Number of measurements of a short run, and the longest time of such a run [s].
-ROUNDS, SHORT = 3, 0.3
+#: Fixed steps relative to the mean step of the scene's own solver.
+FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5)
+#: Relative tolerances of the adaptive methods.
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+#: Relative tolerances: of the run that finds the end, and of those that lead to the reference.
+FIRST, LADDER = 1e-6, (1e-8, 1e-10, 1e-11, 1e-12)
+#: Methods with fixed steps.
+FIXED = ("rk4", "conserving")
+#: Effects that a scene requests only by tables of their own.
+TABLES = ("payload", "wrench", "base_motion")
+#: Effects that can be left out without changing the task of a scene.
+DROPPABLE = (
+    "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
+)  # fmt: skip
+
+#: Number of repetitions of a short run, and the longest time of such a run [s].
+ROUNDS, SHORT = 2, 0.3
 #: Part of a time that the first run takes at most. Where it is stopped, the scene is as many times as short,
 #: since tighter tolerances take longer.
 SHORTER = 4.0
-#: Times at which postures are compared, as parts of a run; early ones judge a run that is stopped. A
-#: controller in Python takes long at each.
+#: Times at which postures are compared, as parts of a run; early ones judge a run that is stopped.
 OUTPUTS = np.array([0.0, 0.01, 0.03, 0.1, 0.3, 0.6, 1.0])
-#: Part of a scene that is run in C before anything is timed.
+#: Part of a scene that is run before anything is timed.
 BEGINNING = 1e-6
-#: Relative tolerances: of the run that finds the end, and of those that lead to the reference.
-FIRST, LADDER = 1e-6, (1e-8, 1e-10, 1e-11, 1e-12)
-
+#: Parts of `SECONDS`: for one family of settings, for the reference, and for each effect.
+ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 40
+#: Relative tolerance of the runs that show what effects are worth together, and what one is, by the general
+#: path: changes matter from 1e-3 on.
+OF_EFFECTS, OF_ONE = 1e-8, 1e-5
 
 #: The outputs of a run so far, and its computing time [s].
 Run = tuple[Result, float]
+
+
+class Setting(NamedTuple):
+    """One setting of the solver.
+
+    Attributes:
+        options: Arguments of `simulate`.
+        line: Family that it belongs to.
+        use: As in `Point`.
+        compiled: Whether accelerations are computed in C.
+    """
+
+    options: dict[str, Any]
+    line: str
+    use: Use = "command"
+    compiled: bool = True
+
+    @property
+    def words(self) -> str:
+        """What distinguishes it within its family."""
+        pace = "step" if self.options["method"] != "dopri5" and "step" in self.options else "rtol"
+        words = written({pace: self.options[pace]})
+        return f"{self.options['method']}, {words} (usual)" if self.use == "usual" else words
+
+    @property
+    def fragment(self) -> str:
+        """The table [solver] that replaces the scene's own, and the option of the command."""
+        engine = "compiled" if self.compiled else "general"
+        numbers = [f"{name} = {x:g}" for name, x in self.options.items() if name != "method"]
+        lines = ["[solver]", f'method = "{self.options["method"]}"', *numbers]
+        return "\n".join([*lines, f"# hybridyn simulate --engine {engine}"])
+
+
+def setting_of(method: str, pace: float) -> Setting:
+    """Return the setting of a method at a step [s] or at a relative tolerance."""
+    paces = {"step": pace} if method in FIXED else {"rtol": pace, "atol": pace * 1e-2}
+    return Setting({"method": method} | paces, method)
+
+
+def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
+    """Write the table [effects] that requests some of the scene's effects."""
+    own = {name for name in source.scene.effects.stated() if name in UNITS}
+    use = [name for name in names if name not in own and name not in TABLES]
+    gone = sorted(own - set(names) - set(TABLES))
+    return "\n".join([requested(use), *(f"# without the table [effects.{name}]" for name in gone)])
 
 
 class Runner:
@@ -85,13 +141,11 @@ class Runner:
         """
         ready, on = self.ready, self.ready.effects if effects is None else effects
         model = compile(ready.robot, on) if setting.compiled else None
-        stopped, start = False, clock.process_time()
+        start = clock.process_time()
 
         def after_step(t: float, end: float) -> None:
             """Stop a run that takes too long."""
-            nonlocal stopped
             if clock.process_time() - start > limit:
-                stopped = True
                 raise KeyboardInterrupt
 
         result = simulate(
@@ -100,31 +154,20 @@ class Runner:
             output_times=self.duration * OUTPUTS, **setting.options,
         )  # fmt: skip
         seconds = clock.process_time() - start
-        if result.status == "interrupted" and not stopped:
+        if result.status == "interrupted" and seconds <= limit:
             raise KeyboardInterrupt
         if result.status not in ("finished", "event", "interrupted"):
             raise HybridynError(f"the run ended at {result.t[-1]:.3g} s: {result.status} {result.message}")
         return result, seconds
 
-    def measured(self, setting: Setting, limit: float) -> Run:
-        """Run, several times if a run is quick, and return the least time.
-
-        Raises:
-            HybridynError: As `run`.
-        """
-        result, seconds = self.near.pop(setting.fragment, (setting, None))[1] or self.run(setting, limit)
-        again = ROUNDS - 1 if seconds < SHORT else 0
-        return result, min([seconds, *(self.run(setting, limit)[1] for _ in range(again))])
-
-    def find_reference(self, compiled: bool, limit: float) -> Result:
+    def find_reference(self, limit: float) -> Result:
         """Find the end of the scene, and the reference: the tightest tolerance that takes so long.
 
         dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish. Where the end
         is not reached in time, the scene ends early.
 
         Args:
-            compiled: Whether accelerations are computed in C.
-            limit: Time that the runs take together [s]; the one before takes a part of it at most.
+            limit: Time that a run takes [s]; the first one takes a part of it at most.
 
         Returns:
             The run that found the end.
@@ -136,28 +179,24 @@ class Runner:
         for method in ("dopri5", "implicit"):
             found: list[tuple[Setting, Run]] = []
             try:
-                if compiled:
-                    self.duration = BEGINNING * whole
-                    self.run(setting_of(method, FIRST, compiled), np.inf)  # builds and loads what it needs
+                self.duration = BEGINNING * whole
+                self.run(setting_of(method, FIRST), np.inf)  # builds and loads what it needs
                 self.duration = whole
-                first, _ = self.run(setting_of(method, FIRST, compiled), limit / SHORTER, watch=True)
+                first, _ = self.run(setting_of(method, FIRST), limit / SHORTER, watch=True)
                 self.duration = float(first.state.t) / (1.0 if first.status != "interrupted" else SHORTER)
-                left = limit
-                for setting in (setting_of(method, rtol, compiled) for rtol in LADDER):
+                for setting in (setting_of(method, rtol) for rtol in LADDER):
                     run, seconds = self.run(setting, limit)
                     if run.status == "interrupted":
                         break
                     found.append((setting, (run, seconds)))
-                    left -= seconds
-                    if len(found) > 1 and left < 2.0 * seconds:  # the next one takes longer
+                    if len(found) > 1 and seconds > limit / SHORTER:
                         break
             except HybridynError as error:
                 why = str(error)
             if len(found) > 1:
                 self.reference, (self.exact, _) = found.pop()
                 own = errors(self.ready.robot, found[-1][1][0], self.exact)["error"]
-                self.near = {setting.fragment: (setting, run) for setting, run in found}
-                self.own_error = max(own, 2.0**-53)
+                self.near, self.own_error = {one[0].fragment: one for one in found}, max(own, 2.0**-53)
                 return first
         raise HybridynError(
             f"no reference: {why}. Simulate only the beginning (--until {self.duration / 2:.2g}), or give "
@@ -185,15 +224,13 @@ def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
     return float(np.abs(move / robot.unit).max(initial=0.0))
 
 
-#: Parts of `SECONDS`: for one family of settings, for the reference, and for each effect.
-ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 40
-#: Relative tolerance of the runs that show what effects are worth together, and what one is, by the general
-#: path: changes matter from 1e-3 on.
-OF_EFFECTS, OF_ONE = 1e-8, 1e-5
-#: Effects that can be left out without changing the task of a scene.
-DROPPABLE = (
-    "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
-)  # fmt: skip
+def states_of(ready: Stage, duration: float, effects: Effects) -> Trajectory:
+    """Return the states of a scene, and the accelerations there under its efforts with some effects."""
+    run = simulate(
+        ready.robot, ready.q0, ready.v0, (0.0, duration), effort=ready.effort, effects=ready.effects,
+        compiled=compile(ready.robot, ready.effects), events=ready.events, rtol=OF_EFFECTS,
+    )  # fmt: skip
+    return Trajectory(run.q, run.v, ddm(ready.robot, run.q, run.v, run.tau, effects=effects), run.t)
 
 
 def study_runs(
@@ -221,15 +258,9 @@ def study_runs(
         HybridynError: The scene cannot be simulated at all.
     """
     study = Study("", "per run") if study is None else study
-    study.subject, study.usual = "the last posture", "what the scene says"
-    study.second = f"a motion that begins where this one ends, at {SLOWER:g} times the rates"
-    runner, limit, in_c = Runner(ready, duration), seconds * ONE_FAMILY, True
-    try:
-        compile(ready.robot, ready.effects)
-    except HybridynError as error:
-        in_c = False
-        study.remarks.append(f"no compiled models: {error}")
-    first = runner.find_reference(in_c, seconds * REFERENCE)
+    study.subject = "the last posture"
+    runner, limit = Runner(ready, duration), seconds * ONE_FAMILY
+    first = runner.find_reference(seconds * REFERENCE)
     if first.status == "interrupted":
         study.remarks.append(
             f"only the first {runner.duration:.3g} s are measured: --seconds gives more time"
@@ -238,39 +269,32 @@ def study_runs(
     study.question = (
         f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
     )
-    tolerance, study.own_error = runner.reference.options["rtol"], runner.own_error
-    study.reference = f"{runner.reference.line} at a relative tolerance of {tolerance:g}"
+    study.own_error = runner.own_error
+    study.reference = f"{runner.reference.line} at {runner.reference.words}"
 
-    usual = usual_setting(ready.source, in_c)
-    general = usual._replace(line="general path", compiled=False, use="command")
-    step = None if usual.options["method"] == "dopri5" else usual.options.get("step")
-    quick, *others = families(step or typical_step(first.counters.steps, runner.duration), in_c)
-    tried = dict[str, Setting]()
-    steps: list[Step] = [
-        (family[0].line, len(family), _family(runner, family, tried, limit))
-        for family in (
-            [setting for setting, _ in runner.near.values()],
-            quick,
-            [usual],
-            *([[general]] * in_c),
-            *others,
-        )
-    ]
-    every = every_effect(ready)
-    steps.insert(
-        -len(others), ("effects", len(DROPPABLE), _worth(study, runner, every, seconds * ONE_EFFECT))
+    options = ready.source.scene.solver.model_dump(exclude_none=True)
+    usual = Setting(options, "as the scene says", "usual")
+    mean = min(runner.duration / first.counters.steps, 0.9 * runner.duration / FACTORS[0])
+    step = (options["method"] != "dopri5" and options.get("step")) or float(f"{mean:.1g}")
+    paces = [float(f"{factor * step:g}") for factor in FACTORS]
+    quick, *others = (
+        [setting_of(method, pace) for pace in (paces if method in FIXED else TOLERANCES)]
+        for method in ("dopri5", "rk4", "conserving", "implicit")
     )
+    near, general = [one for one, _ in runner.near.values()], Setting(options, "general path", compiled=False)
+    tried, every = dict[str, Setting](), every_effect(ready)
+    steps: list[Step] = [
+        (family[0].line, _family(runner, family, tried, limit))
+        for family in (near, quick, [usual], [general], *others)
+    ]
+    steps.insert(4, ("effects", _worth(study, runner, every, seconds * ONE_EFFECT)))
     fill(study, steps, progress)
     if needed := needed_effects(study, ready, target):
-        needed, said = _checked(runner, every, needed, target, in_c, limit, study.second)
-        study.needed = [*effects_fragment(ready.source, needed).split("\n"), *(f"# {line}" for line in said)]
-    _elsewhere(study, runner, tried, target)
+        study.kept, said = _checked(runner, every, needed, target, limit)
+        study.needed = [effects_fragment(ready.source, study.kept), *(f"# {line}" for line in said)]
+    if best := cheapest(study, target):
+        _elsewhere(study, runner, best, tried[best.fragment])
     return study
-
-
-def typical_step(steps: int, duration: float) -> float:
-    """Return a round step [s] near a run's mean step, such that the coarsest fixed step fits in the run."""
-    return float(f"{min(duration / steps, 0.9 * duration / FACTORS[0]):.1g}")
 
 
 def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], left: float) -> Iterator[Point]:
@@ -284,20 +308,20 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
     """
     for setting in (one for one in family if one.use == "usual" or one.fragment not in tried):
         try:
-            run, seconds = runner.measured(setting, left)
+            run, seconds = runner.near.pop(setting.fragment, (setting, None))[1] or runner.run(setting, left)
+            least = min([seconds, *(runner.run(setting, left)[1] for _ in range(ROUNDS) if seconds < SHORT)])
         except HybridynError:  # a step that is too long for the motion
             if setting is family[-1]:
                 raise
-            left /= 2.0
             continue
         part = float(run.state.t) / runner.duration
         how = f"the first {100 * part:.2g} % of the scene, time extrapolated" if part < 1 - 1e-12 else ""
         what = f"take {setting.line}, {setting.words}"
         tried[setting.fragment] = setting
         point = Point(
-            setting.line, setting.words, seconds=seconds / part, fragment=setting.fragment,
+            setting.line, setting.words, seconds=least / part, fragment=setting.fragment,
             use=setting.use, what="keep what the scene says" if setting.use == "usual" else what,
-            own=seconds / part, how=how, **errors(runner.ready.robot, run, runner.exact),
+            how=how, **errors(runner.ready.robot, run, runner.exact),
         )  # fmt: skip
         yield point
         left -= seconds
@@ -305,16 +329,13 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
             return
 
 
-def _elsewhere(study: Study, runner: Runner, tried: dict[str, Setting], target: float) -> None:
+def _elsewhere(study: Study, runner: Runner, best: Point, setting: Setting) -> None:
     """Run the advised setting on a second motion, and fill in its error there."""
-    best, end = cheapest(study, target), runner.exact.state
-    if best is None:
-        return
-    runner.start = end.q, SLOWER * end.v
+    runner.start = runner.exact.state.q, SLOWER * runner.exact.state.v
     try:
-        exact, run = (runner.run(one, np.inf)[0] for one in (runner.reference, tried[best.fragment]))
+        exact, run = (runner.run(one, np.inf)[0] for one in (runner.reference, setting))
     except HybridynError as failure:
-        study.remarks.append(f"{study.second}: {failure}")
+        study.remarks.append(f"{SECOND['per run']}: {failure}")
         return
     error = errors(runner.ready.robot, run, exact)["error"]
     study.points[study.points.index(best)] = replace(best, elsewhere=error)
@@ -325,32 +346,30 @@ def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterat
 
     Args:
         every: Effects of the scene and of the files.
-        limit: Time of a run [s]; one that does not come to the end is compared as far as it came.
+        limit: Time of a run by the general path [s]; as far as it comes, runs are compared.
     """
-    robot, on = runner.ready.robot, runner.ready.effects
-    setting, whole = setting_of("dopri5", OF_ONE, compiled=False), operations(robot, on, "ddm")
-    exact, _ = runner.run(setting, limit)
+    robot, on, part = runner.ready.robot, runner.ready.effects, copy(runner)
+    run = partial(part.run, setting_of("dopri5", OF_ONE)._replace(compiled=False))
+    exact, whole = run(limit)[0], operations(robot, on, "ddm")
+    if exact.status == "interrupted":
+        part.duration = float(exact.state.t)
+        exact = run(np.inf)[0]
+        study.remarks.append(
+            f"effects are those of the first {part.duration:.2g} s: --seconds gives more time"
+        )
     for name in (name for name in DROPPABLE if name in every.names):
         computed = name in on.names
         other = without(on, [name]) if computed else every.only([*on.names, name])
         share = operations(robot, other, "ddm") / whole - 1.0
         try:
-            change = errors(robot, runner.run(setting, limit, effects=other)[0], exact)["error"]
+            change = errors(robot, run(2.0 * limit, effects=other)[0], exact)["error"]
         except HybridynError:  # a motion without mass
             change = np.inf
         yield Worth(name, change, -share if computed else share, computed)
-    if exact.status == "interrupted":
-        study.remarks.append(f"effects are those of the first {exact.t[-1]:.2g} s: --seconds gives more time")
 
 
 def _checked(
-    runner: Runner,
-    every: Effects,
-    needed: list[str],
-    target: float,
-    compiled: bool,
-    limit: float,
-    second: str,
+    runner: Runner, every: Effects, needed: list[str], target: float, limit: float
 ) -> tuple[list[str], list[str]]:
     """Run the effects that seem needed and those of the scene against every effect.
 
@@ -358,7 +377,7 @@ def _checked(
         The effects that are needed: every effect, where fewer miss the target. And how far the ends are
         from that with every effect, in words.
     """
-    robot, run = runner.ready.robot, partial(runner.run, setting_of("dopri5", OF_EFFECTS, compiled), limit)
+    robot, run = runner.ready.robot, partial(runner.run, setting_of("dopri5", OF_EFFECTS), limit)
     sets = {"these": every.only(needed), "those of the scene": runner.ready.effects}
     try:
         exact, _ = run(effects=every)
@@ -372,7 +391,9 @@ def _checked(
         runner.start = exact.state.q, SLOWER * exact.state.v
         elsewhere = errors(robot, run(effects=sets["these"])[0], run(effects=every)[0])["error"]
         if elsewhere > target:
-            said.append(f"these do not carry over to {second}: there the end is {elsewhere:.1e} away")
+            said.append(
+                f"these do not carry over to {SECOND['per run']}: there the end is {elsewhere:.1e} away"
+            )
         return needed, said
     except HybridynError as failure:
         return needed, [f"not run with every effect that is stated: {failure}"]
