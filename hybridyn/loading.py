@@ -123,7 +123,7 @@ def from_pinocchio(
         ModelError: hybridyn does not support a part of the model or of a constraint; the message names it.
         AssemblyError: No posture closes a module's loops.
     """
-    from .description.pin_model.model import read_model
+    from .description.pin_model import read_model
     from .description.reading import complete
     from .description.validate import validate
 

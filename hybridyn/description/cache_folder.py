@@ -58,11 +58,8 @@ def folder() -> Path:
 
 def hashed(*texts: str) -> str:
     """Return a hash of texts, as a name of a file in the cache."""
-    digest = hashlib.sha256()
-    for text in texts:
-        digest.update(text.encode(errors="surrogateescape"))
-        digest.update(b"\0")
-    return digest.hexdigest()[:40]
+    whole = "".join(f"{text}\0" for text in texts)
+    return hashlib.sha256(whole.encode(errors="surrogateescape")).hexdigest()[:40]
 
 
 def check_ownership(folder: Path) -> None:

@@ -138,12 +138,6 @@ CLOSING = re.compile(r"closing_(.+)_([12](?:_z)?)")
 SAME_DISTANCE = 1e-5
 
 
-def weld_or_point(name: str, kind: str, link_a: str, link_b: str, line: int | None) -> Closure:
-    """Return the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
-    sides = (link_a, np.eye(4)), (link_b, np.eye(4))
-    return closure_of(name, kind, sides, form=CLOSURE_TYPES[kind], line=line)
-
-
 def apply_closing_frames(robot: RobotFile) -> None:
     """Add a closure for each pair of closing frames that no other closure uses.
 
@@ -184,20 +178,19 @@ def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:
         ModelError: A second point is missing, on another body or at the first, or the distances differ.
     """
     lines = {link.name: link.line for link in robot.links}
-    poses, bodies = poses_at_zero(robot.joints), _bodies(robot)
+    poses = poses_at_zero(robot.joints)
+    bodies = Groups((joint.parent, joint.child) for joint in robot.joints if joint.kind == "fixed")
     ways: list[Array] = []
 
     def wrong(key: str, message: str) -> ModelError:
         """Return the error of a frame, with its line."""
         return ModelError(message, file=robot.file, line=lines[ends[key]], element=ends[key])
 
-    for key, across in (("1", "2"), ("2", "1")):
-        if f"{across}_z" not in ends:
-            raise wrong(
-                f"{key}_z",
-                f"frame '{ends[f'{key}_z']}' states the axis of {title} on one side only; "
-                f"frame '{title}_{across}_z' is missing",
-            )
+    for missing in {"1_z", "2_z"} - ends.keys():
+        raise wrong(
+            "1",
+            f"a frame states the axis of {title} on one side only; frame '{title}_{missing}' is missing",
+        )
     for link, key in ((ends["1"], "1_z"), (ends["2"], "2_z")):
         if bodies.of(link) != bodies.of(ends[key]):
             message = f"frames '{link}' and '{ends[key]}' stand on two bodies; they state the axis of {title}"
@@ -214,12 +207,3 @@ def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:
             "both coincide",
         )
     return [rotation_to_axis(ways[0] / one), rotation_to_axis(ways[1] / two)]
-
-
-def _bodies(robot: RobotFile) -> Groups[str]:
-    """Return the groups of links that fixed joints weld together."""
-    out: Groups[str] = Groups()
-    for joint in robot.joints:
-        if joint.kind == "fixed":
-            out.join(joint.parent, joint.child)
-    return out

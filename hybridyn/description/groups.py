@@ -11,16 +11,16 @@ T = TypeVar("T", int, str)
 class Groups(Generic[T]):
     """Groups that `join` makes larger; what was not joined yet is a group of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, pairs: Iterable[tuple[T, T]] = ()) -> None:
+        """Join the members of each pair."""
         self._above: dict[T, T] = {}
+        for one, other in pairs:
+            self.join(one, other)
 
     def of(self, one: T) -> T:
         """Return the member that stands for the group of one."""
-        passed = []
-        while self._above.setdefault(one, one) != one:
-            passed.append(one)
-            one = self._above[one]
-        self._above.update(dict.fromkeys(passed, one))
+        while (above := self._above.setdefault(one, one)) != one:
+            self._above[one] = one = self._above[above]  # shortens the way for the next one
         return one
 
     def join(self, one: T, other: T) -> bool:

@@ -58,16 +58,6 @@ LEGACY_FORMS = {
 #: Tags of loops, and of followers.
 LOOP_TAGS, MIMIC_TAGS = (*READ_TAGS[3:], *LEGACY_FORMS), ("mimic", "drake:mimic")
 
-#: Files beside a robot that state closures in forms that are not read, and the tools that write them.
-UNREAD_SIDE_CARS = {"loop_closures.yaml": "scikit-robot", "loop_closures.yml": "scikit-robot"}
-
-#: Messages for files of other formats than URDF, by the name of the root element.
-OTHER_FORMATS = {
-    "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
-    "mujoco": "this is MJCF (MuJoCo)",
-    "sdf": "this is SDF (Gazebo)",
-}
-
 _LOOP_WORDS = r"(?i)loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage"
 _END_WORDS = {
     "predecessor", "successor", "link1", "link2", "link_a", "link_b", "body1", "body2", "joint1", "joint2",
@@ -126,17 +116,15 @@ def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
     Raises:
         ModelError: There is such a file, and the robot states no closure.
     """
-    for name, form in UNREAD_SIDE_CARS.items():
-        if not (folder / name).is_file():
-            continue
+    for file in folder.glob("loop_closures.y*ml"):
         if not robot.closures:
             raise ModelError(
-                f"{name} beside it ({form}) may state loop closures, but is not read; move it away if it "
-                f"belongs to another robot. A{ACCEPTED_FORMS[1:]}",
+                f"{file.name} beside it (scikit-robot) may state loop closures, but is not read; move it "
+                f"away if it belongs to another robot. A{ACCEPTED_FORMS[1:]}",
                 file=robot.file,
-                element=name,
+                element=file.name,
             )
-        robot.notes.append(f"{name} ({form}) is beside the robot file and was not read")
+        robot.notes.append(f"{file.name} (scikit-robot) is beside the robot file and was not read")
 
 
 def note_mimic_plugins(root: Node, robot: RobotFile) -> None:

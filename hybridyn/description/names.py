@@ -13,17 +13,15 @@ SIMILAR = 0.72
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name most similar to `name`, or None if none is similar."""
-    words = tuple(known)
-    if not words:
-        return None
-    return _remembered(name, words) if len(words) < 100 else _closest(name, words)
+    return _closest(name, tuple(known))
 
 
+@functools.lru_cache(maxsize=256)  # a file repeats its unknown tags
 def _closest(name: str, known: tuple[str, ...]) -> str | None:
     by_lower = {candidate.lower(): candidate for candidate in known}
-    same_letters = [word for word in by_lower if sorted(word) == sorted(name.lower())]
-    if same_letters:
-        return by_lower[same_letters[0]]
+    for word in by_lower:
+        if sorted(word) == sorted(name.lower()):
+            return by_lower[word]
     near = [word for word in by_lower if _shared(name.lower(), word) >= SIMILAR]
     if not near:
         return None
@@ -37,9 +35,6 @@ def _shared(one: str, other: str) -> float:
     """Return the part of the letters of two words that they share, a bound on difflib's ratio."""
     shared = sum(min(one.count(letter), other.count(letter)) for letter in {*one})
     return 2 * shared / (len(one) + len(other))
-
-
-_remembered = functools.lru_cache(maxsize=1024)(_closest)  # a file repeats its unknown tags
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

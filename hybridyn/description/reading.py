@@ -13,11 +13,11 @@ from pathlib import Path
 
 from ..errors import ModelError
 from .closure_forms import apply_closing_frames
-from .loop_signs import OTHER_FORMATS, refuse_unclosed_frames, refuse_unread_side_cars
+from .loop_signs import refuse_unclosed_frames, refuse_unread_side_cars
 from .motors import choose_motors
 from .names import counted, listed
 from .records import Description, ReadFrom, RobotFile
-from .side_cars.model_toml import find_model_file, find_side_car, find_submechanisms
+from .side_cars.model_toml import find_model_file, find_side_car
 from .urdf.robot_folders import content_of
 from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
@@ -65,8 +65,9 @@ def read(
     root = open_robot(path, xacro_args, package_dirs)
     file = os.fspath(path)
     if root.tag not in FORMATS:
+        part = "this is a part of an MJCF file (MuJoCo); name the file that includes it"
         other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
-        raise root.error(OTHER_FORMATS.get(root.tag, other))
+        raise root.error(part if root.tag == "mujocoinclude" else other)
     module, reader = FORMATS[root.tag]
     content = root.file if root.tag == "_usd" else root  # USD is no XML
     robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)
@@ -146,7 +147,7 @@ def complete(
 def _read_side_cars(robot: RobotFile, file: str) -> None:
     """Add the closures and motors of a side-car, and those that frame names state."""
     folder = Path(file).parent
-    side_car, mechanisms = find_side_car(file), find_submechanisms(file)
+    side_car, mechanisms = find_side_car(file), max(folder.glob("submechanisms.y*ml"), default=None)
     if side_car is not None:
         from .side_cars.gepetto import read_side_car  # imports pydantic and yaml: 0.1 s
 

@@ -34,7 +34,7 @@ def evaluate(expression: str, names: dict[str, Any] | None = None) -> Any:
     own.warning = print  # no expansion takes its notes
     symbols = {**own._global_symbols, "n": 3, **(names or {})}
     spaces = own.NameSpace, own.YamlDictWrapper, xacro.YamlDictWrapper
-    return Evaluator(expansion.functions(symbols), spaces)(expression, symbols)
+    return Evaluator(symbols, spaces)(expression, symbols)
 
 
 WITHIN_REACH = [

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import ModelError
-from ..closure_forms import CLOSURE_TYPES, weld_or_point
+from ..closure_forms import CLOSURE_TYPES, closure_of
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link, MotorStatement, RobotFile
 from .tables import Schema
@@ -88,9 +88,9 @@ def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
         if len(pair) != 2:
             raise document.error(place, f"{len(pair)} frames instead of a pair")
         document.refuse_unknown(place, pair, frames, "link or joint")
-        link_a, link_b = (frames[name] for name in pair)
-        line = document.lines[place][0]
-        robot.closures.append(weld_or_point("-".join(pair), stated.lower(), link_a, link_b, line))
+        sides = [(frames[name], np.eye(4)) for name in pair]
+        kind, line = stated.lower(), document.lines[place][0]
+        robot.closures.append(closure_of("-".join(pair), kind, sides, form=CLOSURE_TYPES[kind], line=line))
 
 
 def _retype(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:

@@ -24,7 +24,6 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +69,7 @@ def apply_model_file(
     Raises:
         ModelError: A joint or closure is unknown, or a home position does not fit its joint.
     """
-    if problem := next(chain(_unknown(robot, model), _wrong(robot, model)), None):
+    if problem := next(_problems(robot, model), None):
         keys, message = problem
         *tables, name = keys[:3]
         message = f"[{'.'.join(tables)}] '{name}': {message}"
@@ -94,21 +93,19 @@ def apply_model_file(
     return {name: _position(kinds[name], value) for name, value in model["home"].items()}
 
 
-#: Keys that are wrong, and why.
-Problems = Iterator[tuple[tuple[str, ...], str]]
-
-
-def _unknown(robot: RobotFile, model: Mapping[str, Any]) -> Problems:
-    """Yield names of joints, closures and links that the robot does not have."""
-    joints = [joint.name for joint in robot.joints]
-    movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
+def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield names that the robot does not have, joints that do not move, and numbers that do not fit them."""
+    kinds = {joint.name: joint.kind for joint in robot.joints}
     closures = [closure.name for closure in robot.closures]
     for table, what, names in (
-        ("home", "joint", joints), ("joints", "joint", joints), ("closures", "closure", closures)
+        ("home", "joint", kinds), ("joints", "joint", kinds), ("closures", "closure", closures)
     ):  # fmt: skip
         for name in model[table]:
             if name not in names:
                 yield (table, name), f"no such {what}{did_you_mean(name, names)}"
+            elif names is kinds and kinds[name] == "fixed":
+                yield (table, name), "the joint is fixed"
+    movable = [name for name, kind in kinds.items() if kind != "fixed"]
     for effect, table in model["effects"].items():
         on_links = effect == "ground_contact"
         what, names = (
@@ -118,14 +115,6 @@ def _unknown(robot: RobotFile, model: Mapping[str, Any]) -> Problems:
             if name not in names:
                 hint = did_you_mean(name, names)
                 yield ("effects", effect, key, name), f"no such {what} '{name}'{hint}"
-
-
-def _wrong(robot: RobotFile, model: Mapping[str, Any]) -> Problems:
-    """Yield joints that do not move, positions that do not fit their joints, and numbers without effect."""
-    kinds = {joint.name: joint.kind for joint in robot.joints}
-    for keys in ((table, name) for table in ("home", "joints") for name in model[table]):
-        if kinds[keys[1]] == "fixed":
-            yield keys, "the joint is fixed"
     for name, value in model["home"].items():
         try:
             _position(kinds[name], value)
@@ -245,11 +234,9 @@ def key_of(name: str, *, bare: bool = True) -> str:
 
 def _with_table(text: str, table: str) -> str:
     """Replace the table `[home]` of a text, or append it; comments before the next table stay."""
-    found = re.search(_HOME, text)
-    if found is None:
+    if not re.search(_HOME, text):
         return text + ("" if not text else "\n" if text.endswith("\n") else "\n\n") + table
-    rest = text[found.end() :]
-    return text[: found.start()] + table + ("\n" if rest.lstrip(" \t").startswith("[") else "") + rest
+    return re.sub(_HOME, lambda _: f"{table}\n", text, count=1).rstrip("\n") + "\n"
 
 
 def _plain(home: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
@@ -278,15 +265,8 @@ def find_side_car(file: str) -> Path | None:
     """Return the side-car of a robot file: `X.yaml` beside `X.urdf`, else `robot.yaml` in the same folder."""
     path = Path(file)
     name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
-    candidates = [path.with_name(stem + ending) for stem in (name, "robot") for ending in (".yaml", ".yml")]
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
-
-
-def find_submechanisms(file: str) -> Path | None:
-    """Return the file `submechanisms.yml` of Phobos and HyRoDyn in a robot file's folder, or None."""
-    folder = Path(file).parent
-    candidates = [folder / f"submechanisms{ending}" for ending in (".yml", ".yaml")]
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
+    places = (path.with_name(stem + ending) for stem in (name, "robot") for ending in (".yaml", ".yml"))
+    return next(filter(Path.is_file, places), None)
 
 
 def find_model_file(file: str) -> Path | None:
@@ -295,17 +275,15 @@ def find_model_file(file: str) -> Path | None:
     It is `X.urdf.model.toml` beside `X.urdf`, as `hybridyn convert` writes it, or `X.model.toml`; else
     `models/X/model.toml` for `urdf/X.urdf`, and `models/group/X/model.toml` for `urdf/group/X.urdf`.
     """
-    path = Path(file)
-    beside = own_model_file(file)
-    name = beside.name.removesuffix(".model.toml")
-    group = path.absolute().parent.name
-    candidates = [
+    path, beside = Path(file), own_model_file(file)
+    name, models = beside.name.removesuffix(".model.toml"), path.parent / ".." / "models"
+    places = (
         path.with_name(f"{path.name}.model.toml"),
         beside,
-        path.parent / ".." / "models" / name / "model.toml",
-        path.parent / ".." / ".." / "models" / group / name / "model.toml",
-    ]
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
+        models / name / "model.toml",
+        path.parent / ".." / ".." / "models" / path.absolute().parent.name / name / "model.toml",
+    )
+    return next(filter(Path.is_file, places), None)
 
 
 def own_model_file(file: str) -> Path:

@@ -11,7 +11,7 @@ import io
 import itertools
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from traceback import walk_stack, walk_tb
@@ -61,7 +61,7 @@ class Expansion:
             symbols["xacro"], message=self._note, warning=self._note, error=self._note,
             print_location=lambda *_, **__: "", arg=self._argument,
         )  # fmt: skip
-        self.evaluator = Evaluator(functions(symbols), (xacro.NameSpace, xacro.YamlDictWrapper))
+        self.evaluator = Evaluator(symbols, (xacro.NameSpace, xacro.YamlDictWrapper))
         xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluator(text, names)
         xacro.Table._eval_literal = staticmethod(partial(self.trace.mapped, xacro.literal))
         xacro.get_boolean_value = lambda value, stated: self.trace.chosen(
@@ -127,10 +127,27 @@ class Expansion:
         )
 
     def _insert(self, node: Any, by: Any, content_only: bool = False) -> None:
-        """Replace a node by others, which are counted."""
-        self._nodes += 1 + _replace(node, by, content_only)
+        """Replace a node by other nodes, or by their children, in time linear in their number; count them.
+
+        xacro's own function inserts them one by one and searches the parent's list each time, which is
+        quadratic: with it, a stack of 100 modules takes 25 s.
+        """
+        sources = [] if by is None else by if isinstance(by, list) else [by]
+        new = [child for source in sources for child in source.childNodes] if content_only else sources
+        self._nodes += 1 + len(new)
         if self._nodes > MOST_NODES:
             raise ModelError(f"macros, blocks and includes insert more than {MOST_NODES:,} nodes")
+        siblings = node.parentNode.childNodes
+        index = next(i for i, sibling in enumerate(siblings) if sibling is node)
+        siblings[index : index + 1] = new
+        for left, right in itertools.pairwise([node.previousSibling, *new, node.nextSibling]):
+            if left is not None:
+                left.nextSibling = right
+            if right is not None:
+                right.previousSibling = left
+        for child in new:
+            child.parentNode = node.parentNode
+        node.parentNode = node.previousSibling = node.nextSibling = None
 
     def _argument(self, name: str) -> str:
         """Return the value of an argument in an expression."""
@@ -245,35 +262,6 @@ def _refuse_pattern(pattern: str) -> NoReturn:
 def _refuse_eval(expression: str, _: object) -> NoReturn:
     """Refuse `$(eval ...)`, which is of launch files and no robot file."""
     raise ModelError(f"$(eval {expression}) is not read; write ${{{expression}}}")
-
-
-def functions(names: Mapping[str, Any]) -> dict[str, Callable[..., Any]]:
-    """Return the functions of a table of names."""
-    return {name: value for name, value in names.items() if callable(value)}
-
-
-def _replace(node: Any, by: Any, content_only: bool) -> int:
-    """Replace a node by other nodes, or by their children, in time linear in their number; return it.
-
-    xacro's own function inserts them one by one and searches the parent's list each time, which is quadratic:
-    with it, a stack of 100 modules takes 25 s.
-    """
-    sources = [] if by is None else by if isinstance(by, list) else [by]
-    new = [child for source in sources for child in source.childNodes] if content_only else sources
-    parent = node.parentNode
-    siblings = parent.childNodes
-    index = next(i for i, sibling in enumerate(siblings) if sibling is node)
-    chain = [node.previousSibling, *new, node.nextSibling]
-    siblings[index : index + 1] = new
-    for left, right in itertools.pairwise(chain):
-        if left is not None:
-            left.nextSibling = right
-        if right is not None:
-            right.previousSibling = left
-    for child in new:
-        child.parentNode = parent
-    node.parentNode = node.previousSibling = node.nextSibling = None
-    return len(new)
 
 
 def _failure(xacro: Any, error: Exception, file: str) -> ModelError:

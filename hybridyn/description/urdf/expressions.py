@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from simpleeval import DEFAULT_OPERATORS, EvalWithCompoundTypes
@@ -93,7 +93,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     """Evaluate expressions; an instance is called with an expression and the values of names.
 
     Args:
-        functions: The functions that may be called by their names.
+        symbols: Names; the functions among them may be called.
         spaces: Types of dictionaries whose elements may be written like attributes.
 
     Attributes:
@@ -105,11 +105,10 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     names: Any
     _max_count: int
 
-    def __init__(
-        self, functions: dict[str, Callable[..., Any]], spaces: tuple[type[dict[str, Any]], ...]
-    ) -> None:
+    def __init__(self, symbols: Mapping[str, Any], spaces: tuple[type[dict[str, Any]], ...]) -> None:
         super().__init__(_OPERATORS, {}, {})
-        self.functions, self.spaces, self.steps, self.has_effects = functions, spaces, 0, False
+        self.functions = {name: value for name, value in symbols.items() if callable(value)}
+        self.spaces, self.steps, self.has_effects = spaces, 0, False
         del self.nodes[ast.JoinedStr]  # of any width
         self._plain = self.nodes
 

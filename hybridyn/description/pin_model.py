@@ -1,12 +1,17 @@
 """Read a Pinocchio model: joints as chains, links for its bodies and frames, closures, home posture.
 
 A joint that the description has not becomes a chain with massless links between its joints: composite and
-translation joints, universal ones, three angles. Coordinates stay those of Pinocchio.
+translation joints, universal ones, three angles. Coordinates stay those of Pinocchio. The fields of a
+`pinocchio.Model` can be set to anything; Pinocchio itself may then crash, so they are checked first.
+
+`RigidConstraintModel` and the point and frame anchors of Pinocchio 4 state that frame 1 on joint 1 and
+frame 2 on joint 2 coincide, in their origins (3 rows) or altogether (6 rows). The reference frame is
+where Pinocchio expresses the forces of a constraint; the constraint itself is the same in each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from typing import Any
@@ -14,11 +19,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...errors import ModelError
-from ..joint_graph import add_chain, step
-from ..names import counted, listed, unique
-from ..records import FREEDOMS, ZERO, Array, Joint, JointKind, Link, RobotFile, massless
-from .constraints import check_model, closures_of, is_finite, joint_error, plain_constraints
+from ..errors import ModelError
+from .closure_forms import FORMS, closure_of
+from .joint_graph import add_chain, step
+from .names import counted, did_you_mean, listed, unique
+from .records import FREEDOMS, ZERO, Array, Closure, Joint, JointKind, Link, RobotFile, massless
+from .urdf.xml_node import LARGEST_NUMBER
 
 #: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.
 UNLIMITED = 1e300
@@ -47,6 +53,32 @@ REFUSED = {
     "JointModelH": "is a screw",
     "JointModelMimic": "mimics another (build the model without mimic=True, or load the URDF itself)",
 }
+
+#: Fields with a number for each freedom or coordinate: which of both, and whether it may be infinite.
+NUMBERS = {
+    "armature": ("nv", False), "damping": ("nv", False), "friction": ("nv", False),
+    "rotorInertia": ("nv", False), "rotorGearRatio": ("nv", False), "effortLimit": ("nv", True),
+    "velocityLimit": ("nv", True), "lowerPositionLimit": ("nq", True), "upperPositionLimit": ("nq", True),
+}  # fmt: skip
+#: Largest difference of R^T R from the identity for a rotation that was rounded in single precision.
+ROTATION = 1e-5
+
+
+#: Kinds of closure by the names of Pinocchio's classes, those of its development branch included, and by the
+#: type of a `RigidConstraintModel`.
+ANCHORS = {
+    "PointAnchorConstraintModel": "point",
+    "FrameAnchorConstraintModel": "fixed",
+    "BilateralPointConstraintModel": "point",
+    "WeldConstraintModel": "fixed",
+    pin.ContactType.CONTACT_3D: "point",
+    pin.ContactType.CONTACT_6D: "fixed",
+}
+#: What must be zero in a constraint that closes a loop for good.
+OFFSETS = (
+    "desired_contact_velocity", "desired_contact_acceleration", "desired_constraint_offset",
+    "desired_constraint_velocity", "desired_constraint_acceleration",
+)  # fmt: skip
 
 
 def joints_of(model: pin.Model, number: int) -> list[Joint]:
@@ -113,22 +145,33 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
     """Return limits, friction and rotor of a joint or of a part of it, as arguments of `records.Joint`.
 
     Armature is what Pinocchio's algorithms add to the mass matrix. It becomes the rotor's inertia, unless
-    rotor inertia and gear ratio of the model state the same armature.
+    rotor inertia and gear ratio of the model state the same armature. A joint with several freedoms has
+    damping and, if it is a ball, armature alone.
 
     Args:
         freedom: Number of freedoms before this part.
+
+    Raises:
+        ModelError: A number is negative, or what a joint with several freedoms cannot have here.
     """
-    if FREEDOMS[piece.kind] > 1:
-        return _numbers_of_all(model, joint, piece, freedom)
-    at = int(model.idx_vs[joint]) + freedom
-    inertia, ratio = float(model.rotorInertia[at]), float(model.rotorGearRatio[at])
-    armature = float(model.armature[at])
+    count, at = FREEDOMS[piece.kind], int(model.idx_vs[joint]) + freedom
+    words = ("damping", "armature", "friction", "rotorInertia", "rotorGearRatio")
+    numbers = {word: np.asarray(getattr(model, word))[at : at + count] for word in words}
+    for word, values in list(numbers.items())[:4]:
+        if count > 1 and values.any() and word not in words[: 2 if piece.kind == "spherical" else 1]:
+            raise joint_error(
+                model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
+            )
+        if np.ptp(values):
+            message = f"the freedoms of one joint have different {word}; set model.{word} to one value"
+            raise joint_error(model, joint, message)
+        if values[0] < 0:
+            raise joint_error(model, joint, f"negative {word} {values[0]:g}; set it to 0 or more")
+    damping, armature, friction, inertia, ratio = (float(values[0]) for values in numbers.values())
+    if count > 1:
+        return {"damping": damping, "rotor_inertia": armature}
     if armature != inertia * ratio**2 and (armature or not (inertia and ratio)):
         inertia, ratio = armature, 1.0
-    damping, friction = float(model.damping[at]), float(model.friction[at])
-    for word, value in (("armature", inertia), ("damping", damping), ("friction", friction)):
-        if value < 0:
-            raise joint_error(model, joint, f"negative {word} {value:g}; set it to 0 or more")
     out: dict[str, Any] = {
         "damping": damping,
         "friction": friction,
@@ -143,32 +186,6 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
         if lower < upper:
             out |= {"lower": -_bound(-lower), "upper": _bound(upper)}
     return out
-
-
-def _numbers_of_all(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dict[str, Any]:
-    """Return damping and, of a ball, rotor of a joint with several freedoms; refuse what it cannot have here.
-
-    The joint may be a part of a composite, behind other freedoms.
-
-    Raises:
-        ModelError: Its freedoms differ in damping or armature, or have dry friction, rotors or, unless it is
-            a ball, armature.
-    """
-    first = int(model.idx_vs[joint]) + freedom
-    numbers = {
-        word: np.asarray(getattr(model, word))[first : first + FREEDOMS[piece.kind]]
-        for word in ("friction", "rotorInertia", "armature", "damping")
-    }
-    for word in ("friction", "rotorInertia", *(["armature"] if piece.kind != "spherical" else [])):
-        if numbers[word].any():
-            raise joint_error(
-                model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
-            )
-    for word in ("damping", "armature"):
-        if np.ptp(numbers[word]) or numbers[word][0] < 0:
-            message = f"the freedoms of one joint have different {word}; set model.{word} to one value"
-            raise joint_error(model, joint, message)
-    return {"damping": float(numbers["damping"][0]), "rotor_inertia": float(numbers["armature"][0])}
 
 
 def _bound(value: float) -> float:
@@ -322,3 +339,136 @@ def _add_home(
             count = len(ZERO[joint.kind])
             robot.home[joint.name] = tuple(float(x) for x in q[at : at + count])
             at += count
+
+
+def joint_error(model: pin.Model, joint: int, message: str) -> ModelError:
+    """Return the error about a joint of a model."""
+    name = str(model.names[joint])
+    return ModelError(f"Pinocchio model '{model.name}': joint '{name}': {message}", element=name)
+
+
+def check_model(model: pin.Model) -> None:
+    """Check the tree, placements, inertias and numbers of a model.
+
+    Raises:
+        ModelError: A joint hangs on one that follows it, or a number is not finite, or out of its range.
+    """
+    name = f"Pinocchio model '{model.name}'"
+    for joint in range(1, model.njoints):
+        inertia = model.inertias[joint]
+        if not 0 <= int(model.parents[joint]) < joint:
+            message = f"hangs on joint {model.parents[joint]}, which does not come before it"
+            raise joint_error(model, joint, message)
+        if not is_placement(model.jointPlacements[joint]):
+            raise joint_error(model, joint, "its placement is not a finite rigid motion")
+        if not is_finite([inertia.mass, *inertia.lever, *np.ravel(inertia.inertia)]) or inertia.mass < 0:
+            message = "mass, lever and inertia must be finite, and the mass not negative"
+            raise joint_error(model, joint, message)
+    for frame in model.frames:
+        if not is_placement(frame.placement) or not 0 <= int(frame.parentJoint) < model.njoints:
+            raise ModelError(
+                f"{name}: frame '{frame.name}': its placement is not a finite rigid motion on a joint"
+            )
+    for word, (count, endless) in NUMBERS.items():
+        numbers = np.asarray(getattr(model, word), dtype=float)
+        wrong = np.isnan(numbers).any() if endless else not is_finite(numbers)
+        if numbers.shape != (getattr(model, count),) or wrong:
+            raise ModelError(f"{name}: model.{word} must have {getattr(model, count)} finite numbers")
+    if not is_finite(model.gravity.linear):
+        raise ModelError(f"{name}: its gravity is not finite")
+
+
+def is_placement(placement: pin.SE3) -> bool:
+    """Say whether a placement is finite and its rotation is one, up to single precision."""
+    R = np.array(placement.rotation)
+    if not is_finite(placement.homogeneous) or np.abs(R).max() > 2:
+        return False
+    return bool(np.abs(R.T @ R - np.eye(3)).max() < ROTATION and np.linalg.det(R) > 0)
+
+
+def is_finite(values: Any) -> bool:
+    """Say whether all numbers are as small as those of a file have to be."""
+    return bool((np.abs(np.asarray(values, dtype=float)) <= LARGEST_NUMBER).all())
+
+
+def plain_constraints(constraints: Any) -> list[Any]:
+    """Return the constraint models of a list, one alone or lists in a tuple, taken out of their variants."""
+    word = type(constraints).__name__
+    if word.endswith("ConstraintModel") and not word.startswith("StdVec"):
+        return [constraints.extract() if hasattr(constraints, "extract") else constraints]
+    if constraints is None:
+        return []
+    if not isinstance(constraints, Iterable):
+        raise ModelError(f"constraint_models holds a {word}, which is not a constraint of Pinocchio")
+    return [one for item in constraints for one in plain_constraints(item)]
+
+
+def closures_of(
+    model: pin.Model, constraints: Sequence[Any], links: Sequence[str], kinds: Mapping[str | int, str]
+) -> list[Closure]:
+    """Return a closure for each constraint model.
+
+    Args:
+        links: Name of the link of each joint of the model.
+        kinds: Kinds of closure that replace those of the constraints, by the constraint's name or number;
+            their axis is the third axis of the constraint's frames.
+
+    Raises:
+        ModelError: A constraint is soft, moves, is not a closure, or `kinds` names what does not exist.
+    """
+    names: list[str] = []
+    for number, constraint in enumerate(constraints):
+        stated = str(getattr(constraint, "name", ""))
+        names.append(stated if stated and stated not in names else f"constraint{number}")
+    for key, kind in kinds.items():
+        if key not in names and not (isinstance(key, int) and 0 <= key < len(names)):
+            raise ModelError(
+                f"kinds: no constraint is called {key!r}{did_you_mean(str(key), names)}; "
+                f"they are {listed(names)}"
+            )
+        if kind not in FORMS or kind == "universal":
+            known = [form for form in FORMS if form != "universal"]
+            raise ModelError(
+                f"kinds: unknown kind {kind!r}{did_you_mean(kind, known)}; known: {listed(known)}"
+            )
+    return [
+        _closure(model, constraint, name, links, kinds.get(name, kinds.get(number)))
+        for number, (constraint, name) in enumerate(zip(constraints, names, strict=True))
+    ]
+
+
+def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str], kind: str | None) -> Closure:
+    word = type(constraint).__name__
+    own = ANCHORS.get(word) or ANCHORS.get(getattr(constraint, "type", None))
+    if own is None:
+        raise ModelError(
+            f"constraint '{name}' is a {word}, which closes no loop; pass the point and frame constraints "
+            "alone (limits and friction are taken from the model)",
+            element=name,
+        )
+    if problem := _problem(constraint, model.njoints):
+        raise ModelError(f"constraint '{name}': {problem}", element=name)
+    frames = (constraint.joint1_placement, constraint.joint2_placement)
+    ends = (links[number] for number in (constraint.joint1_id, constraint.joint2_id))
+    sides = ((link, np.array(frame.homogeneous)) for link, frame in zip(ends, frames, strict=True))
+    return closure_of(name, kind or own, sides)
+
+
+def _problem(constraint: Any, joints: int) -> str:
+    """Return why a constraint does not hold two frames of the model together, "" if it does."""
+    placement = getattr(constraint, "desired_contact_placement", None)
+    moved = ["desired_contact_placement"] if placement is not None and not placement.isIdentity(1e-12) else []
+    values = {word: getattr(constraint, word, None) for word in OFFSETS}
+    moved += [word for word, x in values.items() if x is not None and np.any(getattr(x, "vector", x))]
+    if moved:
+        return (
+            f"{listed(moved)} is not zero, so its frames do not coincide; set it to zero and put the offset "
+            "into joint1_placement"
+        )
+    for side in (1, 2):
+        joint = getattr(constraint, f"joint{side}_id")
+        if not 0 <= joint < joints:
+            return f"joint {joint} does not exist; the model has {joints}"
+        if not is_placement(getattr(constraint, f"joint{side}_placement")):
+            return f"joint{side}_placement is not a finite rigid motion"
+    return ""
