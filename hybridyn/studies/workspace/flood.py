@@ -31,30 +31,12 @@ MOST_NEWTON_STEPS = 25
 REACHED, OUT_OF_REACH = -1, -2
 
 
-class JointLimits:
-    """Position limits of a module's joints with one freedom."""
-
-    def __init__(self, robot: HybridRobot, module: int, respected: bool) -> None:
-        chosen, rows = robot.modules[module], []
-        for number, (name, at) in enumerate(
-            zip(chosen.joints, chosen.mechanism.spanning.q_slices, strict=True)
-        ):
-            joint = robot.records.get(name)
-            if respected and joint is not None and joint.kind in ("revolute", "prismatic"):
-                limits = position_limits(joint)
-                if limits is not None:
-                    rows.append((number, at.start, *limits))
-        joints, columns, self.lower, self.upper = np.array(rows).reshape(-1, 4).T
-        self.joints, self.columns = joints.astype(int), columns.astype(int)
-
-    def broken(self, q: Array) -> Index:
-        """Return for each posture, shape (T, its nq), the joint farthest outside its limits, or REACHED."""
-        if not len(self.joints):
-            return np.full(len(q), REACHED)
-        positions = q[:, self.columns]
-        outside = np.maximum(self.lower - positions, positions - self.upper)
-        worst = outside.argmax(axis=1)
-        return np.where(outside.max(axis=1) > 0, self.joints[worst], REACHED)
+#: Numbers of parts into which a step to a neighbour is divided, one attempt after the other.
+PARTS = (1, 4, 16)
+#: Number of poses that are closed at once. It is fixed, so that no result depends on the number of processes.
+CHUNK = 256
+#: Largest number of poses.
+MOST = 200_000
 
 
 class Closing:
@@ -62,7 +44,24 @@ class Closing:
 
     def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
         self.robot, self.sweep = robot, sweep
-        self.limits = JointLimits(robot, sweep.module, limits)
+        module = robot.modules[sweep.module]
+        self.names = module.joints
+        #: Number, column and position limits of each limited joint with one freedom.
+        self.limited: list[tuple[int, int, float, float]] = []
+        for number, (name, at) in enumerate(
+            zip(module.joints, module.mechanism.spanning.q_slices, strict=True)
+        ):
+            joint = robot.records.get(name)
+            if limits and joint is not None and joint.kind in ("revolute", "prismatic"):
+                ends = position_limits(joint)
+                self.limited += [(number, at.start, *ends)] if ends is not None else []
+
+    def outside(self, q: Array) -> Index:
+        """Return for each posture, shape (T, its nq), the joint farthest outside its limits, or REACHED."""
+        out = np.zeros((len(q), len(self.names)))
+        for number, column, lower, upper in self.limited:
+            out[:, number] = np.maximum(lower - q[:, column], q[:, column] - upper)
+        return np.where(out.max(axis=1) > 0, out.argmax(axis=1), REACHED)
 
     def __call__(self, parts: int, before: Array, after: Array, q: Array) -> tuple[Array, Index]:
         """Step from poses to neighbouring ones.
@@ -85,7 +84,7 @@ class Closing:
             way = before[left] + i / parts * (after - before)[left]
             out[left], alive[left] = self._once(way, out[left])
         state = np.full(len(q), OUT_OF_REACH)
-        state[alive] = self.limits.broken(out[alive])
+        state[alive] = self.outside(out[alive])
         return out, state
 
     def _once(self, values: Array, q: Array) -> tuple[Array, Mask]:
@@ -114,13 +113,6 @@ class Closing:
         return out, good
 
 
-#: Number of parts into which a step to a neighbour is divided, one attempt after the other.
-PARTS = (1, 4, 16)
-#: Number of poses that are closed at once. It is fixed, so that no result depends on the number of processes.
-CHUNK = 256
-#: Largest number of poses.
-MOST = 200_000
-
 #: Applies one function to tuples of arguments, in order, possibly in other processes.
 Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
 
@@ -144,9 +136,8 @@ class Flood:
             q: Posture of the module at the origin, shape (its nq,).
         """
         self.close, self.start, self.step = close, start, step
-        names = self.close.sweep.names
-        self.columns = [names.index(axis) for axis in self.close.sweep.axes]
-        self.angular = [COORDINATES.index(axis) >= 3 for axis in self.close.sweep.axes]
+        self.columns = [close.sweep.names.index(axis) for axis in close.sweep.axes]
+        self.angular = [COORDINATES.index(axis) >= 3 for axis in close.sweep.axes]
         self.reached: dict[Point, Array] = {(0,) * len(step): q}
         self.waiting: dict[Point, list[Point]] = {}
         self.hard: list[list[Pair]] = [[] for _ in PARTS]
@@ -214,8 +205,7 @@ class Flood:
         elif what == OUT_OF_REACH and level + 1 < len(PARTS):
             self.hard[level + 1].append(pair)
         else:
-            names = self.close.robot.modules[self.close.sweep.module].joints
-            self.blocked["reach" if what == OUT_OF_REACH else names[what]] += 1
+            self.blocked["reach" if what == OUT_OF_REACH else self.close.names[what]] += 1
 
     def _queue_neighbours(self, at: Point) -> None:
         """Queue the steps from a point to its neighbours."""

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ...assembly.module_request import units_of_pose
 from ...description.names import did_you_mean
 from ...errors import TrajectoryError
-from ...linkage.targets import COORDINATES, CoordinateTarget, roll_pitch_yaw
-from ...linkage.tree import Motion
+from ...linkage.targets import COORDINATES, CoordinateTarget
 from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
 from ...structure.robot import HybridRobot
 
@@ -109,35 +109,6 @@ def find_sweep(
     return Sweep(number, link, chosen.base, names, swept, home)
 
 
-def coordinate_target(
-    robot: HybridRobot, link: str, base: str, length: float
-) -> tuple[int, CoordinateTarget]:
-    """Return the module of a link, and a target of all its coordinates in a base link, with zero values.
-
-    Args:
-        base: The base link of its module.
-        length: Unit of length [m].
-    """
-    body, R, p = robot.bodies.place[link]
-    number, local = robot.body_owner[body]
-    tree_body = robot.modules[number].mechanism.cut.tree_body(local)
-    _, base_R, base_p = robot.bodies.place[base]
-    zero = np.zeros((1, 6))
-    units = np.array([length] * 3 + [1.0] * 3)
-    target = CoordinateTarget(
-        tree_body, (link, base), COORDINATES, base_R, base_p, (R, p), zero, zero, zero, units
-    )
-    return number, target
-
-
-def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
-    """Compute a link's coordinates, shape (T, 6), [m, rad]."""
-    R = motion.R[:, target.body]
-    p = motion.p[:, target.body] + np.matmul(R, target.shift[1])
-    turned = np.matmul(target.R.T, np.matmul(R, target.shift[0]))
-    return np.concatenate([(p - target.p) @ target.R, roll_pitch_yaw(turned)], axis=1)
-
-
 def _platform(robot: HybridRobot, number: int) -> str:
     """Return a module's platform: an output that is a platform or carries a module, else a tool."""
     module = robot.modules[number]
@@ -159,13 +130,16 @@ def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Arra
     """Compute the scaled Jacobian of a link's coordinates, shape (6, N), and their values, shape (6,)."""
     module = robot.modules[number]
     m = module.mechanism
-    _, target = coordinate_target(robot, link, module.base, m.length)
-    spanning = m.spanning.sweep(q[None, module.q_index])
-    motion = m.cut.motion(spanning)
+    body, *shift = robot.bodies.place[link]
+    _, R, p = robot.bodies.place[module.base]
+    zero, units, local = np.zeros((1, 6)), units_of_pose(m), m.cut.tree_body(robot.body_owner[body][1])
+    links = link, module.base
+    target = CoordinateTarget(local, links, COORDINATES, R, p, (shift[0], shift[1]), zero, zero, zero, units)
+    motion = m.cut.motion(m.spanning.sweep(q[None, module.q_index]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     orthonormal = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
-    J = target.matrix(m.tree, motion)[0] @ orthonormal / target.units[:, None]
-    return J, coordinates_of(target, motion)[0]
+    J = target.matrix(m.tree, motion)[0] @ orthonormal / units[:, None]
+    return J, target.residual(motion, np.zeros(1, dtype=int))[0]
 
 
 def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:

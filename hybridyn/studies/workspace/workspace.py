@@ -142,10 +142,10 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
 
 def _check_origin(close: Closing, q: Array) -> None:
     """Check that the posture at the origin, shape (nq of the module,), is within the joint limits."""
-    joint = close.limits.broken(q[None])[0]
+    joint = int(close.outside(q[None])[0])
     if joint == REACHED:
         return
-    name = close.robot.modules[close.sweep.module].joints[joint]
+    name = close.names[joint]
     raise ModelError(
         f"joint '{name}' is outside its limits at the workspace's origin: correct [home] in model.toml "
         "or the limits, choose another origin (at), or ignore the limits (limits=False)",
