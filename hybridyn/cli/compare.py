@@ -6,8 +6,7 @@ from dataclasses import asdict
 
 import click
 
-from ..studies.compare.compare import Comparison, compare
-from ..studies.compare.report import as_text
+from ..studies.compare.compare import Comparison, as_text, compare
 from .common.options import RobotChoice
 
 #: Exit status where an engine fails what --fail-on asks for.

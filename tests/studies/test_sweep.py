@@ -27,8 +27,7 @@ from hybridyn.studies.sweep.evaluation import Chunk, Row
 from hybridyn.studies.sweep.pools import Pool, ThisProcess
 from hybridyn.studies.sweep.reading import identity, read_study
 from hybridyn.studies.sweep.shards import About, begin, read_shards, write_shard
-from hybridyn.studies.sweep.slot_numbers import SlotNumbers
-from hybridyn.studies.sweep.variants import Variants, _number
+from hybridyn.studies.sweep.variants import SlotNumbers, Variants, _number
 from tests.clocks import Clock
 from tests.command_line import call
 from tests.comparing import refused

@@ -9,9 +9,8 @@ from scipy.ndimage import label
 import hybridyn
 from hybridyn.spatial import Array
 from hybridyn.studies.map_table import postures_on_grid
-from hybridyn.studies.workspace.flood import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.sweep import find_sweep
-from hybridyn.studies.workspace.workspace import Workspace, workspace
+from hybridyn.studies.workspace.workspace import OUT_OF_REACH, Closing, Workspace, workspace
 from tests.command_line import call, read_table, without_remarks
 from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.files import save

@@ -3,7 +3,7 @@
     finding       one finding; every code with its severity
     subject       the file as XML, as records and as a robot
     shapes        bounding boxes of the links, from visuals, collisions and meshes
-    masses, joints, loops      the checks of one topic each
+    elements, loops      the checks of links and joints, and of modules
 
 `hybridyn.check("robot.urdf")` returns all findings, the worst first.
 """
@@ -20,10 +20,9 @@ from ...description.reading import open_robot
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
 from ...structure.robot import HybridRobot
+from .elements import check_limits, check_masses, check_mimics, check_units
 from .finding import CODES, SEVERITIES, Finding, Severity
-from .joints import check_limits, check_mimics, check_units
 from .loops import check_dangling_chains, check_lost_loops, check_modules
-from .masses import check_masses
 from .shapes import check_shapes, read_shapes
 from .subject import Subject
 

@@ -18,8 +18,8 @@ from ...structure.parameters.slots import differences
 from ...threads import one_thread
 from .compiled_designs import CompiledDesigns, Plan, Structure, check_task
 from .evaluation import Chunk, Designer, Evaluated, Row
-from .slot_numbers import by_structure
 from .study_file import StudyFile
+from .variants import by_structure
 
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
