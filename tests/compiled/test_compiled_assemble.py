@@ -104,9 +104,9 @@ def test_rows_are_those_of_the_general_path(what: str, name: str) -> None:
 def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
     """Residual and matrix of all six coordinates of the five-bar's tool, at any posture."""
     robot = hybridyn.load("five_bar")
-    module, (link, base) = robot.modules[0], ("m1_tool", robot.description.root)
+    module, link = robot.modules[0], "m1_tool"
     tree, rng = module.mechanism.tree, np.random.default_rng(0)
-    _, target = coordinate_target(robot, link, base, 1.0)
+    target = coordinate_target(robot, link, module)
     given = Given((), (), (), (Coordinates.of(target),))
     loops = Unknowns([module], given, (), (robot.bodies.place,) * 2).loops
     x = ca.SX.sym("x", tree.nq + 6)

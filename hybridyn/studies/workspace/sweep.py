@@ -13,6 +13,7 @@ from ...description.names import did_you_mean
 from ...errors import TrajectoryError
 from ...linkage.targets import COORDINATES, CoordinateTarget
 from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
+from ...structure.module import Module
 from ...structure.robot import HybridRobot
 
 #: A coordinate is independent of the chosen ones if at least this part of its motion remains when they are
@@ -109,6 +110,14 @@ def find_sweep(
     return Sweep(number, link, chosen.base, names, swept, home)
 
 
+def coordinate_target(robot: HybridRobot, link: str, module: Module) -> CoordinateTarget:
+    """Return a target of all coordinates of a link in the base link of its module, with zero values."""
+    (body, *shift), (_, R, p) = robot.bodies.place[link], robot.bodies.place[module.base]
+    number, zero = module.mechanism.cut.tree_body(robot.body_owner[body][1]), np.zeros((1, 6))
+    place, units = (shift[0], shift[1]), units_of_pose(module.mechanism)
+    return CoordinateTarget(number, (link, module.base), COORDINATES, R, p, place, zero, zero, zero, units)
+
+
 def _platform(robot: HybridRobot, number: int) -> str:
     """Return a module's platform: an output that is a platform or carries a module, else a tool."""
     module = robot.modules[number]
@@ -130,15 +139,11 @@ def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Arra
     """Compute the scaled Jacobian of a link's coordinates, shape (6, N), and their values, shape (6,)."""
     module = robot.modules[number]
     m = module.mechanism
-    body, *shift = robot.bodies.place[link]
-    _, R, p = robot.bodies.place[module.base]
-    zero, units, local = np.zeros((1, 6)), units_of_pose(m), m.cut.tree_body(robot.body_owner[body][1])
-    links = link, module.base
-    target = CoordinateTarget(local, links, COORDINATES, R, p, (shift[0], shift[1]), zero, zero, zero, units)
+    target = coordinate_target(robot, link, module)
     motion = m.cut.motion(m.spanning.sweep(q[None, module.q_index]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     orthonormal = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
-    J = target.matrix(m.tree, motion)[0] @ orthonormal / units[:, None]
+    J = target.matrix(m.tree, motion)[0] @ orthonormal / target.units[:, None]
     return J, target.residual(motion, np.zeros(1, dtype=int))[0]
 
 
