@@ -85,6 +85,13 @@ class StatedSpring:
     rest: float
 
 
+def spring_effect(springs: Iterable[StatedSpring]) -> tuple[str, dict[str, Any]]:
+    """Return springs as an effect: its name, and its numbers by parameter."""
+    stated = [*springs]
+    rest = {spring.name: spring.rest for spring in stated}
+    return "spring", {"stiffness": {spring.name: spring.stiffness for spring in stated}, "rest": rest}
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of the spanning tree.
@@ -294,11 +301,8 @@ class Description:
 
     def with_springs(self, springs: Iterable[StatedSpring]) -> Description:
         """Return the description with other springs, in one table in place of all others."""
-        table: dict[str, dict[str, float]] = {"stiffness": {}, "rest": {}}
-        for spring in springs:
-            table["stiffness"][spring.name], table["rest"][spring.name] = spring.stiffness, spring.rest
         others = (effect for effect in self.effects if effect[0] != "spring")
-        return replace(self, effects=(*others, ("spring", table)))
+        return replace(self, effects=(*others, spring_effect(springs)))
 
     @property
     def root(self) -> str:

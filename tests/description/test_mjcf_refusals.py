@@ -104,7 +104,7 @@ CASES: dict[str, tuple[Texts, str]] = {
     ),
     "a model that is not there": (
         mjcf('<asset><model name="x" file="x.xml"/></asset>', world=hinge()),
-        "file 'x.xml' cannot be read: No such file",
+        "model 'x.xml' cannot be read: No such file",
     ),
     "nan": (mjcf(world=hinge('pos="0 nan 1"')), "attribute 'pos': 'nan' is not a finite number"),
     "infinite": (mjcf(world=hinge('ref="inf"')), "attribute 'ref': 'inf' is not a finite number"),
@@ -122,7 +122,7 @@ CASES: dict[str, tuple[Texts, str]] = {
     "a part of a file": ("<mujocoinclude><body/></mujocoinclude>", "name the file that includes it"),
     "an include that is missing": (
         mjcf(world='<include file="b.xml"/>'),
-        "file 'b.xml' cannot be read: No such file",
+        "include 'b.xml' cannot be read: No such file",
     ),
     "an include of itself": (including(PART.format('<include file="b.xml"/>')), "included twice"),
     "an include of a robot": (including("<robot/>"), "instead of <mujocoinclude>"),

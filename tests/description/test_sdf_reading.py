@@ -267,7 +267,7 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
             more=' xmlns:my="urn:my"',
         ),
         {"joints": {name: {"damping": 0.0} for name in ("j", "k", "hip")}, "notes": {
-            "stiffness and dissipation", "physics engine", "'control'", "'my:thing'",
+            "stiffness and dissipation", "'control'", "'my:thing'",
             "joints 'k', 'hip': an axis that the joint does not have, and its dynamics, are ignored",
             '<static> in <link name="b"> is ignored, as Gazebo does',
             '<contact> in <link name="b"> is ignored, as Gazebo does',

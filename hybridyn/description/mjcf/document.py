@@ -10,20 +10,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections import Counter
-from collections.abc import Iterable
 from pathlib import Path
 from typing import cast
 
 from lxml import etree
 
-from ...errors import ModelError
-from ..shipped import shown
-from ..urdf.robot_folders import RobotFolders
-from ..urdf.xml_node import LARGEST_FILE, LARGEST_NUMBER, MOST_ELEMENTS, Node, parse
-
-#: Most files that one robot may include.
-MOST_FILES = 1000
+from ..urdf.robot_folders import Includes
+from ..urdf.xml_node import LARGEST_NUMBER, Node
 
 #: Folders whose neighbours belong to the robot, too: `robot/mjcf/robot.xml` reads `robot/meshes/`.
 FILE_FOLDERS = ("mjcf", "xml", "mujoco")
@@ -44,6 +37,7 @@ class Document:
 
     Attributes:
         root: Root element; included elements replace their `<include>`.
+        includes: Opens files.
         key: Name of the file in the tree that attaches it, "" of the robot's own.
         files: Paths of the files, the robot's own first.
         notes: What is not well-formed in included files, and what is read past.
@@ -64,12 +58,10 @@ class Document:
         main = os.path.abspath(root.file)
         around = Path(main).parent
         granted = [str(around.parent)] if around.name in FILE_FOLDERS else []
-        folders = RobotFolders(main, package_dirs, [], LARGEST_FILE, granted)
         self.root, self.key, self.files, self._paths = root, "", [root.file], [main]
         self.notes = [*root.notes] if within else list[str]()
-        self._folders: RobotFolders = within._folders if within else folders
+        self.includes: Includes = within.includes if within else Includes(main, package_dirs, granted)
         self._seen: set[str] = within._seen if within else {os.path.realpath(main)}
-        self._spent: Counter[str] = within._spent if within else Counter()
         waiting = [*root.xml.iter("include")]
         while waiting:
             waiting += self._include(waiting.pop(0))
@@ -88,37 +80,6 @@ class Document:
         """Return the elements of an XPath, by default all, a parent before its children, with their files."""
         found = cast("list[etree._Element]", self.root.xml.getroottree().xpath(path))
         return [Node(xml, self.files[int(xml.get(FILE, 0))]) for xml in found]
-
-    def beside(self, *parts: str) -> str:
-        """Return a path that is relative to the robot's own file.
-
-        Args:
-            parts: Parts of the path; an absolute part makes it absolute.
-        """
-        return os.path.join(os.path.dirname(self._paths[0]), *parts)
-
-    def read(self, node: Node, folders: Iterable[str], mend: str = "") -> tuple[bytes, str]:
-        """Read the file that an element names, and return its path, too.
-
-        Args:
-            node: The element; its attribute is `file`.
-            folders: Where the path may start; the first one in which a file can be opened counts.
-            mend: What follows in an error.
-
-        Raises:
-            ModelError: It cannot be read, or is outside the robot's folders.
-        """
-        name, wrong = node.text("file"), ""
-        for folder in dict.fromkeys(folders):
-            path = os.path.normpath(os.path.join(folder, name))
-            try:
-                return self._folders.read(path), path
-            except ModelError as error:
-                raise node.error(f"{error}{mend}") from None
-            except (OSError, ValueError) as error:
-                wrong = wrong or str(getattr(error, "strerror", None) or error)
-        what = "mesh" if node.tag == "mesh" else "file"
-        raise node.error(f"{what} '{name}' cannot be read: {wrong}{mend}")
 
     def text(self) -> tuple[str, list[Place]]:
         """Write the tree, one start or end of an element a line; return also the place of each line."""
@@ -154,18 +115,17 @@ class Document:
 
         Its path starts at the robot's file, else at the file that names it.
         """
-        content, path = self.read(node, (os.path.dirname(self._paths[start]) for start in (0, number)))
+        name = node.text("file")
+        inner, path = self.includes.opened(node, name, (self.beside(name, start) for start in (0, number)))
         real = os.path.realpath(path)
         if real in self._seen:
-            name = node.text("file")
             raise node.error(f"file '{name}' is included twice; MuJoCo includes a file once")
-        inner = parse(content, shown(Path(path)))
         self._seen.add(real)
-        most = {"files": MOST_FILES, "bytes": LARGEST_FILE, "elements": MOST_ELEMENTS}
-        self._spent.update({"files": 1, "bytes": len(content), "elements": len([*inner.xml.iter("*")])})
-        for what in (what for what, limit in most.items() if self._spent[what] > limit):
-            raise node.error(f"more than {most[what]:,} {what} are included")
         return inner, path
+
+    def beside(self, path: str, number: int = 0) -> str:
+        """Return a path that starts at the folder of a file, by default the robot's own."""
+        return os.path.join(os.path.dirname(self._paths[number]), path)
 
 
 #: Elements that do not change the dynamics that hybridyn computes.
@@ -298,7 +258,8 @@ def _take_meshes(document: Document, contents: dict[str, bytes]) -> None:
             if ending not in ENDINGS:
                 raise node.error(f"mesh '{node.text('file')}' is none of {', '.join(ENDINGS)}{mend}")
             key = f"mesh{len(contents)}{ending}"
-            contents[key], _ = document.read(node, [folder], mend)
+            file = node.text("file")
+            contents[key], _ = document.includes.named(node, file, [os.path.join(folder, file)], mend)
             node.xml.attrib.update({"name": name, "file": key})
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..names import listed, unique
 from ..placement import motion_of, placement_from
-from ..records import Array, Joint, JointKind, Link, RobotFile
+from ..records import Array, Joint, JointKind, Link, RobotFile, StatedSpring, spring_effect
 from ..urdf.xml_node import Node
 from .compiling import Compiled, compile_text, pose
 from .document import Document, screen
@@ -81,11 +81,14 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> Non
     if root:
         at = int(model.jnt_qposadr[model.body_jntadr[root]])
         robot.base, robot.base_home = "floating", _coordinates("floating", q[at:])
-    sprung = {compiled.joints[number]: number for number in np.flatnonzero(model.jnt_stiffness)}
-    if sprung:
-        stiffness = {name: float(model.jnt_stiffness[number]) for name, number in sprung.items()}
-        rest = {name: float(model.qpos_spring[model.jnt_qposadr[n]]) for name, n in sprung.items()}
-        robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
+    springs = [
+        StatedSpring(
+            compiled.joints[n], float(model.jnt_stiffness[n]), float(model.qpos_spring[model.jnt_qposadr[n]])
+        )
+        for n in np.flatnonzero(model.jnt_stiffness)
+    ]  # fmt: skip
+    if springs:
+        robot.effects += (spring_effect(springs),)
 
 
 def _link(compiled: Compiled, body: int) -> Link:

@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,18 +17,14 @@ import numpy as np
 from ...errors import ModelError
 from ..names import did_you_mean, listed
 from ..records import Array
-from ..shipped import shown
-from ..urdf.robot_folders import RobotFolders
-from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
+from ..urdf.robot_folders import Includes
+from ..urdf.xml_node import Node
 from .elements import Notes, check, flag, pose, relative_to, word
 
 #: Oldest and newest version of SDFormat that is read, as (1, minor).
 VERSIONS = (4, 12)
 
-#: Most files that one robot may include, each as often as it is included.
-MOST_FILES = 1000
-
-#: Deepest nesting of models and of files.
+#: Deepest nesting of models and of their files.
 DEEPEST = 50
 
 #: Models of Gazebo that are only scenery; they are not opened.
@@ -73,9 +68,7 @@ class Library:
         """
         self.root, self.notes = root, Notes()
         self.own: Files = (os.path.abspath(root.file),)
-        folders = [os.fspath(folder) for folder in package_dirs]
-        self._folders = RobotFolders(self.own[0], folders, [], LARGEST_FILE)
-        self._files = self._count = self._size = 0
+        self._includes = Includes(self.own[0], [os.fspath(folder) for folder in package_dirs])
         minor_of(root)
         check(root, self.notes)
 
@@ -119,20 +112,10 @@ class Library:
             return node, files
         uri = node.required_child("uri")
         name = uri.content()
-        try:
-            path = self._locate(name, files[-1])
-            if os.path.realpath(path) in map(os.path.realpath, files):
-                raise ModelError(f"'{name}' includes itself")
-            if len(files) >= DEEPEST:
-                raise ModelError(f"includes are nested more than {DEEPEST} deep")
-            content = self._folders.read(path)
-        except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            raise uri.error(f"'{name[:80]}' cannot be read: {reason}") from None
-        except ModelError as error:
-            raise uri.error(str(error)) from None
-        root = parse(content, shown(Path(path)))
-        self._refuse_too_much(uri, root, len(content))
+        path = self._locate(uri, name, files[-1])
+        if os.path.realpath(path) in map(os.path.realpath, files):
+            raise uri.error(f"'{name}' includes itself")
+        root, path = self._includes.opened(uri, name, [path])
         if root.tag != "sdf":
             raise uri.error(f"the root element of '{name}' is <{root.tag}> instead of <sdf>")
         self.notes |= {note: [name] for note in root.notes}
@@ -143,47 +126,39 @@ class Library:
             raise uri.error(f"'{name}' holds {len(models)} models; an included file holds one <model>")
         return models[0], (*files, path)
 
-    def _locate(self, name: str, file: str) -> str:
+    def _locate(self, uri: Node, name: str, file: str) -> str:
         """Return the path of the file that another one includes.
 
         Raises:
             ModelError: It is not local, or there is no such package.
         """
         if not name:
-            raise ModelError("is empty; name a file or a folder of a model")
+            raise uri.error("is empty; name a file or a folder of a model")
         match = _SCHEME.fullmatch(name)
         scheme, rest = (match[1].lower(), match[2]) if match else ("", name)
         if scheme in ("model", "package"):
             package, _, below = rest.strip("/").partition("/")
             try:
-                path = os.path.join(self._folders.find(package), below)
+                path = os.path.join(self._includes.find(package), below)
             except ModelError as error:
-                raise ModelError(str(error).replace("package", scheme, 1)) from None
+                raise uri.error(str(error).replace("package", scheme, 1)) from None
         elif scheme in ("", "file"):
-            path = os.path.normpath(os.path.join(os.path.dirname(file), rest))
+            path = os.path.join(os.path.dirname(file), rest)
         else:
-            raise ModelError(f"'{name[:80]}' is not a local file; download it, and write its path")
-        return os.path.join(path, self._file_of_model(path)) if os.path.isdir(path) else path
+            raise uri.error(f"'{name[:80]}' is not a local file; download it, and write its path")
+        return os.path.join(path, self._file_of_model(uri, path)) if os.path.isdir(path) else path
 
-    def _file_of_model(self, folder: str) -> str:
+    def _file_of_model(self, uri: Node, folder: str) -> str:
         """Return the name of the SDF file in a folder: the newest that `model.config` states."""
         config = os.path.join(folder, "model.config")
         stated = {0: "model.sdf"}
         if os.path.isfile(config):
-            for node in parse(self._folders.read(config), shown(Path(config))).children("sdf"):
+            root, _ = self._includes.opened(uri, config, [config])
+            for node in root.children("sdf"):
                 match = _VERSION.fullmatch(str(node.xml.get("version", "1.4")).strip())
                 if match and VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
                     stated[int(match[1])] = node.content()
         return stated[max(stated)]
-
-    def _refuse_too_much(self, uri: Node, root: Node, size: int) -> None:
-        self._files, self._size = self._files + 1, self._size + size
-        self._count += sum(1 for _ in root.xml.iter("*"))
-        if self._files > MOST_FILES or self._count > MOST_ELEMENTS or self._size > LARGEST_FILE:
-            raise uri.error(
-                f"more than {MOST_FILES} files, {MOST_ELEMENTS} elements or {LARGEST_FILE // 2**20} MiB are "
-                "included"
-            )
 
 
 def name_of(own: Node, model: Node) -> str:

@@ -12,13 +12,16 @@ import hashlib
 import os
 import re
 import stat
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 from ...errors import ModelError, install_advice
+from ..shipped import shown
+from .xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
 
 #: Digest of each file that was read, by its path, while they are recorded.
 _recorded: ContextVar[dict[str, str] | None] = ContextVar("files_read", default=None)
@@ -186,6 +189,54 @@ class RobotFolders:
             folder for folder in self._granted if f"{real}/".startswith(f"{folder}/") and folder != os.sep
         ]
         return [real[len(folder) + 1 :].split(os.sep) for folder in inside]
+
+
+#: Most that one robot may include.
+MOST_INCLUDED = {"files": 1000, "bytes": LARGEST_FILE, "elements": MOST_ELEMENTS}
+
+
+class Includes(RobotFolders):
+    """The files that an MJCF or SDF file names, in the robot's folders and within limits."""
+
+    def __init__(self, file: str, package_dirs: Sequence[str], granted: Sequence[str] = ()) -> None:
+        super().__init__(file, package_dirs, [], LARGEST_FILE, granted)
+        self._spent: Counter[str] = Counter()
+
+    def named(self, node: Node, name: str, paths: Iterable[str], mend: str = "") -> tuple[bytes, str]:
+        """Read the file that an element names, and return its path, too.
+
+        Args:
+            node: The element.
+            name: The file as it names it.
+            paths: Where the file may be; the first one that can be opened counts.
+            mend: What follows in an error.
+
+        Raises:
+            ModelError: It cannot be read, or is outside the robot's folders.
+        """
+        wrong = ""
+        for path in dict.fromkeys(map(os.path.normpath, paths)):
+            try:
+                return self.read(path), path
+            except ModelError as error:
+                raise node.error(f"{error}{mend}") from None
+            except (OSError, ValueError) as error:
+                wrong = wrong or str(getattr(error, "strerror", None) or error)
+        raise node.error(f"{node.tag} '{name[:80]}' cannot be read: {wrong}{mend}")
+
+    def opened(self, node: Node, name: str, paths: Iterable[str]) -> tuple[Node, str]:
+        """Return the root element of a file, and the file's path; the arguments are those of `named`.
+
+        Raises:
+            ModelError: It cannot be read, or the robot includes too much.
+        """
+        content, path = self.named(node, name, paths)
+        root = parse(content, shown(Path(path)))
+        self._spent.update(files=1, bytes=len(content), elements=sum(1 for _ in root.xml.iter("*")))
+        for what, most in MOST_INCLUDED.items():
+            if self._spent[what] > most:
+                raise node.error(f"more than {most:,} {what} are included")
+        return root, path
 
 
 def _own_folder(file: str) -> str:

@@ -22,8 +22,18 @@ from ..motors import MEND
 from ..names import noted
 from ..records import Array, Closure, JointKind, Link, MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
-from .joints import UsdJoint, direction, instance, names_of, numbers_of, read_joints, roots_of
-from .positions import add_home, coupled, couplings
+from .joints import (
+    UsdJoint,
+    add_home,
+    coupled,
+    couplings,
+    direction,
+    instance,
+    names_of,
+    numbers_of,
+    read_joints,
+    roots_of,
+)
 from .schema import AXES, BODY, screen
 from .stage import Prim, Stage
 
@@ -129,16 +139,6 @@ def _of_scene(scene: Prim) -> Array:
     return down * (EARTH if magnitude == -np.inf else magnitude * scene.stage.meters)
 
 
-#: Formats by the first bytes of a file; OpenUSD knows them by the endings of names.
-STARTS = {b"#usda": "usda", b"#sdf": "usda", b"PXR-USDC": "usdc", b"PK\x03\x04": "usdz"}
-
-#: What a file is whose name does not end in its format.
-NOT_NAMED = {
-    "usda": "USD, but its name does not say so; rename it to end in .usda",
-    "usdc": "USD (usdc), but its name does not say so; rename it to end in .usdc",
-    "usdz": "a zip archive, which is read as a USD package only; rename it to end in .usdz if it is one",
-}
-
 _PLACE = re.compile(r"'?([^':\n]+):(\d+):\d+: ([^\n]*)")
 _GRAMMAR = re.compile(r"parse error matching .*?(?= at '|$)")
 _QUOTED = re.compile(r": '(.*?)'?\s*$", re.DOTALL)
@@ -174,11 +174,7 @@ def open_stage(file: str, folders: RobotFolders) -> Any:
         ModelError: A layer cannot be read, or may not be.
         Tf.ErrorException: OpenUSD refuses a layer, see `_refusal`.
     """
-    start = folders.read(file)[:8]
-    kind = next(kind for first, kind in STARTS.items() if start.startswith(first))
-    if os.path.splitext(file)[1] not in (".usd", f".{kind}"):
-        raise ModelError(f"this is {NOT_NAMED[kind]}", file=file)
-    root = _opened(os.path.abspath(file), "", file)
+    root = _opened(os.path.abspath(file), "it", file)
     _check_layers(root, folders, file)
     stage = Usd.Stage.Open(root)
     for problem in stage.GetCompositionErrors():
@@ -211,7 +207,7 @@ def _check_layers(root: Any, folders: RobotFolders, file: str) -> None:
 def _opened(path: str, name: str, file: str) -> Any:
     layer = Sdf.Layer.FindOrOpen(path)
     if layer is None:
-        raise ModelError(f"OpenUSD cannot read {name or 'it'}", file=file)
+        raise ModelError(f"OpenUSD cannot read {name}", file=file)
     return layer
 
 
