@@ -67,6 +67,7 @@ STUDY = Study("question", "per sample", "efforts", "reference", 1e-16, POINTS)
 
 def test_no_point_is_better_than_the_front() -> None:
     assert [p.setting for p in front(STUDY.chosen(points.OURS))] == ["fast", "slow"]
+    assert front(STUDY.chosen(())) == []
     assert [p.setting for p in front(POINTS[:3], 1e-2)] == ["fast"]
     assert error_words(POINTS[1], replace(STUDY, own_error=1e-2)) == "< 1e-02"
 

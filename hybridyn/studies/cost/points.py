@@ -189,7 +189,7 @@ def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
     good = (p for p in points if not p.how)
     best = pareto_front(good, lambda p: p.seconds, lambda p: max(p.error, own_error))
     following = [*(p.seconds for p in best[1:]), float("inf")]
-    return [p for p, after in zip(best, following, strict=True) if p.seconds * NOISE <= after]
+    return [p for p, after in zip(best, following, strict=False) if p.seconds * NOISE <= after]
 
 
 def by_line(points: Sequence[Point]) -> dict[str, list[Point]]:
