@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..linkage.targets import COORDINATES
-from ..spatial import Array
+from ..spatial import Array, Index
 from .as_matplotlib import empty_figure
 
 if TYPE_CHECKING:
@@ -23,12 +23,10 @@ SAME = 1e-7
 DIGITS = 7
 LABELS = {
     "conditioning": "conditioning [-], 1 is isotropic",
-    "effort_per_force": "largest effort per N of force",
-    "effort_per_torque": "largest effort per N m of torque",
-    "hold": "largest effort against gravity",
+    "effort_per_force": "largest effort per N of force [{} per N]",
+    "effort_per_torque": "largest effort per N m of torque [{} per N m]",
+    "hold": "largest effort against gravity [{}]",
 }
-#: Unit in the denominator of a measure, below the unit of effort.
-OVER = {"effort_per_force": "N", "effort_per_torque": "N m", "hold": ""}
 
 
 def figure_of_workspace(
@@ -50,33 +48,34 @@ def figure_of_workspace(
     Raises:
         HybridynError: matplotlib is missing.
     """
-    maps, lattice = _maps(measures), _Lattice(coordinates)
+    maps = {name: values for name, values in measures.items() if name in LABELS and values.any()}
+    held = [np.abs(values) for name, values in measures.items() if name.endswith("/effort")]
+    if held:
+        maps["hold"] = np.max(held, axis=0)
+    lattice = _Lattice(coordinates)
     axes, index = lattice.axes[:3], lattice.index
-    others = index[:, 3:]
-    here = (others == np.median(others, axis=0).round()).all(axis=1)
+    here = (index[:, 3:] == np.median(index[:, 3:], axis=0).round()).all(axis=1)
     levels = _levels(index[here, 2]) if len(axes) == 3 else [None]
     figure = empty_figure(3.1 * len(levels) + 1.4, 2.7 * len(maps) + 0.5)
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
-    labels = {name: _label(name, unit) for name in maps}
-    for number, (row, (name, values)) in enumerate(zip(panels, maps.items(), strict=True)):
-        finite = values[np.isfinite(values)]
+    for row, (name, values) in zip(panels, maps.items(), strict=True):
+        label, finite = LABELS[name].format(unit), values[np.isfinite(values)]
         # Clip the colour scale: a few postures near a singularity would otherwise dominate it.
         share = 100 if name == "conditioning" else 98
         limit = float(np.percentile(finite, share)) if len(finite) else None
-        image: Any = None
         for ax, level in zip(row, levels, strict=True):
             chosen = here if level is None else here & (index[:, 2] == level)
             if len(axes) == 1:
                 ax.plot(coordinates[axes[0]][chosen], values[chosen], ".-")
-                ax.set_ylabel(labels[name], fontsize="x-small")
+                ax.set_ylabel(label, fontsize="x-small")
             else:
                 image = _image(ax, lattice, chosen, values, limit)
-            if level is not None and number == 0:
+            if level is not None and ax in panels[0]:
                 at = lattice.start[2] + level * lattice.steps[2]
                 ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
             ax.tick_params(labelsize="x-small")
-        if image is not None:
-            figure.colorbar(image, ax=list(row), label=labels[name], shrink=0.9)
+        if len(axes) > 1:
+            figure.colorbar(image, ax=list(row), label=label, shrink=0.9)
             row[0].set_ylabel(f"{axes[1]} [{_unit(axes[1])}]")
     for ax in panels[-1]:
         ax.set_xlabel(f"{axes[0]} [{_unit(axes[0])}]")
@@ -105,31 +104,11 @@ class _Lattice:
         self.index = np.rint((values - self.start) / self.steps).astype(int)
 
 
-def _label(name: str, unit: str) -> str:
-    """Return the label of a map with its unit."""
-    if name not in OVER:
-        return LABELS[name]
-    over = OVER[name]
-    whole = f"({unit})/({over})" if over and " " in unit + over else f"{unit}/{over}" if over else unit
-    return f"{LABELS[name]} [{whole}]"
-
-
-def _maps(measures: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the maps by name; the map of gravity efforts is the maximum over the motors."""
-    maps = {name: values for name, values in measures.items() if name in LABELS and values.any()}
-    held = [values for name, values in measures.items() if name.endswith("/effort")]
-    if held:
-        maps["hold"] = np.abs(held).max(axis=0)
-    return maps
-
-
-def _levels(index: Array) -> list[int]:
-    """Choose evenly spaced values among the reached ones."""
+def _levels(index: Index) -> list[Any]:
+    """Choose evenly spaced values among the reached ones, without the ends, which are often single points."""
     values = np.unique(index)
-    if len(values) <= SLICES:
-        return [int(value) for value in values]
-    places = np.linspace(0, len(values) - 1, SLICES + 2)
-    return [int(values[round(at)]) for at in places[1:-1]]  # the ends are often single points
+    places = np.linspace(0, len(values) - 1, SLICES + 2)[1:-1].round().astype(int)
+    return list(values if len(values) <= SLICES else values[places])
 
 
 def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: float | None) -> Any:

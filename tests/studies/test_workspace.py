@@ -235,7 +235,7 @@ def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
     figure.savefig(tmp_path / "maps.svg")
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert all("[" in label for label in labels if "effort" in label or "conditioning" in label)
-    assert ("[(N m)/(N)]" in " ".join(labels)) == (name == "delta")
+    assert ("[N m per N]" in " ".join(labels)) == (name == "delta")
 
 
 def test_a_grid_keeps_to_the_branch_of_home(tmp_path: Path) -> None:
