@@ -9,6 +9,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.fronts import chosen, grouped, jacobians, ratios
 from benchmarks.results import Row
 from hybridyn.figures.fronts import LOOK, Curve, Panel, draw
@@ -136,10 +138,10 @@ def models(results: Results) -> list[list[Panel]]:
 def scaling(results: Results) -> list[list[Panel]]:
     """Draw time and memory against the number of modules, one row a family."""
     wanted = (("ddm", "us"), ("idm", "us"), ("ddm", "mib"))
-    names, look = ("method", "batch"), {"counts": True}
+    names = ("method", "batch")
     return [
         [
-            panel(chosen(own, model=model), f"{family}s, {MODELS[model]}", ("at", field), names, look=look)
+            panel(chosen(own, model=model), f"{family}s, {MODELS[model]}", ("at", field), names)
             for model, field in wanted
         ]
         for family, own in grouped(results["scaling"], "case").items()
@@ -203,7 +205,7 @@ def throughput(results: Results) -> list[list[Panel]]:
 def singular(results: Results) -> list[list[Panel]]:
     """Draw the error near singular postures against the distance."""
     rows = [row._replace(error=min(row.error, 30.0)) for row in results["singular"]]
-    distance = {"x": "distance from the singular posture [rad]", "reverse": True}
+    distance = {"x": "distance from the singular posture [rad]"}
     return [[panel(own, case, ("at", "error"), look=distance) for case, own in grouped(rows, "case").items()]]
 
 
@@ -293,6 +295,12 @@ def write_figures(folder: Path, results: Results, suffix: str = ".svg") -> list[
         rows = [[panel for panel in row if panel.curves] for row in make(results)]
         if any(rows):
             figure = draw(title, remark, [row for row in rows if row])
+            for ax in figure.axes:
+                if ax.get_xlabel() == AXES["at"]:
+                    counted = sorted(
+                        {int(x) for line in ax.get_lines() for x in np.atleast_1d(line.get_xdata())}
+                    )
+                    ax.set_xticks(counted, [str(x) for x in counted])
             metadata = {"Date": None} if suffix == ".svg" else None
             with rc_context({"svg.hashsalt": SEED, **LOOK}):
                 figure.savefig(folder / f"{name}{suffix}", metadata=metadata, dpi=100)

@@ -57,8 +57,6 @@ class Panel:
         title: Over the axes.
         x, y: Names of the axes.
         curves: The curves.
-        reverse: True where x falls to the right.
-        counts: True where x counts something: every number that occurs is written.
         notes: Words at points, x and y first.
     """
 
@@ -66,8 +64,6 @@ class Panel:
     x: str
     y: str
     curves: list[Curve] = field(default_factory=list)
-    reverse: bool = False
-    counts: bool = False
     notes: Sequence[tuple[float, float, str]] = ()
 
     @property
@@ -93,8 +89,6 @@ class Bars:
     names: Sequence[str]
     groups: Mapping[str, Sequence[float]]
     least: float = LEAST
-    y: str = ""
-    top: float = 0.0
 
 
 def draw(title: str, remark: str, rows: Sequence[Sequence[Panel | Bars]]) -> Figure:
@@ -103,33 +97,33 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel | Bars]]) -> Fig
     Raises:
         HybridynError: matplotlib is missing.
     """
-    figure = empty_figure(1.0, 1.0)
+    columns = max(len(row) for row in rows)
+    figure = empty_figure(PANEL[0] * columns + LEGEND, PANEL[1] * len(rows) + 0.6)
     import matplotlib as mpl
 
-    columns = max(len(row) for row in rows)
-    size = (PANEL[0] * columns + LEGEND, PANEL[1] * len(rows) + 0.6)
     with mpl.rc_context(LOOK):
-        figure.set_size_inches(*size)
         figure.suptitle(f"{title}\n{remark}", fontsize=11, color=INK, x=0.01, ha="left")
-        axes, every = figure.subplots(len(rows), columns, squeeze=False), [p for row in rows for p in row]
+        axes = figure.subplots(len(rows), columns, squeeze=False)
+        every = [panel for row in rows for panel in row if isinstance(panel, Panel)]
         for ax in axes.flat:
             ax.set_axis_off()
         for own, row in zip(axes, rows, strict=True):
             for ax, panel in zip(own, row, strict=False):
+                ax.set_axis_on()
+                ax.set_title(panel.title, loc="left", color=INK)
+                ax.spines[["top", "right"]].set_visible(False)
                 if isinstance(panel, Bars):
                     _bars(ax, panel)
-                    continue
-                _panel(ax, panel, max(other.top for other in every if other.y == panel.y))
-        named = {line.get_label(): line for ax in axes.flat for line in ax.get_lines()}
-        named = {name: line for name, line in named.items() if not str(name).startswith("_")}
-        figure.legend(list(named.values()), list(named), loc="outside right upper", frameon=False)
+                else:
+                    _panel(ax, panel, max(other.top for other in every if other.y == panel.y))
+        keys = [ax.get_legend_handles_labels() for ax in axes.flat]
+        named = {name: key for one in keys for key, name in zip(*one, strict=True)}
+        figure.legend([*named.values()], [*named], loc="outside right upper", frameon=False)
         return figure
 
 
 def _panel(ax: Axes, panel: Panel, most: float) -> None:
     """Draw the curves of a panel, beside panels that show so much of the same quantity."""
-    ax.set_axis_on()
-    ax.set_title(panel.title, loc="left", color=INK)
     if panel.top < ZERO_PANEL * most:
         ax.text(0.5, 0.5, "zero", ha="center", transform=ax.transAxes)
         ax.set(xticks=[], yticks=[])
@@ -140,44 +134,32 @@ def _panel(ax: Axes, panel: Panel, most: float) -> None:
     for x, y, words in panel.notes:
         ax.annotate(words, (x, max(y, LEAST)), (6, 6), textcoords="offset points", weight="bold")
     ax.grid(True, which="major", color=GRID, lw=0.7, zorder=0)
-    if panel.counts:
-        counted = sorted({int(x) for curve in panel.curves for x in curve.x})
-        ax.set_xticks(counted, [str(x) for x in counted])
     ax.minorticks_off()
-    ax.spines[["top", "right"]].set_visible(False)
     ax.autoscale_view()  # limits are otherwise found when the figure is drawn
-    ax.set_xlim(*widened(*ax.get_xlim()))
-    ax.set_ylim(*widened(*ax.get_ylim()))
-    if panel.reverse:
-        ax.invert_xaxis()
+    ax.set(xlim=widened(*ax.get_xlim()), ylim=widened(*ax.get_ylim()))
 
 
 def _bars(ax: Axes, panel: Bars) -> None:
     """Draw bars, from rounding or a tenth of the shortest on."""
     shown = [x for values in panel.groups.values() for x in values if panel.least < x < math.inf]
-    width, left = 0.8 / len(panel.groups), min(shown, default=panel.least) / 10
+    width = 0.8 / len(panel.groups)
     for number, (name, colour) in enumerate(zip(panel.groups, (INK, "#b9b9b9"), strict=False)):
         at = [k + width * (len(panel.groups) - 1 - number) for k in range(len(panel.names))]
-        ax.barh(at, [min(x, 1e3) for x in panel.groups[name]], width, color=colour)
-        ax.plot([], [], lw=6, color=colour, label=name)
-    ax.set_axis_on()
-    ax.set_title(panel.title, loc="left", color=INK)
-    ax.set(xscale="log", xlabel=panel.x, yticks=[k + width / 2 for k in range(len(panel.names))])
-    ax.set_yticklabels(panel.names)
-    ax.set_xlim(left=left)
-    ax.spines[["top", "right"]].set_visible(False)
+        ax.barh(at, [min(x, 1e3) for x in panel.groups[name]], width, color=colour, label=name)
+    ax.set_yticks([k + width / 2 for k in range(len(panel.names))], panel.names)
+    ax.set(xscale="log", xlabel=panel.x)
+    ax.set_xlim(left=min(shown, default=panel.least) / 10)
 
 
 def _curve(ax: Axes, curve: Curve) -> None:
     """Draw a curve, what it was chosen from, and its open points."""
-    look: Any = {"color": curve.colour, "markersize": 4.2}
     y, all_y = ([max(value, LEAST) for value in values] for values in (curve.y, curve.all_y))
     ax.plot(curve.all_x, all_y, ".", color=curve.colour, alpha=PALE, markersize=5, mew=0, zorder=2)
-    ax.plot(curve.x, y, "-o" if curve.joined else "o", label=curve.label, lw=1.4, zorder=3, **look)
-    hollow = [
-        point for point, is_open in zip(zip(curve.x, y, strict=True), curve.hollow, strict=False) if is_open
-    ]
-    ax.plot(*zip(*hollow, strict=True) if hollow else ([], []), "o", mfc="white", zorder=4, **look)
+    style = "-o" if curve.joined else "o"
+    ax.plot(curve.x, y, style, color=curve.colour, label=curve.label, lw=1.4, markersize=4.2, zorder=3)
+    for x, height, is_open in zip(curve.x, y, curve.hollow, strict=False):
+        if is_open:
+            ax.plot(x, height, "o", color=curve.colour, mfc="white", markersize=4.2, zorder=4)
 
 
 def widened(low: float, high: float) -> tuple[float, float]:
