@@ -122,7 +122,7 @@ def _differing(table: str, x: Any, y: Any) -> list[Slot]:
     out = []
     for field in fields(x):
         a, b = getattr(x, field.name), getattr(y, field.name)
-        if field.name in WITHOUT_EFFECT or np.array_equal(a, b):
+        if field.name in WITHOUT_EFFECT or (np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b):
             continue
         if field.name not in NUMBERS[table]:
             raise ModelError(
