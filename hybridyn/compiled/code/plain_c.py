@@ -241,7 +241,7 @@ def _call(program: Program, name: str, dtype: str) -> str:
         f"    S *shared = result + {result};",
         f"    V *own = ROOM(shared + {shared});",
         "    int k;",
-        *[f"    FETCH({_section(program, name)}, given, own);"] * (program.name in CALLED_ALONE),
+        *[f"    FETCH({_section(program, name)}, work, work + 1);"] * (program.name in CALLED_ALONE),
         *(each.format(n, f"given[{at} + k] = {word}[k]") for word, n, at in stored(program.inputs)),
         f"{each.format(given, 'guard += given[k] * (S)0')} /* not finite: NaN */",
         f"    {program.name}_samples(given, result, shared, own, &guard);",
