@@ -30,7 +30,7 @@ COMMANDS = (
 #: What stands in the place of commands that were.
 INSTEAD = {
     "robots": "hybridyn --robots",
-    "completion": "hybridyn --completion",
+    "completion": "hybridyn --completion SHELL",
     "size": "hybridyn idm ROBOT TRAJECTORY --loads",
     "effects": "hybridyn idm ROBOT TRAJECTORY --by-effect",
     "map": "hybridyn idm ROBOT TRAJECTORY --map A,B, or hybridyn workspace ROBOT --map A,B --grid N",
@@ -109,19 +109,17 @@ class Commands(click.Group):
 )
 @click.option(
     "--completion",
-    is_flag=False,
-    flag_value="",
-    metavar="SHELL",
-    help="Print the script with which bash, zsh or fish complete commands, options and robots.",
+    type=click.Choice(["bash", "zsh", "fish"]),
+    help="Print the script with which a shell completes commands, options and robots.",
 )
 @click.pass_context
 def commands(ctx: click.Context, debug: bool, robots: str | None, completion: str | None) -> None:
     """Dynamics of hybrid robots: parallel modules stacked in series, in URDF, MJCF, SDF or USD."""
-    if robots is not None:
+    if robots:
         from .lists import show_robots
 
         show_robots(robots)
-    elif completion is not None:
+    elif completion:
         from .lists import show_completion
 
         show_completion(completion)
@@ -187,17 +185,10 @@ def _program_manners() -> Iterator[None]:
         """End the program with the exit status of a termination."""
         raise SystemExit(TERMINATED)
 
-    thresholds = gc.get_threshold()
-    gc.set_threshold(NEW_OBJECTS, *thresholds[1:])
     with warnings.catch_warnings(), contextlib.ExitStack() as after:
-        after.callback(gc.set_threshold, *thresholds)
+        after.callback(gc.set_threshold, *gc.get_threshold())
+        gc.set_threshold(NEW_OBJECTS)
         warnings.showwarning = show
-        try:
-            before = signal.signal(signal.SIGTERM, terminate)
-        except ValueError:  # signals can be handled in the main thread only
-            yield
-            return
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGTERM, before)
+        with contextlib.suppress(ValueError):  # signals can be handled in the main thread only
+            after.callback(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, terminate))
+        yield

@@ -7,7 +7,7 @@ import click
 
 from ..compiled.failures import needs_casadi
 from ..conversion.convert import convert
-from .common.options import RobotChoice
+from .common.options import RobotChoice, refuse
 
 #: Exit status of --strict where something was lost.
 LOST = 1
@@ -18,14 +18,21 @@ def run(load: RobotChoice, output: str, tightness: float, as_c: bool, **of_c: An
     if as_c:
         _export(load, output, **of_c)
         return 0
-    given = [name for name in ("name", "float32", "map_joints", "parameters") if of_c[name]]
-    if given or of_c["effects"] != ("default",):
-        raise click.UsageError("--name, --float32, --map, --parameters and --effects belong to --c")
-    base = load.base
-    if base == "moving" or load != RobotChoice(
+    base = None if load.base == "moving" else load.base
+    read = RobotChoice(
         load.robot, base, xacro_args=load.xacro_args, package_dirs=load.package_dirs, strict=load.strict
-    ):
-        raise click.UsageError("--base moving, --motors, --gravity and the tolerances belong to --c")
+    )
+    given = any(of_c[name] for name in ("name", "float32", "map_joints", "parameters"))
+    refuse(
+        (
+            given or of_c["effects"] != ("default",),
+            "--name, --float32, --map, --parameters and --effects belong to --c",
+        ),
+        (
+            load != read,
+            "--base moving, --motors, --gravity and the tolerances belong to --c",
+        ),
+    )
     done = convert(
         load.robot,
         output,

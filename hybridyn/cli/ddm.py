@@ -17,8 +17,7 @@ from ..tables.signals import unit_of
 from ..tables.trajectory import base_acceleration
 from .common.engine import Engine, choose_engine, worth_of
 from .common.options import RobotChoice
-from .common.summary import Summary, about
-from .common.tables import Plan, Tables, for_each_table
+from .common.tables import Plan, Summary, Tables, about, for_each_table
 from .common.tables import run as run_pass
 
 

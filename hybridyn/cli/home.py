@@ -3,14 +3,11 @@
 from collections.abc import Iterator
 
 import click
-import numpy as np
 
 from ..description.side_cars.model_toml import home_table, write_home
 from ..errors import ModelError
-from ..simulation.table import state_columns, state_rows
 from ..structure.robot import HybridRobot, positions
 from ..studies.home import HomePosture, Homes, homes
-from ..tables.results import open_results
 from ..tables.signals import unit_of
 from .common.options import RobotChoice
 from .common.text import aligned_rows, counted
@@ -30,7 +27,6 @@ def run(
     starts: int,
     seed: int,
     choose: int | None,
-    output: str | None,
     write: bool,
 ) -> None:
     """Find the home postures of a robot, and print or write one."""
@@ -41,8 +37,6 @@ def run(
         choose = (inside or [1])[0]
     if choose > len(found.postures):
         raise ModelError(f"there is no posture {choose}: {counted(len(found.postures), 'posture')} found")
-    if output:
-        _save(robot, found, output)
     for line in _lines(robot, found, everything, choose):
         click.echo(line, err=not everything)
     posture = positions(robot, found.postures[choose - 1].q)
@@ -51,14 +45,6 @@ def run(
         click.echo(f"written to {write_home(str(robot.description.source), home)}", err=True)
     elif not everything:
         click.echo(home_table(home), nl=False)
-
-
-def _save(robot: HybridRobot, found: Homes, target: str) -> None:
-    """Write the postures as a table of states at rest, number n at n seconds."""
-    q = np.array([posture.q for posture in found.postures])
-    rest = np.zeros((len(q), robot.nv))
-    with open_results(target, state_columns(robot)) as write:
-        write(state_rows(robot, np.arange(1.0, len(q) + 1), q, rest, rest))
 
 
 def _name(robot: HybridRobot, posture: HomePosture) -> str:

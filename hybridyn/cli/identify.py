@@ -11,11 +11,11 @@ from ..effects.choice import choose
 from ..figures.identification import chart_of_identification
 from ..identification.excitation import excitation
 from ..identification.identify import identify
-from ..identification.result import Identification, summary, unknown
+from ..identification.result import summary, unknown
 from ..tables.opening import open_table
 from .common.engine import WORTH, choose_engine
 from .common.figures import save
-from .common.options import RobotChoice
+from .common.options import RobotChoice, refuse
 
 
 def run(
@@ -35,8 +35,8 @@ def run(
     **words: Any,
 ) -> None:
     """Identify the parameters of a robot, or compute a motion to measure."""
-    if (log is None) == (excite is None):
-        raise click.UsageError("give a log, or --excite and the file of the motion to be computed")
+    both = (log is None) == (excite is None)
+    refuse((both, "give a log, or --excite and the file of the motion to be computed"))
     robot = load()
     samples = None
     if log is not None:
@@ -51,11 +51,6 @@ def run(
         click.echo(f"a period of {motion.period:g} s, condition {motion.condition:.3g}: {excite}", err=True)
         return
     found = identify(robot, log, period=period, known=known or (), only=only or ("*",), **shared, **words)
-    _tell(found, output, report, plot)
-
-
-def _tell(found: Identification, output: str | None, report: str | None, plot: str | None) -> None:
-    """Print the result, and write the files that are wanted."""
     for line in [*summary(found), *unknown(found)]:
         click.echo(line.replace("`", "'"))
     if report:

@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import click
-
 from ..description.loop_signs import has_mass
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
@@ -19,9 +17,8 @@ from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
 from ..tables.columns import Layout
 from .common.engine import Engine, choose_engine, worth_of
-from .common.options import RobotChoice
-from .common.summary import Summary, about
-from .common.tables import Observer, Plan, Tables, for_each_table
+from .common.options import RobotChoice, refuse
+from .common.tables import Observer, Plan, Summary, Tables, about, for_each_table
 from .common.tables import run as run_pass
 
 #: Exit status where the motion exceeds a limit.
@@ -37,14 +34,14 @@ def _one(
     load: RobotChoice, tables: Tables, loads: bool, by_effect: bool, outputs: Sequence[str] | None,
     effects: tuple[str, ...], fail_on: str | None, engine: str | None, **model: Any,
 ) -> int:  # fmt: skip
-    if loads + by_effect + bool(outputs) > 1:
-        raise click.UsageError("--loads, --by-effect and --map exclude each other")
-    if (loads or by_effect) and tables.reactions:
-        raise click.UsageError("--reactions belongs to a table of efforts")
+    plain = model == {"weights": {}, "passive": "given", "on_singular": "raise"}
+    refuse(
+        (loads + by_effect + bool(outputs) > 1, "--loads, --by-effect and --map exclude each other"),
+        ((loads or by_effect) and tables.reactions, "--reactions belongs to a table of efforts"),
+        (by_effect and not plain, "--passive, --on-singular and --weights do not apply to --by-effect"),
+    )
     wanted = effects or (("model",) if loads or by_effect else ("default",))
     if by_effect:
-        if model != {"weights": {}, "passive": "given", "on_singular": "raise"}:
-            raise click.UsageError("--passive, --on-singular and --weights do not apply to --by-effect")
         from .common.reports import tell_effects
 
         tell_effects(load, tables, wanted, engine)
@@ -54,9 +51,8 @@ def _one(
         """Build the plan for a robot and a table."""
         robot, layout, on = given.robot, given.layout, choose(given.robot, wanted)
         for name in model["weights"]:
-            if name not in robot.motors:
-                hint = did_you_mean(name, robot.motors)
-                raise click.UsageError(f"--weights: there is no motor '{name}'{hint}")
+            hint = did_you_mean(name, robot.motors)
+            refuse((name not in robot.motors, f"--weights: there is no motor '{name}'{hint}"))
         if loads:  # the report names the limits
             on = on.only([name for name in on.names if name != "limits"])
         if not outputs or on.names:

@@ -1,6 +1,7 @@
 """`hybridyn simulate`: simulate a scene and write the table of its motion."""
 
 import contextlib
+import itertools
 import math
 import os
 import signal
@@ -24,8 +25,8 @@ from ..tables.results import check_target, open_results
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine
 from .common.figures import save, title_of
 from .common.files import check_targets
-from .common.progress import Progress
-from .common.summary import effects_line
+from .common.progress import progress
+from .common.tables import effects_line
 from .common.text import counted
 
 FAILED = ("unreachable", "unsolved", "singular")
@@ -52,10 +53,8 @@ def run(
     started = time.perf_counter()
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
-    state = _state_of(ready, target, anew=not resume and not overwrite)
+    state = _state_of(ready, target, resume=resume, overwrite=overwrite)
     check_targets(files_of(ready.source), (target, state, plot))
-    if resume:
-        _check_earlier(ready, target, state)
     chosen = _engine(ready, engine)
     with _between_steps(until) as (after_step, stop):
         result = play(
@@ -65,11 +64,10 @@ def run(
             resume=state if resume else None,
             compiled=chosen.model,
         )
-    finished = result.status in ("finished", "event")
-    _write(ready, result, target, chosen)
-    if plot and len(result.t):
-        _draw(ready, result, plot)
-    if state is not None and finished:
+    if chosen.model is not None:
+        chosen.handed_over = chosen.model.recomputed
+    _write(ready, result, target, plot, chosen)
+    if state is not None and result.status in ("finished", "event"):
         Path(state).unlink(missing_ok=True)
     if not quiet:
         for line in _summary(ready, result, chosen, time.perf_counter() - started):
@@ -90,20 +88,18 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
 def _evaluations(ready: Stage) -> int:
     """Estimate the number of evaluations of the direct model, from fixed steps or from a short trial run."""
     scene = ready.source.scene
+    solver, controller = scene.solver, scene.controller
     rows = 0 if ready.output_times is None else len(ready.output_times)
-    if scene.solver.step and scene.solver.method in ("rk4", "implicit"):
-        return math.ceil(4 * scene.duration / scene.solver.step)
-    if ready.motion is not None or scene.solver.method == "conserving":
+    if solver.step and solver.method in ("rk4", "implicit"):
+        return math.ceil(4 * scene.duration / solver.step)
+    stateful = controller is not None and controller.kind == "python"  # a program may keep a state
+    if stateful or ready.motion is not None or solver.method == "conserving":
         return rows
-    if scene.controller and scene.controller.kind == "python":
-        return rows  # a trial run would call a program that may keep a state
-    taken = 0
+    steps = itertools.count(1)
 
     def stop(t: float, end: float) -> None:
         """End the trial run after its steps."""
-        nonlocal taken
-        taken += 1
-        if taken == TRIAL:
+        if next(steps) == TRIAL:
             raise KeyboardInterrupt
 
     trial = play(replace(ready, output_times=np.array([scene.duration]), events=()), progress=stop)
@@ -125,14 +121,25 @@ def _own_target(ready: Stage) -> str | None:
     return target
 
 
-def _state_of(ready: Stage, target: str | None, *, anew: bool) -> str | None:
+def _state_of(ready: Stage, target: str | None, *, resume: bool, overwrite: bool) -> str | None:
     """Return the file of the state of a run into a file, None where there is none; check it."""
     if target is None or target == "-" or ready.motion is not None:
+        if resume:
+            raise click.UsageError("--resume continues the run in a result file: name it with -o")
         return None
     state = f"{target}.state"
     if os.path.islink(state):  # a scene's folder may have come with it
         raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
-    if os.path.exists(state) and anew:
+    there = os.path.exists(state)
+    if resume and not there:
+        raise TrajectoryError(
+            "there is no '.state' file beside it: the run is finished, or was not begun here", file=target
+        )
+    if resume and Result.load(state).origin.scene != identity(ready.source):
+        raise TrajectoryError(
+            f"was not begun with this scene as it stands in '{ready.source.file}' now", file=state
+        )
+    if there and not resume and not overwrite:
         raise click.UsageError(
             f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew"
         )
@@ -146,57 +153,36 @@ def _between_steps(until: float | None) -> Iterator[tuple[Callable[[float, float
     The run is shown, and stops between steps, on Ctrl-C and at a time [s]; a second Ctrl-C stops it at once.
     """
     marks: list[int] = []
-    steps, reached = 0, 0.0
 
     def after_step(t: float, end: float) -> None:
         """Show how far the run is, and stop it."""
-        nonlocal steps, reached
-        steps, reached = steps + (t != reached), t
-        bar.show(steps, t / end)
-        if marks or (until is not None and t >= until):
+        show(round(1e3 * t), t / end)
+        if marks or t >= (until or math.inf):
             raise KeyboardInterrupt
 
     def mark(number: int, frame: object) -> None:
-        """Note the first Ctrl-C; end the program at the second."""
-        if marks:
-            raise KeyboardInterrupt
+        """Note the first Ctrl-C; the second ends the program."""
         marks.append(number)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
-    with Progress("steps") as bar, contextlib.ExitStack() as after:
+    with progress("ms") as show, contextlib.ExitStack() as after:
         with contextlib.suppress(ValueError):  # signals can be handled in the main thread only
             after.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, mark))
         yield after_step, marks
 
 
-def _check_earlier(ready: Stage, target: str | None, state: str | None) -> None:
-    """Check that the result file holds a run of this scene that was stopped."""
-    if state is None:
-        raise click.UsageError("--resume continues the run in a result file: name it with -o")
-    if not os.path.isfile(state):
-        raise TrajectoryError(
-            "there is no '.state' file beside it: the run is finished, or was not begun here", file=target
-        )
-    if Result.load(state).origin.scene != identity(ready.source):
-        raise TrajectoryError(
-            f"was not begun with this scene as it stands in '{ready.source.file}' now", file=state
-        )
-
-
-def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
-    columns = columns_of(ready.robot)
+def _write(ready: Stage, result: Result, target: str | None, plot: str | None, engine: Engine) -> None:
+    """Write the table of the motion, and its figure."""
+    columns, rows = columns_of(ready.robot), rows_of(ready.robot, result)
     with naming(ready.source, ("output", "columns")):
         chosen = picked(columns, ready.source.scene.output.columns)
     head = [*remarks(ready.robot, result.method, ready.effects), str(engine)]
-    rows = rows_of(ready.robot, result)
     with open_results(target, [columns[i] for i in chosen], head) as write:
         for first in range(0, len(rows), AT_ONCE):  # the text of a number takes many times its memory
             write(rows[first : first + AT_ONCE, chosen])
-
-
-def _draw(ready: Stage, result: Result, plot: str) -> None:
-    title = title_of(ready.robot, str(ready.source.file))
-    columns, rows = columns_of(ready.robot), rows_of(ready.robot, result)
-    save(chart_of_rows(columns, result.t, rows, robot=ready.robot, title=title), plot)
+    if plot and len(rows):
+        title = title_of(ready.robot, str(ready.source.file))
+        save(chart_of_rows(columns, result.t, rows, robot=ready.robot, title=title), plot)
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:

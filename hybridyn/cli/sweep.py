@@ -8,7 +8,8 @@ from ..studies.sweep.best import Best, find_best
 from ..studies.sweep.sweep import Swept
 from ..studies.sweep.sweep import sweep as sweep_study
 from .common.figures import save
-from .common.progress import Progress
+from .common.options import refuse
+from .common.progress import progress
 from .common.text import aligned_rows, counted
 
 #: Designs of the Pareto front that are printed; the others are counted.
@@ -28,10 +29,11 @@ def run(
     plot: str | None,
 ) -> None:
     """Evaluate a study, and tell or draw the results."""
-    if study is None and best is None and plot is None:
-        raise click.UsageError("give a STUDY to evaluate, or --best or --plot to ask earlier results")
-    if where is not None and best is None and plot is None:
-        raise click.UsageError("--where belongs to --best or --plot")
+    asked = best or plot
+    refuse(
+        (not study and not asked, "give a STUDY to evaluate, or --best or --plot to ask earlier results"),
+        (where and not asked, "--where belongs to --best or --plot"),
+    )
     if study is not None:
         _evaluate(study, output, jobs, resume, allow_python, engine)
     if best is not None:
@@ -46,13 +48,13 @@ def _evaluate(
     """Evaluate a study, and print what became of its designs."""
     states: list[Swept] = []
     try:
-        with Progress("designs") as bar:
+        with progress("designs") as draw:
 
             def show(state: Swept) -> None:
                 """Keep the state of the sweep, and show it."""
                 states[:] = [state]
                 open_before = state.designs - state.done + state.now
-                bar.show(state.now, state.now / open_before)
+                draw(state.now, state.now / open_before)
 
             state = sweep_study(
                 study, output, jobs=jobs, resume=resume, allow_python=allow_python,

@@ -1,6 +1,5 @@
 """`hybridyn view`: show a robot in 3-D, on a page in the browser or in a file."""
 
-import importlib.util
 import threading
 import webbrowser
 from collections.abc import Iterator
@@ -10,7 +9,7 @@ import numpy as np
 
 from ..description.writing import appearing
 from ..effects import choose
-from ..errors import HybridynError, install_advice
+from ..errors import HybridynError, required
 from ..spatial import Array
 from ..streams.one_pass import efforts_in_blocks, read_postures
 from ..streams.postures import Postures
@@ -23,7 +22,7 @@ from ..view.render import Image, save_png
 from ..view.run import MOST, Run
 from ..view.visuals import read_visuals
 from .common.options import RobotChoice
-from .common.progress import Progress
+from .common.progress import progress
 
 SHAPES = ("yourdfpy", "trimesh")
 PICTURES = ("PIL", "embreex", *SHAPES)
@@ -43,7 +42,8 @@ def run(
     no_browser: bool,
 ) -> None:
     """Show a robot on a page, or write a picture or a film."""
-    _check_installed(plot[-4:].lower() if plot else "page")
+    for package in NEEDS[plot[-4:].lower() if plot else "page"]:
+        required(package, "view", "this")  # before any work is done
     robot = load()
     picture = _picture(robot, load)
     run = None if motion is None else _run(robot, motion, effects)
@@ -51,13 +51,6 @@ def run(
         _write(Shot(robot, picture, size, colours == "file"), run, at, plot)
         return
     _serve(robot, picture, run, host, port, browser=not no_browser)
-
-
-def _check_installed(what: str) -> None:
-    """Check, before any work is done, that the needed packages are installed."""
-    for package in NEEDS[what]:
-        if importlib.util.find_spec(package) is None:
-            raise click.UsageError(f"this needs {package}: {install_advice('view')}")
 
 
 def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
@@ -107,7 +100,7 @@ def _write(shot: Shot, run: Run | None, at: float | None, target: str) -> None:
         raise click.UsageError("--time says a time of a motion, and there is no motion")
     if run is not None and at is not None and not run.begin <= at <= run.end:
         raise click.UsageError(f"--time {at:g}: the motion goes from {run.begin:g} to {run.end:g}")
-    with appearing(target) as draft, Progress("pictures") as progress:
+    with appearing(target) as draft, progress("pictures") as show:
         if target.lower().endswith(".png"):
             save_png(still(shot, run, at), str(draft))
             return
@@ -117,7 +110,7 @@ def _write(shot: Shot, run: Run | None, at: float | None, target: str) -> None:
         def told() -> Iterator[Image]:
             """Yield the frames, and show the progress after each."""
             for count, frame in enumerate(frames):
-                progress.show(count + 1, (count + 1) / whole)
+                show(count + 1, (count + 1) / whole)
                 yield frame
 
         save_mp4(told(), shot.size, str(draft))

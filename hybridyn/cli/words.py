@@ -1,6 +1,5 @@
 """The words of all commands but `cost`: arguments, options and help. What a command does is in its module."""
 
-from collections.abc import Iterable
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -36,33 +35,12 @@ def _run(name: str, /, **words: Any) -> Any:
     return import_module(f"hybridyn.cli.{name}").run(**words)
 
 
-def _effects() -> Iterable[str]:
-    """Return the names of effects and the words for several."""
-    from ..effects.choice import UNITS, WORDS
-
-    return (*UNITS, *WORDS)
-
-
-def _engines() -> Iterable[str]:
-    """Return the names of the engines."""
-    from ..studies.compare.methods import ENGINES
-
-    return ENGINES
-
-
-def _codes() -> Iterable[str]:
-    """Return the codes of findings."""
-    from ..studies.check.finding import CODES
-
-    return CODES
-
-
 def _effects_option(default: str | None) -> click.Option:
     """Return `--effects`. `default`: what applies where the user gives none, None where there are several."""
     more = "" if default else ".  [default: default; with --loads and --by-effect model]"
     return option(
-        "--effects", metavar="A,B,...", callback=known_names("effect", _effects), default=default,
-        show_default=bool(default),
+        "--effects", metavar="A,B,...", default=default, show_default=bool(default),
+        callback=known_names("effect", "effects.choice", "UNITS", "WORDS"),
         help="Effects: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (all that the files "
         f"state), 'none', or names (docs/effects.md){more}",
     )  # fmt: skip
@@ -88,16 +66,13 @@ def _tables(ctx: click.Context, param: click.Parameter, value: str) -> str:
     return value if several(value) else existing_file(ctx, param, value)
 
 
-def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
+def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, ...]:
     """Parse "1280x720"; films need even numbers."""
-    parts = value.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() for part in parts):
-        raise click.BadParameter(f"'{value}' is not of the form 1280x720", ctx, param)
-    width, height = (int(part) for part in parts)
-    if not all(SMALLEST <= number <= LARGEST and number % 2 == 0 for number in (width, height)):
-        message = f"'{value}': width and height must be even, from {SMALLEST} to {LARGEST}"
+    size = tuple(int(part) if part.isdecimal() else 0 for part in value.split("x"))
+    if len(size) != 2 or not all(SMALLEST <= part <= LARGEST and part % 2 == 0 for part in size):
+        message = f"'{value}' is not two even numbers from {SMALLEST} to {LARGEST}, as 1280x720"
         raise click.BadParameter(message, ctx, param)
-    return width, height
+    return size
 
 
 ENGINE = option(
@@ -365,7 +340,7 @@ info = RobotCommand(
             show_default=True, help="Exit with status 1 if there is a finding of this severity or above.",
         ),
         option(
-            "--ignore", metavar="CODE,...", callback=known_names("finding", _codes),
+            "--ignore", metavar="CODE,...", callback=known_names("finding", "studies.check.finding", "CODES"),
             help="Codes of findings to leave out.",
         ),
         option("--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code."),
@@ -401,11 +376,6 @@ home = RobotCommand(
             help="The posture that is shown or written, as --all numbers them.  [default: the nearest to "
             "home within limits]",
         ),
-        option(
-            "-o", "--output", metavar="FILE", callback=result_file,
-            help="Write all postures as a table of states at rest, second by second; 'hybridyn view ROBOT "
-            "FILE' shows them.",
-        ),
         option("--write", is_flag=True, help="Write the posture to the robot's model.toml."),
     ],
 )  # fmt: skip
@@ -426,7 +396,7 @@ compare = RobotCommand(
     params=[
         option(
             "--with", "engines", metavar="ENGINE,...", default="pinocchio,mujoco", show_default=True,
-            callback=known_names("engine", _engines),
+            callback=known_names("engine", "studies.compare.methods", "ENGINES"),
             help="Engines to compare; those that are not installed are listed and skipped.",
         ),
         option(

@@ -13,8 +13,8 @@ from ..studies.workspace.workspace import Workspace, workspace
 from ..tables.results import open_results
 from .common.figures import save
 from .common.maps import tell_map
-from .common.options import Grid, RobotChoice
-from .common.progress import Progress
+from .common.options import Grid, RobotChoice, refuse
+from .common.progress import progress
 from .common.text import aligned_rows, counted
 
 #: Maximum number of joints that are named as bounds.
@@ -36,17 +36,21 @@ def run(
     grid: Grid | None,
 ) -> None:
     """Find the poses that a module reaches, or the map over a grid."""
-    if (outputs is None) != (grid is None):
-        raise click.UsageError("--map and --grid belong together; along a trajectory: 'hybridyn idm --map'")
+    others = any((module, link, sweep, at, steps, no_limits, plot, jobs))
+    refuse(
+        (
+            (outputs is None) != (grid is None),
+            "--map and --grid belong together; along a trajectory: 'hybridyn idm --map'",
+        ),
+        (outputs and others, "with --map, only --grid and -o apply"),
+    )
     if outputs is not None and grid is not None:
-        if any((module, link, sweep, at, steps, no_limits, plot, jobs)):
-            raise click.UsageError("with --map, only --grid and -o apply")
         tell_map(load(), outputs, grid, output)
         return
     keep_freed_memory()
     started = time.perf_counter()
     robot = load()
-    with Workers(0 if jobs in (None, 1) else jobs) as workers, Progress("poses") as bar:
+    with Workers(0 if jobs in (None, 1) else jobs) as workers, progress("poses") as show:
         found = workspace(
             robot,
             module,
@@ -56,7 +60,7 @@ def run(
             steps=steps,
             limits=not no_limits,
             spread=workers.over,
-            progress=lambda poses: bar.show(poses, None),
+            progress=lambda poses: show(poses, None),
         )
     _write(found, load, output)
     if plot:
@@ -100,13 +104,6 @@ def _summary(found: Workspace, seconds: float) -> list[str]:
             lost = len(values) - len(finite)
             note = f", {counted(lost, 'singular pose')}" if lost else ""
             lines.append(f"{name}: {finite.min():.4g} to {finite.max():.4g}{note}")
-    held = {name: values for name, values in found.measures.items() if name.endswith("/effort")}
-    if held:
-        worst = {
-            name: float(np.max(np.abs(v), initial=0.0, where=np.isfinite(v))) for name, v in held.items()
-        }
-        name = max(worst, key=lambda motor: worst[motor])
-        lines.append(f"largest effort against gravity: {worst[name]:.4g} by {name.removesuffix('/effort')}")
     stops = sorted(found.blocked.items(), key=lambda item: (-item[1], item[0]))
     named = [
         f"{'reach of the loops' if name == 'reach' else name} ({count:,})" for name, count in stops[:BLOCKS]

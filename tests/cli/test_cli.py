@@ -16,7 +16,7 @@ import pytest
 import hybridyn
 import hybridyn.compiled.programs.closing.tables as tables
 from hybridyn.cli import COMMANDS, commands, main
-from hybridyn.cli.common.progress import Progress
+from hybridyn.cli.common.progress import progress
 from hybridyn.cli.common.text import aligned_rows
 from hybridyn.errors import AT_SAMPLE, AssemblyError
 from hybridyn.streams.one_pass import MOST_ROWS
@@ -388,12 +388,12 @@ def test_progress_is_drawn_only_when_it_takes_long(capsys, monkeypatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     clock = Clock()
     monkeypatch.setattr("hybridyn.cli.common.progress.time", clock)
-    with Progress() as progress:
+    with progress() as show:
         clock.now = 1.9
-        progress.show(10, 0.1)
+        show(10, 0.1)
         assert capsys.readouterr().err == ""
         clock.now = 10.0
-        progress.show(1_000, 0.5)
+        show(1_000, 0.5)
         drawn = capsys.readouterr().err
         assert "50%" in drawn
         assert "1,000 samples, 100/s, 10 s left" in drawn

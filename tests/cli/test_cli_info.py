@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from hybridyn.cli.common.tree import lines
+from hybridyn.cli.info import lines
 from hybridyn.figures.module_tree import cards
 from hybridyn.studies.check import loops
 from hybridyn.studies.check.loops import home_residuals

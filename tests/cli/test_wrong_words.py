@@ -44,8 +44,7 @@ USAGE = [
         (words, f"'{words.split()[-1]}' is not a regular file but a pipe or a device")
         for words in ("info x.urdf", "idm five_bar x.csv", "plot x.csv", "simulate x.toml")
     ),
-    ("idm arm.urdf traj.csv --gravity 1,2", "three numbers"),
-    ("idm arm.urdf traj.csv --gravity 1,2,nan", "not finite"),
+    ("idm arm.urdf traj.csv --gravity 1,2,down", "'1,2,down' is not numbers with commas between"),
     ("idm arm.urdf traj.csv --base loose", "'loose' is not one of"),
     ("idm arm.urdf traj.csv --xacro n=3", "name:=value"),
     ("idm arm.urdf traj.csv a:=1,b:=2", "joins arguments by a comma: write them apart, a:=1 b:=2"),
@@ -84,8 +83,8 @@ USAGE = [
     ("info lx4 --plot a.gif", ".pdf"),
     ("view delta --plot a.gif", "must end in .png"),
     ("view delta --plot nowhere/a.mp4", "there is no folder"),
-    ("view delta --plot a.png --size 99x100", "must be even"),
-    ("view delta --plot a.png --size big", "1280x720"),
+    ("view delta --plot a.png --size 99x100", "'99x100' is not two even numbers from 64 to 4096"),
+    ("view delta --plot a.png --size big", "as 1280x720"),
     ("view delta --plot a.png --time 1", "there is no motion"),
     (ANKLE, "--map and --grid belong together; along a trajectory: 'hybridyn idm --map'"),
     ("workspace five_bar --grid 3", "--map and --grid belong together"),
@@ -102,6 +101,8 @@ USAGE = [
 ]  # fmt: skip
 #: Status 1: what only the robot tells.
 ASKED = [
+    ("idm arm.urdf traj.csv --gravity 1,2", "gravity must be three finite numbers"),
+    ("idm arm.urdf traj.csv --gravity 1,2,nan", "gravity must be three finite numbers"),
     ("idm five_bar --by-effect --effects gravity,velocity", "'velocity' needs 'inertia'"),
     ("idm five_bar --by-effect --effects spring", "state no numbers for the effect 'spring'"),
     ("idm arm.urdf spaces.csv", "spaces.csv: has spaces between its columns: write commas"),

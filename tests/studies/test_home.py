@@ -11,9 +11,8 @@ import hybridyn
 from hybridyn.cli.home import _name
 from hybridyn.structure.robot import positions
 from hybridyn.studies.home import HomePosture, homes
-from tests.command_line import call, read_table
+from tests.command_line import call
 from tests.comparing import refused
-from tests.extras import needs
 from tests.robot_texts import save
 
 #: Closed to rounding, relative to the module's length.
@@ -138,22 +137,6 @@ def test_a_posture_within_limits_is_written_unless_another_is_asked_for(
     call(capsys, "home", file, "--write")
     robot = hybridyn.load(file)
     assert positions(robot, robot.home)["b"][0] < 0
-
-
-def test_all_postures_become_a_table_that_other_commands_read(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    robot, target = hybridyn.load(file), tmp_path / "postures.csv"
-    call(capsys, "home", file, "--all", "-o", target)
-    table = read_table(target.read_text())
-    assert (table["time"] == [1, 2]).all()
-    for row, posture in enumerate(homes(robot).postures):
-        expected = {name: x for name, (x,) in positions(robot, posture.q).items()}
-        turns = [(table[f"{name}/position"][row] - x) / (2 * np.pi) for name, x in expected.items()]
-        assert np.abs(turns - np.round(turns)).max() < EXACT
-    call(capsys, "idm", file, target)
-    needs("view", "trimesh")
-    call(capsys, "view", file, target, "--plot", tmp_path / "second.png", "--time", "2")
 
 
 @pytest.mark.parametrize("text", ["home.drive = 0.1\n", "home = { drive = 0.1 }\n"])

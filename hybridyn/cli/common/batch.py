@@ -21,8 +21,8 @@ from ...structure.robot import HybridRobot
 from ...studies.sweep.pools import MOST_DEATHS, open_pool
 from ...threads import one_thread
 from .. import explained
-from .options import RobotChoice
-from .progress import Progress
+from .options import RobotChoice, refuse
+from .progress import progress
 from .tables import one_table
 from .text import counted
 
@@ -61,9 +61,7 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
         HybridynError: No table is found, the robot does not load, or the folder has other results.
     """
     started = time.perf_counter()
-    for name in ("plot", "reactions"):
-        if options.get(name):
-            raise click.UsageError(f"--{name} belongs to a single table")
+    refuse(*((options[name], f"--{name} belongs to a single table") for name in ("plot", "reactions")))
     outcomes = list[Outcome]()
     identity = _identity(command, options)
     shards, folder = _shards(options["source"], options["output"], ending), Path(options["output"])
@@ -74,7 +72,7 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
             for file in left
         ]
         try:
-            with Progress("tables") as bar:
+            with progress("tables") as show:
                 for outcome in open_pool(options["jobs"]).run(compute, tasks, lost) if tasks else ():
                     outcomes.append(outcome)
                     source = outcome.source
@@ -83,7 +81,7 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
                     elif shards[source].exists():
                         with open(folder / ABOUT, "a", encoding="utf-8") as record:
                             record.write(_line(left[source], shards[source]))
-                    bar.show(len(outcomes), len(outcomes) / len(left))
+                    show(len(outcomes), len(outcomes) / len(left))
         finally:
             good = sorted(one for one in outcomes if not one.error)
             for one in good:
@@ -100,21 +98,21 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
 
 def _shards(source: str, output: str | None, ending: str) -> dict[str, Path]:
     """Return the shard of each table."""
-    if output is None or output == "-" or (os.path.exists(output) and not os.path.isdir(output)):
-        raise click.UsageError("several tables need a folder for their shards: -o FOLDER")
     pattern = os.path.join(glob.escape(source), "*.parquet") if os.path.isdir(source) else source
     files = sorted(file for file in glob.glob(pattern, recursive=True) if os.path.isfile(file))
-    if not files:
-        advice = f"; others by a glob: '{os.path.join(source, '*.csv')}'" if os.path.isdir(source) else ""
-        raise click.UsageError(f"'{pattern}' matches no table{advice}")
+    advice = f"; others by a glob: '{os.path.join(source, '*.csv')}'" if os.path.isdir(source) else ""
+    nowhere = output in (None, "-") or (os.path.exists(str(output)) and not os.path.isdir(str(output)))
+    refuse(
+        (nowhere, "several tables need a folder for their shards: -o FOLDER"),
+        (not files, f"'{pattern}' matches no table{advice}"),
+    )
     shards: dict[str, Path] = {}
     taken = {os.path.realpath(file): "a table" for file in files}
     for file in files:
         stem, own = os.path.splitext(os.path.basename(file))
-        shards[file] = shard = Path(output, stem + (ending or own))
+        shards[file] = shard = Path(str(output), stem + (ending or own))
         place = os.path.realpath(shard)
-        if place in taken:
-            raise click.UsageError(f"'{shard}', the shard of '{file}', would replace {taken[place]}")
+        refuse((place in taken, f"'{shard}', the shard of '{file}', would replace {taken.get(place)}"))
         taken[place] = f"that of '{file}'"
     return shards
 

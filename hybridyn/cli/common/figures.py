@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ...description.writing import appearing, write_text
-from ...errors import install_advice
+from ...errors import required
 from .files import ends_in
 
 if TYPE_CHECKING:  # completion does without them
@@ -35,9 +34,7 @@ def figure_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | 
         ends_in(*endings)(ctx, param, value)
         if value is None:
             return value
-        package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
-        if importlib.util.find_spec(package) is None:
-            raise click.BadParameter(f"this needs {package}: {install_advice('plot')}", ctx, param)
+        required("plotly" if value.lower().endswith(PAGE) else "matplotlib", "plot", "this")
         return value
 
     return check

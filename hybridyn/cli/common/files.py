@@ -29,12 +29,11 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
     """
     if value is None or value == "-" or os.path.isfile(value):
         return value
-    if not os.path.exists(value) and (shipped := find_data(value)):
-        return shipped
-    if os.path.isdir(value):
-        raise click.BadParameter(f"'{value}' is a folder", ctx, param)
     if os.path.exists(value):
-        raise click.BadParameter(f"'{value}' is not a regular file but a pipe or a device", ctx, param)
+        what = "a folder" if os.path.isdir(value) else "not a regular file but a pipe or a device"
+        raise click.BadParameter(f"'{value}' is {what}", ctx, param)
+    if shipped := find_data(value):
+        return shipped
     folder, name = os.path.split(value)
     if folder and not os.path.isdir(folder):
         raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)

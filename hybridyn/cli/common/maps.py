@@ -18,7 +18,7 @@ from ...structure.robot import HybridRobot
 from ...studies import map_table
 from ...tables.columns import Layout
 from ...tables.results import open_results
-from .options import Grid
+from .options import Grid, refuse
 from .text import counted
 
 #: Points of a grid in all.
@@ -53,12 +53,8 @@ class MapSummary:
 
     def add(self, done: Rows) -> None:
         """Add a block."""
-        self.add_rows(done.rows)
-
-    def add_rows(self, rows: Array) -> None:
-        """Add rows of the map."""
-        found = map_table.conditions(self.robot, self.joints, rows)
-        self.postures += len(rows)
+        found = map_table.conditions(self.robot, self.joints, done.rows)
+        self.postures += len(done.rows)
         self.low, self.high = min(self.low, found.min()), max(self.high, found.max())
 
     def show(self, layout: Layout | None, left: Departures | None, quiet: bool) -> None:
@@ -93,7 +89,7 @@ def tell_map(robot: HybridRobot, joints: Sequence[str], grid: Grid, output: str 
     rows, summary = map_table.map_rows(found), MapSummary(robot, joints)
     with open_results(output, map_table.map_columns(robot, joints)) as write:
         write(rows)
-    summary.add_rows(rows)
+    summary.add(Rows(rows))
     summary.show(None, None, quiet=False)
     out = {"out of reach": len(every) - len(reached), "singular": len(reached) - len(kept)}
     for what, count in out.items():
@@ -105,16 +101,13 @@ def _values(robot: HybridRobot, joints: Sequence[str], grid: Grid) -> dict[str, 
     """Return the positions of each joint on the grid."""
     if isinstance(grid, int):
         records = [robot.records[name] for name in joints]
-        for joint in records:
-            if not math.isfinite(joint.upper - joint.lower):
-                raise click.UsageError(
-                    f"joint '{joint.name}' has no limits in the robot's file: give --grid FROM:TO:COUNT,..."
-                )
+        said = "joint '{}' has no limits in the robot's file: give --grid FROM:TO:COUNT,..."
+        refuse(*((math.isinf(one.upper - one.lower), said.format(one.name)) for one in records))
         grid = tuple((joint.lower, joint.upper, grid) for joint in records)
-    if len(grid) != len(joints):
-        raise click.UsageError(
-            f"--grid has {counted(len(grid), 'range')} for {counted(len(joints), 'joint')}"
-        )
-    if math.prod(count for _, _, count in grid) > MOST_POINTS:
-        raise click.UsageError(f"--grid has more than {MOST_POINTS:,} points")
-    return {name: np.linspace(*given) for name, given in zip(joints, grid, strict=True)}
+    points = math.prod(count for _, _, count in grid)
+    given, wanted = counted(len(grid), "range"), counted(len(joints), "joint")
+    refuse(
+        (len(grid) != len(joints), f"--grid has {given} for {wanted}"),
+        (points > MOST_POINTS, f"--grid has more than {MOST_POINTS:,} points"),
+    )
+    return {name: np.linspace(*ends) for name, ends in zip(joints, grid, strict=True)}

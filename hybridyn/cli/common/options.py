@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,6 +23,17 @@ MOST_LETTERS = 30
 
 #: A number of points for each joint, or first and last position and number of points of each.
 Grid = int | tuple[tuple[float, float, int], ...]
+
+
+def refuse(*cases: tuple[object, str]) -> None:
+    """Check options that do not belong together. `cases`: whether they are given, and what is said then.
+
+    Raises:
+        click.UsageError: The first of the cases that is there.
+    """
+    for there, said in cases:
+        if there:
+            raise click.UsageError(said)
 
 
 def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...] | None:
@@ -48,19 +60,12 @@ def numbers_by_name(ctx: click.Context, param: click.Parameter, values: tuple[st
     return out
 
 
-def _vector(
-    ctx: click.Context, param: click.Parameter, value: str | None
-) -> tuple[float, float, float] | None:
-    """Parse three numbers separated by commas."""
-    if value is None:
-        return None
+def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Parse numbers separated by commas."""
     try:
-        x, y, z = (float(number) for number in value.split(","))
+        return None if value is None else tuple(float(number) for number in value.split(","))
     except ValueError:
-        raise click.BadParameter(f"'{value}' is not three numbers with commas between", ctx, param) from None
-    if not all(math.isfinite(number) for number in (x, y, z)):
-        raise click.BadParameter(f"'{value}' is not finite", ctx, param)
-    return x, y, z
+        raise click.BadParameter(f"'{value}' is not numbers with commas between", ctx, param) from None
 
 
 def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -77,19 +82,21 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
     return {match[1]: match[2] for match in matches.values() if match}
 
 
-def known_names(what: str, known: Callable[[], Iterable[str]]) -> Callable[..., tuple[str, ...]]:
+def known_names(what: str, module: str, *collections: str) -> Callable[..., tuple[str, ...]]:
     """Return a callback that splits names at commas, and checks them before any work is done.
 
     Args:
         what: What they are the names of.
-        known: Returns the names that there are.
+        module: The module of hybridyn that knows them, imported only when the option is given.
+        collections: The collections of it that they are in.
     """
 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
         """Split and check the names."""
         if value is None or ctx.resilient_parsing:  # completion must be quick: nothing large is imported
             return ()
-        names, every = split_names(ctx, param, value) or (), tuple(known())
+        known, names = import_module(f"hybridyn.{module}"), split_names(ctx, param, value) or ()
+        every = [name for one in collections for name in getattr(known, one)]
         for name in names:
             if name not in every:
                 hint = f"{did_you_mean(name, every)}; known: {', '.join(every)}"
@@ -103,22 +110,17 @@ def parse_grid(ctx: click.Context, param: click.Parameter, value: str | None) ->
     """Parse a number of points, or FROM:TO:COUNT for each joint."""
     if value is None:
         return None
+    words = [part.split(":") for part in value.split(",")]
     try:
-        if ":" not in value:
-            ranges: tuple[tuple[float, float, int], ...] = ()
-            counts = [int(value)]
-        else:
-            words = [part.split(":") for part in value.split(",")]
-            ranges = tuple((float(a), float(b), int(n)) for a, b, n in words)
-            counts = [n for _, _, n in ranges]
+        ranges = tuple((float(a), float(b), int(n)) for a, b, n in words) if ":" in value else int(value)
     except ValueError:
         raise click.BadParameter(
             f"'{value}' is neither a number of points nor FROM:TO:COUNT,... for each joint", ctx, param
         ) from None
-    ordered = all(math.isfinite(b - a) and (a < b or n == 1) for a, b, n in ranges)
-    if min(counts) < 1 or not ordered:
+    every = [(0.0, 1.0, ranges)] if isinstance(ranges, int) else ranges
+    if not all(n >= 1 and math.isfinite(b - a) and (a < b or n == 1) for a, b, n in every):
         raise click.BadParameter(f"'{value}': a range has FROM < TO and at least one point", ctx, param)
-    return ranges or counts[0]
+    return ranges
 
 
 class Shared(click.Option):
@@ -206,7 +208,7 @@ ROBOT_OPTIONS = (
         help="Driven joints, instead of those in the files.",
     ),
     Shared(
-        ["--gravity"], metavar="X,Y,Z", callback=_vector,
+        ["--gravity"], metavar="X,Y,Z", callback=_numbers,
         help="Gravity [m/s^2].  [default: of the file]",
     ),
     XACRO,

@@ -2,8 +2,8 @@
 
 import sys
 import time
-from types import TracebackType
-from typing import Self
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 #: Time before the bar appears [s].
 PATIENCE = 2.0
@@ -12,43 +12,34 @@ INTERVAL = 0.1
 BAR_WIDTH = 30
 
 
-class Progress:
-    """A bar that appears after two seconds and is erased at the end. A context manager."""
+@contextmanager
+def progress(thing: str = "samples") -> Iterator[Callable[[int, float | None], None]]:
+    """Yield a function that shows the progress: a bar that appears after two seconds, and goes at the end.
 
-    def __init__(self, thing: str = "samples") -> None:
-        self._thing = thing
-        self.started = self.drawn = time.perf_counter()
-        self.wanted = sys.stderr.isatty()
-        self.visible = False
+    The function takes the number of things done, and the part of the work that is done, in [0, 1], or None if
+    it is unknown.
+    """
+    started = drawn = time.perf_counter()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self.visible:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
-
-    def show(self, samples: int, fraction: float | None) -> None:
-        """Draw the bar, if an update is due.
-
-        Args:
-            samples: Number of samples done.
-            fraction: Fraction of the work that is done, in [0, 1], or None if unknown.
-        """
+    def show(count: int, part: float | None) -> None:
+        """Draw the bar, if an update is due."""
+        nonlocal drawn
         now = time.perf_counter()
-        if not self.wanted or now - self.started < PATIENCE or now - self.drawn < INTERVAL:
+        if now - started < PATIENCE or now - drawn < INTERVAL or not sys.stderr.isatty():
             return
         import shutil  # only a bar that is drawn needs it
 
-        self.drawn, self.visible = now, True
-        elapsed = now - self.started
-        text = f"{samples:,} {self._thing}, {samples / elapsed:,.0f}/s"
-        if fraction:
-            full = round(BAR_WIDTH * fraction)
-            left = elapsed * (1.0 - fraction) / fraction
-            text = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {fraction:4.0%}  {text}, {left:,.0f} s left"
+        drawn, elapsed = now, now - started
+        text = f"{count:,} {thing}, {count / elapsed:,.0f}/s"
+        if part:
+            full, left = round(BAR_WIDTH * part), elapsed * (1.0 - part) / part
+            text = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {part:4.0%}  {text}, {left:,.0f} s left"
         sys.stderr.write(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}")
         sys.stderr.flush()
+
+    try:
+        yield show
+    finally:
+        if drawn > started:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

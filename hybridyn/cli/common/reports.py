@@ -21,8 +21,7 @@ from .engine import WORTH_OF_EFFECTS, choose_engine
 from .figures import save, title_of
 from .files import write_report
 from .options import RobotChoice
-from .summary import about
-from .tables import Tables
+from .tables import Tables, about
 from .text import aligned_rows, counted
 
 #: Part of the numbers that make it up, below which a sum is their rounding.
@@ -152,19 +151,25 @@ def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], en
     chosen = choose_engine(engine, robot, on, len(q), WORTH_OF_EFFECTS, obstacles)
     sets = None if chosen.model is None else EffectSets(chosen.model)
     with rows_named(layout, motion):
-        found = contributions(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time, sets=sets)
+        contributed = contributions(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time, sets=sets)
     told: list[dict[str, Any]] = [
         {"effect": one.name, "motor": motor, "unit": robot.effort_units[i]}
         | {
             name: float(values[i]) if math.isfinite(values[i]) else None
             for name, values in (("peak", one.peak), ("rms", one.rms), ("share", one.share))
         }
-        for one in found
+        for one in contributed
         for i, motor in enumerate(robot.motors)
     ]
     if tables.output:
         write_report(tables.output, told)
-    click.echo("\n".join(_effect_rows(told)))
+    rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
+    for one in told:  # without an effect, a passive motion may need an effort that no motor has
+        cells = ["needed", "", "", ""]
+        if one["peak"] is not None:
+            cells = [f"{one['peak']:.4g}", f"{one['rms']:.4g}", one["unit"], f"{one['share']:.2%}"]
+        rows.append([one["effect"], one["motor"], *cells])
+    click.echo("\n".join(aligned_rows(rows, right=(2, 3, 5))))
     if tables.plot:
         title = f"{title_of(robot, tables.source)}: what each effect adds"
         save(chart_of_report(told, title=title), tables.plot)
@@ -173,22 +178,6 @@ def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], en
     lines = about(robot, layout, on)
     if sets is not None:
         chosen.handed_over = sum(model.recomputed for model in sets.models.values())
-        lines.append(f"{counted(len(sets.models), 'set')} of effects compiled")
-        for names, reason in [*sets.refused.items()][:1]:
-            others = f"{counted(len(sets.refused), 'set')} of effects left to the general path"
-            lines.append(f"{others}; {', '.join(names)}: {reason}")
+        made, refused = counted(len(sets.models), "set"), len(sets.refused)
+        lines.append(f"{made} of effects compiled, {refused} left to the general path")
     click.echo("\n".join([*lines, str(chosen)]), err=True)
-
-
-def _effect_rows(told: list[dict[str, Any]]) -> list[str]:
-    """Return the table of each effect's addition to each motor's effort.
-
-    Without an effect, a passive motion may need an effort that no motor has.
-    """
-    rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
-    for one in told:
-        cells = ["needed", "", "", ""]
-        if one["peak"] is not None:
-            cells = [f"{one['peak']:.4g}", f"{one['rms']:.4g}", one["unit"], f"{one['share']:.2%}"]
-        rows.append([one["effect"], one["motor"], *cells])
-    return aligned_rows(rows, right=(2, 3, 5))

@@ -1,4 +1,4 @@
-"""Commands that compute a table from another one, row by row: their files, and the pass over the rows."""
+"""Commands that compute a table from another one, row by row: their files, the pass, what is told of it."""
 
 import contextlib
 import time
@@ -8,18 +8,26 @@ from typing import Any, NamedTuple, Protocol
 import click
 import numpy as np
 
+from ...description.names import listed
+from ...effects import Effects
+from ...effects.choice import stated_names
+from ...spatial import Array
 from ...streams.departures import Departures
 from ...streams.one_pass import Model, Pass, Rows
 from ...streams.reaction_columns import reaction_columns, shared_wrenches
 from ...streams.workers import Workers, keep_freed_memory
+from ...structure.robot import HybridRobot
+from ...studies.home import branch
 from ...tables.columns import Layout
 from ...tables.opening import Table, open_table
+from ...tables.over_time import Means, Peaks
 from ...tables.results import open_results
 from .engine import Engine
+from .figures import save, title_of
 from .files import check_targets, report_file, result_file, several
-from .options import RobotChoice
-from .progress import Progress
-from .text import counted
+from .options import RobotChoice, refuse
+from .progress import progress
+from .text import aligned_rows, counted
 
 #: Numbers in a table above which several processes pay: about three seconds of work for one.
 LONG_TABLE = 300_000
@@ -32,11 +40,9 @@ class Observer(Protocol):
 
     def add(self, done: Rows) -> None:
         """Add a block."""
-        ...
 
     def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
         """Print what was seen, and the limits that joints leave; on standard error only if not `quiet`."""
-        ...
 
 
 class Plan(NamedTuple):
@@ -90,8 +96,7 @@ def for_each_table(compute: Callable[..., int], words: dict[str, Any], *, report
         from .batch import compute_each
 
         return compute_each(compute, words, ".csv" if report else "", resume=resume)
-    if resume:
-        raise click.UsageError("--resume belongs to several tables")
+    refuse((resume, "--resume belongs to several tables"))
     (report_file if report else result_file)(click.get_current_context(), None, words["output"])
     return one_table(compute, words)
 
@@ -100,8 +105,8 @@ def one_table(compute: Callable[..., int], words: dict[str, Any]) -> int:
     """Check the files of one table, and compute it."""
     tables = Tables(**{name: words.pop(name) for name in Tables._fields})
     check_targets([tables.source], (tables.output, tables.reactions))
-    if tables.reactions == "-" and tables.output in (None, "-"):
-        raise click.UsageError("efforts and reactions cannot both go to standard output")
+    both = tables.reactions == "-" and tables.output in (None, "-")
+    refuse((both, "efforts and reactions cannot both go to standard output"))
     return compute(tables=tables, **words)
 
 
@@ -138,10 +143,8 @@ def run(
         loaded, samples, left = time.perf_counter(), 0, Departures()
         observers = [*planned.observers]
         if tables.plot and planned.columns is not None:
-            from .drawing import Drawing
-
             observers.insert(0, Drawing(given.robot, table, planned.columns, tables.plot))
-        with _writer(tables, given, planned.columns) as write, Progress() as progress:
+        with _writer(tables, given, planned.columns) as write, progress() as show:
             for done in done_by:
                 left.add(done.left, done.first_row, done.time)
                 planned.engine.handed_over += done.handed_over
@@ -149,7 +152,7 @@ def run(
                     observer.add(done)
                 write(done)
                 samples += len(done.rows)
-                progress.show(samples, min(samples / table.rows, 1.0) if table.rows else None)
+                show(samples, min(samples / table.rows, 1.0) if table.rows else None)
     finished = time.perf_counter()
     for observer in observers:
         observer.show(given.layout, left, tables.quiet)
@@ -195,3 +198,116 @@ def _writer(tables: Tables, given: Pass, columns: Sequence[str] | None) -> Itera
                 to(rows if done.time is None else np.column_stack([done.time, rows]))
 
         yield write
+
+
+class Summary:
+    """Peaks and RMS of columns of the motors and the worst closure residual, accumulated block by block."""
+
+    def __init__(
+        self,
+        robot: HybridRobot,
+        quantity: str,
+        units: Sequence[str],
+        columns: Sequence[str],
+    ) -> None:
+        """Start an empty summary.
+
+        Args:
+            quantity: Quantity of the motors, "effort" or "acceleration": those in the columns are told.
+            units: Its unit by motor.
+            columns: Names of the columns.
+        """
+        self.robot, self.quantity = robot, quantity
+        self.residual, self.squares = 0.0, Means()
+        place = {name: i for i, name in enumerate(columns)}
+        units_of = dict(zip(robot.motors, units, strict=True))
+        self.units = {name: unit for name, unit in units_of.items() if f"{name}/{quantity}" in place}
+        self.at = [place[f"{name}/{quantity}"] for name in self.units]
+        self.peaks = Peaks(len(self.at))
+
+    def add(self, done: Rows) -> None:
+        """Add a block."""
+        self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
+        values = done.rows[:, self.at]
+        self.peaks.add(values, _places(done))
+        self.squares.add(done.time, values**2)
+
+    def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
+        """Print the summary on standard error, if this is not `quiet`."""
+        if quiet:
+            return
+        rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
+        for i, (name, unit) in enumerate(self.units.items()):
+            at = self.peaks.at[i]
+            place = f"row {at:.0f}" if layout.time is None else f"{at:.6g} s"
+            rms = self.squares.mean[i] ** 0.5
+            rows.append([name, f"{self.peaks.value[i]:.6g}", f"{rms:.6g}", unit, place])
+        lines = [f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}"]
+        lines += [f"  {line}" for line in aligned_rows(rows, right=(1, 2)) if self.units]
+        lines += left.lines()
+        if self.robot.description.closures or self.robot.description.couplings:
+            lines.append(f"worst closure residual: {self.residual:.2g} of the module's size")
+        click.echo("\n".join(lines), err=True)
+
+
+class Drawing:
+    """A chart of a result over time, which watches the blocks of a pass."""
+
+    def __init__(self, robot: HybridRobot, table: Table, columns: Sequence[str], target: str) -> None:
+        """Start without rows.
+
+        Args:
+            table: The table from which the result is computed.
+            columns: Names of the columns of the rows.
+            target: The file, whose ending says its format.
+        """
+        self.robot, self.table, self.columns, self.target = robot, table, columns, target
+        self.parts: list[tuple[Array, Array]] = []
+
+    def add(self, done: Rows) -> None:
+        """Add a block."""
+        from ...figures.motion import MOST_SAMPLES, extremes
+
+        each = max(1, (self.table.rows or 0) // MOST_SAMPLES)
+        self.parts.append(extremes(_places(done), done.rows, each))
+
+    def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
+        """Write the chart."""
+        from ...figures.motion import chart_of_rows
+
+        x, rows = map(np.concatenate, zip(*self.parts, strict=True))
+        timed, title = layout.time is not None, title_of(self.robot, self.table.file)
+        chart = chart_of_rows(self.columns, x, rows, robot=self.robot, timed=timed, title=title)
+        save(chart, self.target)
+
+
+def _places(done: Rows) -> Array:
+    """Return the times of the rows of a block, or their numbers where there are no times."""
+    if done.time is not None:
+        return done.time
+    return np.arange(done.first_row, done.first_row + len(done.rows), dtype=float)
+
+
+def effects_line(effects: Effects) -> str:
+    """Return the line that names the effects that were on."""
+    return f"effects on: {', '.join(effects.names) or 'none'}; others off"
+
+
+def about(robot: HybridRobot, layout: Layout, effects: Effects) -> list[str]:
+    """Return lines on a table: its means, the rates that a spline fits, the branch, the effects."""
+    lines = []
+    if layout.time is None:
+        lines.append("the table has no times: RMS values are means over its rows")
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for signal in layout.signals:
+        groups.setdefault(signal.missing, []).append(signal.name)
+    lines += [
+        f"not in the table, fitted by a quintic spline over time: {' and '.join(missing)} of {listed(names)}"
+        for missing, names in groups.items()
+        if missing
+    ]
+    lines += [*([] if layout.full_state else branch(robot)), effects_line(effects)]
+    left = ", ".join(name for name in stated_names(robot) if name not in effects.names)
+    if left:
+        lines.append(f"the robot's files state {left}: not computed; '--effects model' computes all")
+    return lines
