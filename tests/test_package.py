@@ -101,7 +101,7 @@ def test_a_robot_is_printed_in_two_lines() -> None:
 def test_messages_name_extras_that_exist() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     sources = "".join(path.read_text() for path in PACKAGE.rglob("*.py"))
-    named = set(re.findall(r"""(?:install_advice\('|required\("[\w.]+", ")(\w+)""", sources))
+    named = set(re.findall(r"""(?:install_advice\('|required\([\w."]+, ")(\w+)""", sources))
     assert {"io", "plot", "view", "compiled", "robots"} <= named <= extras.keys()
     assert sources.count("pip install 'hybridyn[") == 1  # the words stand in one function
     assert "pip install -e '.[plot]'" in install_advice("plot")

@@ -34,7 +34,8 @@ def figure_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | 
         ends_in(*endings)(ctx, param, value)
         if value is None:
             return value
-        required("plotly" if value.lower().endswith(PAGE) else "matplotlib", "plot", "this")
+        package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
+        required(package, "plot", "this")
         return value
 
     return check
