@@ -165,17 +165,23 @@ def cold(results: Results) -> Table:
 def batches(_: Results) -> Table:
     """List the most samples a second on a GPU, and how long NVRTC builds each model."""
     rows = list(csv.DictReader((RESULTS / "batches.csv").read_text().splitlines()))
-    speeds: dict[tuple[str, ...], float] = {}
-    for row in rows:
-        at = row["robot"], row["model"].partition("_")[0], row["dtype"], row["device"]
-        if row["engine"] == "hybridyn.warp":
-            speeds[at] = max(speeds.get(at, 0.0), float(row["per_second"]))
+    best: dict[tuple[str, str], dict[str, str]] = {}
+    for row in sorted(
+        (r for r in rows if r["dtype"] == "float64" and r["per_second"]), key=lambda r: float(r["per_second"])
+    ):
+        best[row["engine"], row["robot"] + row["model"]] = row
     lines = []
     for row in (row for row in rows if row["engine"] == "NVRTC"):
-        at = row["robot"], row["model"].partition("_")[0], row["dtype"], row["device"]
-        speed = number(speeds[at]) if at in speeds else "not measured"
-        lines.append([row["robot"], at[1], row["device"], speed, number(float(row["seconds"]))])
-    return ["robot", "model", "device", "samples a second", "NVRTC [s]"], lines
+        model = row["model"].partition("_")[0]
+        ours, host = (best.get((engine, row["robot"] + model)) for engine in ("hybridyn.warp", "compile"))
+        device = (
+            [ours["device"], number(float(ours["per_second"])), ours["samples"]]
+            if ours
+            else ["not measured", "", ""]
+        )
+        beside = number(float(host["per_second"])) if ours and host else ""
+        lines.append([row["robot"], model, *device, beside, number(float(row["seconds"]))])
+    return ["robot", "model", "device", "samples a second", "of", "compile", "NVRTC [s]"], lines
 
 
 def derivatives(results: Results) -> Table:

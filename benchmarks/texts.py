@@ -55,9 +55,13 @@ is the size of the file that was compiled for the robot.
 """
 
 BATCHES = """\
-Models of `hybridyn.warp` in double precision: the most samples a second of 2^10 to 2^20 on a GPU, and how
-long NVRTC builds a model for sm_80 and sm_90, which needs none. `python -m benchmarks.batches` measures them,
-beside compiled models on all cores and MuJoCo Warp.
+Models of `hybridyn.warp` in double precision: the most samples a second on a GPU, of how many, beside
+compiled models on the 16 cores of that machine (`step`: one core), and how long NVRTC builds a model for
+sm_80 and sm_90, which needs no GPU. `python -m benchmarks.batches` measures them, and MuJoCo Warp. The time
+on the card ended early: five_bar was measured up to 65,536 samples, the others with 1,024, which do not fill
+it.
+
+Rows in full: [batches.csv](results/batches.csv).
 """
 
 DERIVATIVES = """\
