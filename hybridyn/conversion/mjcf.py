@@ -24,7 +24,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ..description.names import unique
-from ..description.placement import inverse, motion_of, outwards, placement_from, turned
+from ..description.placement import inverse, motion_of, placement_from, turned
 from ..description.records import FREEDOMS, ZERO, Array, Description, Joint, JointKind, Link
 from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
@@ -90,7 +90,7 @@ class Tree:
 
     def _add_all(self) -> None:
         """Add all bodies, depth first, which is the order of MuJoCo's `qpos`."""
-        root, todo = self._d.root, list[tuple[ET.Element, Joint, Array, tuple[Carried, ...]]]()
+        root, todo = self._d.root, list[tuple[ET.Element, int, Joint, Array, tuple[Carried, ...]]]()
         first = self._children.get(root, [])
         if root == WORLD and self._d.base == "fixed":
             self.bodies[root] = self.worldbody
@@ -99,9 +99,15 @@ class Tree:
         else:
             kind: JointKind = "floating" if self._d.base == "floating" else "fixed"
             first = [Joint(f"{root}:free", kind, "", root, np.eye(4), AXES[0])]
-        todo += [(self.worldbody, joint, np.eye(4), ()) for joint in reversed(_last_free(first))]
+        todo += [(self.worldbody, 1, joint, np.eye(4), ()) for joint in reversed(_last_free(first))]
         while todo:
-            element, joint, M, carried = todo.pop()
+            element, depth, joint, M, carried = todo.pop()
+            if depth > DEEPEST:
+                raise ModelError(
+                    f"more than {DEEPEST} bodies one inside the other, up to '{joint.child}'; XML readers "
+                    "go no deeper",
+                    element=joint.child,
+                )
             step = joint.placement
             if joint.kind in WORDS and joint.kind != "spherical":
                 step = step @ motion_of(joint, {joint.name: home_of(self._d, joint)})
@@ -111,10 +117,10 @@ class Tree:
             children = _last_free(self._children.get(joint.child, []))
             massless = is_weightless(self._links[joint.child]) and joint.child not in self._closed
             if here and massless and len(children) == 1 and joint.kind != "floating":
-                todo.append((element, children[0], at, here))
+                todo.append((element, depth, children[0], at, here))
                 continue
             body = self._add_body(element, joint.child, at, here)
-            todo += [(body, child, np.eye(4), ()) for child in reversed(children)]
+            todo += [(body, depth + 1, child, np.eye(4), ()) for child in reversed(children)]
 
     def _add_body(self, parent: ET.Element, link: str, at: Array, carried: tuple[Carried, ...]) -> ET.Element:
         free = carried and carried[0][0].kind == "floating"
@@ -332,7 +338,6 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
         ModelError: The robot is too deep for nested bodies, or names would occur twice.
     """
     d = request.description
-    _check_depth(d)
     root, notes = ET.Element("mujoco", model=d.name), list[str]()
     add(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
     option = add(root, "option", gravity=d.gravity or USUAL_GRAVITY, integrator="implicitfast")
@@ -457,16 +462,3 @@ def _add_couplings(root: ET.Element, equality: ET.Element, d: Description) -> No
         second, coefficient = others[0] if others else (None, 0.0)
         polynomial = (offset / factor, -coefficient / factor, 0, 0, 0)
         add(equality, "joint", name=name, joint1=first, joint2=second, polycoef=polynomial)
-
-
-def _check_depth(d: Description) -> None:
-    """Refuse robots that are too deep to be written as nested bodies."""
-    depth = {d.root: 1}
-    for joint in outwards(d.joints, [d.root]):
-        depth[joint.child] = depth[joint.parent] + 1
-        if depth[joint.child] > DEEPEST:
-            raise ModelError(
-                f"more than {DEEPEST} joints one behind the other, up to link '{joint.child}'; bodies of "
-                "MJCF stand inside one another, and XML readers go no deeper",
-                element=joint.child,
-            )

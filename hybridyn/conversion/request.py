@@ -206,12 +206,13 @@ def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], 
         ),
         motors=tuple(joints[name] for name in d.motors),
         home={joints[name]: x for name, x in d.home.items()},
-        effects=tuple((name, _keys(numbers, joints | links)) for name, numbers in d.effects),
+        effects=tuple((name, _renamed(numbers, joints | links)) for name, numbers in d.effects),
     )
 
 
-def _keys(value: Any, names: Mapping[str, str]) -> Any:
+def _renamed(numbers: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
     """Return the numbers of an effect with the new names of joints and links."""
-    if isinstance(value, Mapping):
-        return {names.get(key, key): _keys(item, names) for key, item in value.items()}
-    return value
+    return {
+        key: {names[name]: x for name, x in value.items()} if isinstance(value, Mapping) else value
+        for key, value in numbers.items()
+    }

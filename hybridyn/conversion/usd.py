@@ -25,6 +25,7 @@ from .parts import POINT_INERTIA, in_parts, sizes_of
 from .request import (
     FORCES,
     FREED,
+    PLAIN,
     USUAL_GRAVITY,
     Losses,
     Request,
@@ -291,31 +292,27 @@ def write_usd(request: Request, losses: Losses) -> Written:
     bodies = {link.name: add_body(robot, link, poses[link.name]) for link in d.links}
     if request.shapes:
         losses.add("visual shapes, which convert does not write to USD")
-    held = robot.child("Scope", "joints")
     if d.base == "floating":
         bodies[d.root].apply("PhysicsArticulationRootAPI")
     else:
         ends = End(None, np.eye(4)), End(bodies[d.root], np.eye(4))
-        start_joint(held, "root_joint", (), ends).apply("PhysicsArticulationRootAPI")
+        start_joint(robot, "root_joint", (), ends).apply("PhysicsArticulationRootAPI")
     motors = {*d.motors}
     joints = [
         add_joint(
-            held, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in motors,
+            robot, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in motors,
             d.home.get(joint.name), losses,
         )
         for joint in d.joints
     ]  # fmt: skip
-    closing = robot.child("Scope", "closures") if d.closures else robot
     for closure in d.closures:
-        add_closure(closing, closure, (bodies[closure.link_a], bodies[closure.link_b]), losses)
+        add_closure(robot, closure, (bodies[closure.link_a], bodies[closure.link_b]), losses)
     by_name = {joint.name: (joint, prim) for joint, prim in zip(d.joints, joints, strict=True) if prim}
     followers, left = followers_of(d.couplings, losses)
     for name, (leader, factor, offset) in followers.items():
         _add_mimic(*by_name[name], *by_name[leader], factor, offset)
     _add_scene(top, d)
-    model = _model_file(d, left)
-    beside = {".model.toml": model} if model else {}
-    return Written(_text(robot, top), tuple(_notes(d)), beside)
+    return Written(_text(robot, top), tuple(_notes(d)), {".model.toml": _model_file(d, left)})
 
 
 def valid_name(name: str) -> str:
@@ -365,29 +362,16 @@ def _add_scene(top: Prim, d: Description) -> None:
 
 
 def _model_file(d: Description, couplings: list[Coupling]) -> str:
-    """Return the model file: effects, other couplings, gears, and motors that drives do not state."""
-    motors = {*d.motors}
-    driven = [joint.name for joint in d.joints if joint.name in motors and joint.effort != 0]
-    stated = [joint for joint in d.joints if FREEDOMS[joint.kind] == 1 or joint.kind == "spherical"]
-    numbers = {joint.name: _numbers(joint) for joint in stated}
-    return model_file(
-        d,
-        motors=not d.motors or tuple(driven) != d.motors,
-        joints={name: table for name, table in numbers.items() if table},
-        couplings=couplings,
-        effects=[name for name, _ in d.effects],
-    )
-
-
-def _numbers(joint: Joint) -> dict[str, float]:
-    """Return the numbers of a joint that its prim does not hold."""
-    several = FREEDOMS[joint.kind] > 1
-    out = {}
-    if joint.gear_ratio != 1 or (several and joint.rotor_inertia):
-        out = {"rotor_inertia": joint.rotor_inertia, "gear_ratio": joint.gear_ratio}
-    if several:
-        out |= {word: getattr(joint, word) for word in ("damping", "friction") if getattr(joint, word)}
-    return out
+    """Return the model file: motors, effects, other couplings, and numbers that no prim holds."""
+    numbers: dict[str, dict[str, float]] = {}
+    for joint in d.joints:
+        geared = FREEDOMS[joint.kind] == 1 and joint.gear_ratio != 1
+        words = FORCES if joint.kind == "spherical" else FORCES[2:] if geared else ()
+        stated = {word: getattr(joint, word) for word in words}
+        numbers[joint.name] = {word: x for word, x in stated.items() if x != getattr(PLAIN, word)}
+    joints = {name: table for name, table in numbers.items() if table}
+    effects = [name for name, _ in d.effects]
+    return model_file(d, motors=True, joints=joints, couplings=couplings, effects=effects)
 
 
 def _notes(d: Description) -> list[str]:

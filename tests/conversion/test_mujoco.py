@@ -233,7 +233,7 @@ def chain(names: list[str], closures: tuple[Closure, ...] = ()) -> Description:
 
 def test_what_mujoco_would_not_read_is_refused() -> None:
     deep = chain([str(number) for number in range(300)])
-    refused(lambda: Model(deep), ModelError, "more than 240 joints")
+    refused(lambda: Model(deep), ModelError, "more than 240 bodies")
 
 
 @pytest.mark.parametrize("moments", [(-1e-6, 0.1, 0.1), (-0.2, 0.1, 0.05), (0.0, 0.0, 1.0)])

@@ -20,11 +20,6 @@ from ..records import Array
 from ..urdf.xml_node import LARGEST_NUMBER
 from .document import Document, Place
 
-#: Corrections of frequent errors, by a part of MuJoCo's message.
-CORRECTIONS = {
-    "mass and inertia of moving bodies": "give every moving body an <inertial> or a geom with mass"
-}
-
 #: MuJoCo's enumerations by the first part of their words.
 ENUMERATIONS = {
     "mjOBJ": "mjtObj", "mjJNT": "mjtJoint", "mjEQ": "mjtEq", "mjTRN": "mjtTrn", "mjWRAP": "mjtWrap",
@@ -63,13 +58,11 @@ REFUSED = {
     "dof_dampingpoly": "damping that depends on the speed is not read; keep its first number",
     "actuator_dampingpoly": "damping that depends on the speed is not read; keep its first number",
 }
+_OF_SEVERAL = "of a joint with several freedoms is not read; set it to 0 (<freejoint/> takes no defaults)"
 #: What a joint with several freedoms may not have.
 REFUSED_OF_SEVERAL = {
-    "jnt_stiffness": "a spring of a joint with several freedoms is not read; set stiffness to 0",
-    "dof_frictionloss": "frictionloss of a joint with several freedoms is not read; set frictionloss to 0",
-}
-#: What follows where the joint is free.
-FREE_HINT = ", or write <freejoint/>, which takes no defaults"
+    "jnt_stiffness": f"a spring {_OF_SEVERAL}", "dof_frictionloss": f"frictionloss {_OF_SEVERAL}"
+}  # fmt: skip
 
 _LINE = re.compile(r"\bline (\d+)")
 _NAME = re.compile(r"Element name '([^']+)'")
@@ -242,9 +235,8 @@ def _refusal(text: str, file: str, places: list[Place]) -> ModelError:
     first = text.strip().split("\n", 1)[0].removeprefix("XML ").removeprefix("Error: ")
     file, line = _place_in(text, places) or (file, None)
     name = _NAME.search(text)
-    correction = next((f"; {advice}" for words, advice in CORRECTIONS.items() if words in first), "")
     label, element = (f"element '{name[1]}': ", name[1]) if name else ("", None)
-    return ModelError(f"{label}MuJoCo: {first}{correction}", file=file, line=line, element=element)
+    return ModelError(f"{label}MuJoCo: {first}", file=file, line=line, element=element)
 
 
 def _place_in(text: str, places: list[Place]) -> Place | None:
@@ -273,11 +265,10 @@ def _refuse_forces(compiled: Compiled) -> None:
     model = compiled.model
     for field, sentence in REFUSED.items():
         _refuse(compiled, field, _rows(compiled, field) != 0, sentence)
-    for word, hint in (("BALL", ""), ("FREE", FREE_HINT)):
-        own = model.jnt_type == compiled.code(f"mjJNT_{word}")
-        for field, sentence in REFUSED_OF_SEVERAL.items():
-            on = own if field.startswith("jnt") else own[model.dof_jntid]
-            _refuse(compiled, field, (_rows(compiled, field) != 0) & on[:, None], sentence + hint)
+    several = np.isin(model.jnt_type, [compiled.code("mjJNT_BALL"), compiled.code("mjJNT_FREE")])
+    for field, sentence in REFUSED_OF_SEVERAL.items():
+        on = several if field.startswith("jnt") else several[model.dof_jntid]
+        _refuse(compiled, field, (_rows(compiled, field) != 0) & on[:, None], sentence)
     for body in sorted({body for pair in compiled.tied_bodies.values() for body in pair}):
         if model.body_mocapid[body] >= 0:
             raise compiled.error(
