@@ -149,10 +149,10 @@ def _refuse_if_suspicious(node: Node) -> None:
     words = {word for inner in (node, *inside) for word in inner.attributes()} | {
         inner.tag for inner in inside
     }
-    if node.tag in {*_END_WORDS, "parent", "child", *MIMIC_TAGS, "inertial"}:
-        raise node.error(f"is not read directly below <robot>; {ACCEPTED_FORMS}")
-    if re.search(_LOOP_WORDS, node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
-        raise _refusal(node, "an unknown form")
+    outside = {*_END_WORDS, "parent", "child", *MIMIC_TAGS, "inertial"}
+    loop = re.search(_LOOP_WORDS, node.tag) or _END_WORDS & words or {"parent", "child"} <= words
+    if node.tag in outside or loop:
+        raise _refusal(node, "an unknown form, or a part in the wrong place")
     if {"link", "joint"} & {inner.tag for inner in inside if inner.xml.get("name")}:
         raise node.error(
             "unknown element that holds links or joints; they would be lost. Move them below <robot>"
@@ -169,7 +169,7 @@ def _refuse_inside(node: Node, above: Node, top: Node) -> None:
     """
     direct = above.xml is top.xml
     if top.tag not in READ_TAGS:
-        # urdf/gazebo.py reads joints of a whole robot
+        # joints of a whole robot are read
         in_gazebo = top.tag == "gazebo" and direct and "reference" not in top.attributes()
         if node.tag == "joint" and node.children("parent") and node.children("child") and not in_gazebo:
             raise _refusal(node, f"an SDF joint inside <{top.tag}> (Gazebo)")

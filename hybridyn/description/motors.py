@@ -40,21 +40,13 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     stated = sorted(robot.motors, key=lambda statement: RANKING.index(statement.source))
     if not stated:
         return _by_rule(robot)
-    statement = _drop_absent_joints(robot, stated[0])
-    return _checked(robot, statement), statement.where
-
-
-def _drop_absent_joints(robot: RobotFile, statement: MotorStatement) -> MotorStatement:
-    """Drop transmissions of joints that were cut away; a misspelt name stays and raises an error later."""
-    if statement.source != "transmission":
-        return statement
-    joints = {joint.name for joint in robot.joints}
+    statement, joints = stated[0], {joint.name for joint in robot.joints}
     undriven = [joint.name for joint in _free_joints(robot) if joint.name not in statement.names]
     lost = [name for name in statement.names if name not in joints and not closest(name, undriven)]
-    if not lost:
-        return statement
-    robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
-    return statement._replace(names=tuple(name for name in statement.names if name not in lost))
+    if lost and statement.source == "transmission":  # of joints that were cut away
+        robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
+        statement = statement._replace(names=tuple(name for name in statement.names if name not in lost))
+    return _checked(robot, statement), statement.where
 
 
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:

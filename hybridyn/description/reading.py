@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..errors import ModelError
 from .closure_forms import apply_closing_frames
-from .loop_signs import refuse_unclosed_frames, refuse_unread_side_cars
+from .loop_signs import lost_loops, refuse_unclosed_frames, refuse_unread_side_cars
 from .motors import choose_motors
 from .names import counted, listed
 from .records import Description, ReadFrom, RobotFile
@@ -87,22 +87,12 @@ def read(
             tuple(os.fspath(folder) for folder in package_dirs),
         ),
     )
-    if strict:
-        _refuse_notes(out)
+    signs = (f"{sign.message}; {sign.mend}" for sign in lost_loops(out)) if strict else ()
+    if strict and (found := [*out.notes, *signs]):
+        every = " ".join(f"({number}) {note}." for number, note in enumerate(found, 1))
+        message = f"{counted(len(found), 'note')}, where strict reading allows none: {every}"
+        raise ModelError(message, file=file)
     return out
-
-
-def _refuse_notes(description: Description) -> None:
-    """Raise if the reader of the files has notes."""
-    from .loop_signs import lost_loops
-
-    found = [*description.notes, *(f"{sign.message}; {sign.mend}" for sign in lost_loops(description))]
-    if found:
-        listed = " ".join(f"({number}) {note}." for number, note in enumerate(found, 1))
-        raise ModelError(
-            f"{counted(len(found), 'note')}, where strict reading allows none: {listed}",
-            file=description.source,
-        )
 
 
 def complete(

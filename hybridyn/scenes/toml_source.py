@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from ..description.names import did_you_mean
 from ..description.reading import read_bytes
-from ..description.side_cars.tables import Kinds, Schema, first_problem
+from ..description.side_cars.tables import Schema, first_problem
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError
 
@@ -57,7 +57,7 @@ def naming(source: TomlSource, keys: Keys) -> Iterator[None]:
         raise
 
 
-def read_schema(path: str | Path, schema: type[Whole], kinds: Kinds) -> tuple[TomlSource, Whole]:
+def read_schema(path: str | Path, schema: type[Whole], kinds: Iterable[str]) -> tuple[TomlSource, Whole]:
     """Read a file, and check its content.
 
     Raises:
@@ -69,7 +69,7 @@ def read_schema(path: str | Path, schema: type[Whole], kinds: Kinds) -> tuple[To
     try:
         return TomlSource(file, text), schema.model_validate(content)
     except ValidationError as error:
-        keys, message = first_problem(error, schema, content, kinds)
+        keys, message = first_problem(error, content, kinds)
         key = ".".join(str(part) for part in keys)
         line = line_of(text, keys)
         raise ModelError(

@@ -40,26 +40,20 @@ class SideCar(Schema):
 
 
 def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
-    """Read a YAML file beside the robot if it is a side-car; note it if it is a file of another tool.
+    """Add the closures and motors of a side-car, and retype joints; note a YAML file of another tool.
 
     Raises:
         ModelError: The text is not strict YAML, a key resembles `closed_loop`, or a key, name or type is
             wrong; the message names file, line and column.
     """
     own = {*SideCar.model_fields} - {"type"}
-    if any(key.encode() in text for key in own):
-        document = read_yaml(text, file)
-        if isinstance(document.data, dict):
-            return _apply(robot, document)
-    words = re.findall(r"^\s*[\"']?([A-Za-z_]+)[\"']?\s*:", text.decode("utf-8", "replace"), re.MULTILINE)
-    if misspelt := [word for word in words if closest(word, ["closed_loop"])]:
-        raise ModelError(f"unknown key '{misspelt[0]}' (did you mean 'closed_loop'?)", file=file)
-    robot.notes.append(f"{file} is not a side-car (no key {listed(sorted(own))}) and was not read")
-    return None
-
-
-def _apply(robot: RobotFile, document: YamlFile) -> None:
-    """Add the closures and motors of a side-car to the robot, and retype its joints."""
+    document = read_yaml(text, file) if any(key.encode() in text for key in own) else YamlFile(file)
+    if not isinstance(document.data, dict):
+        words = re.findall(r"^\s*[\"']?([A-Za-z_]+)[\"']?\s*:", text.decode("utf-8", "replace"), re.MULTILINE)
+        if misspelt := [word for word in words if closest(word, ["closed_loop"])]:
+            raise ModelError(f"unknown key '{misspelt[0]}' (did you mean 'closed_loop'?)", file=file)
+        robot.notes.append(f"{file} is not a side-car (no key {listed(sorted(own))}) and was not read")
+        return
     side_car = checked(document, SideCar)
     _retype(robot, side_car, document)
     _close(robot, side_car, document)

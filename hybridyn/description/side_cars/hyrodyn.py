@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from ..closure_forms import ROWS, closure_of, form_of_rows
-from ..names import listed
+from ..names import listed, unique
 from ..placement import poses_at_zero, relative
 from ..records import Closure, MotorStatement, RobotFile
 from .tables import Open, table
@@ -123,9 +123,7 @@ def _closure(
     sides = [
         (link, np.eye(4) if link == closing else relative(poses[link], poses[closing])) for link in links
     ]
-    taken = {closure.name for closure in robot.closures}
-    name = entry.cut_joint or "-".join(links)
-    name = next(one for one in (name, "-".join(links), f"{name}_{len(taken)}") if one not in taken)
+    name = unique(entry.cut_joint or "-".join(links), {closure.name for closure in robot.closures})
     turns = (form.rotation_of_frames,) * 2
     return closure_of(name, "rows", sides, turns, form, document.lines[place][0])
 

@@ -13,11 +13,19 @@ objects. pydantic's errors become one-line messages: the problem, its key, and t
 
 from __future__ import annotations
 
-import typing
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal, get_args
+from collections.abc import Iterable
+from typing import Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, create_model
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from ...errors import ModelError
 from ..names import did_you_mean, listed
@@ -29,10 +37,24 @@ ByJoint = dict[str, NotNegative]
 Point = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 
 
+#: The type of the error of an unknown key.
+UNKNOWN: Final = "unknown_key"
+
+
 class Schema(BaseModel):
     """Base class of the schemas of side-car files: unknown keys are errors, texts are not numbers."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown(cls, content: Any) -> Any:
+        """Refuse the first key that is not known, and name those that are."""
+        for key in content if isinstance(content, dict) and cls.model_config["extra"] == "forbid" else ():
+            if key not in (known := cls.model_fields):
+                about = {"key": key, "hint": did_you_mean(str(key), known), "known": listed(known)}
+                raise PydanticCustomError(UNKNOWN, "unknown key '{key}'{hint}; known: {known}", about)
+        return content
 
     def stated(self) -> dict[str, Any]:
         """Return the values by key, tables too, without keys that are left out and have no default."""
@@ -115,36 +137,28 @@ def checked(text: bytes, file: str) -> dict[str, Any]:
     try:
         return dict(ModelFile.model_validate(content).stated())
     except ValidationError as error:
-        place, message = first_problem(error, ModelFile, content)
+        place, message = first_problem(error, content)
         keys = tuple(str(part) for part in place)
         key = ".".join(keys)
         raise ModelError(f"'{key}': {message}", file=file, line=line_of(plain, keys), element=key) from None
 
 
-#: Schemas of the tables whose key `kind` says which they are, by kind.
-Kinds = Mapping[str, type[Schema]]
-
-
-def first_problem(
-    error: ValidationError, schema: type[Schema], content: Any, kinds: Kinds | None = None
-) -> tuple[Keys, str]:
+def first_problem(error: ValidationError, content: Any, kinds: Iterable[str] = ()) -> tuple[Keys, str]:
     """Return keys and text of the most specific problem: an unknown key, else the most deeply nested one.
 
     Args:
         error: What pydantic found.
-        schema: The schema of the file.
         content: The content of the file.
-        kinds: As `Kinds`, where the schema has such tables.
+        kinds: Values of the key `kind` of tables that it tells apart.
     """
     found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
-    keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
+    keys, problem = max(found, key=lambda pair: (pair[1]["type"] == UNKNOWN, len(pair[0])))
     kind, text = problem["type"], problem["msg"].removeprefix("Value error, ")
-    if kind == "extra_forbidden":
-        known = _keys_at(schema, keys[:-1], content, kinds or {})
-        text = f"unknown key '{keys[-1]}'{did_you_mean(str(keys[-1]), known)}; known: {listed(known)}"
+    if kind == UNKNOWN:
+        keys = (*keys, problem["ctx"]["key"])
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
         given = str(problem.get("ctx", {}).get("tag", ""))
-        return (*keys, "kind"), f"must be one of {listed(kinds or ())}{did_you_mean(given, kinds or ())}"
+        return (*keys, "kind"), f"must be one of {listed(kinds)}{did_you_mean(given, kinds)}"
     elif kind == "missing":
         text = f"'{keys[-1]}' is missing"
     elif kind == "string_pattern_mismatch":
@@ -163,21 +177,3 @@ def _keys(place: Keys, content: Any, kind: str) -> Keys:
         elif kind == "missing" and i == len(place) - 1:
             out.append(part)
     return tuple(out)
-
-
-def _keys_at(schema: type[Schema], place: Keys, content: Any, kinds: Kinds) -> list[str]:
-    """Return the keys known in the table at a place of the content."""
-    for part in place:
-        content = content[part]
-        if isinstance(part, str) and part in schema.model_fields:
-            inner = schemas_in(schema.model_fields[part].annotation)
-            kind = content.get("kind") if len(inner) > 1 and isinstance(content, dict) else None
-            schema = kinds.get(str(kind), inner[0]) if inner else schema
-    return [*schema.model_fields]
-
-
-def schemas_in(annotation: Any) -> list[type[Schema]]:
-    """Return the schemas in an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, Schema):
-        return [annotation]
-    return [schema for part in typing.get_args(annotation) for schema in schemas_in(part)]

@@ -109,7 +109,7 @@ def checked(document: YamlFile, schema: Any) -> Any:
     try:
         return schema.model_validate(document.data)
     except ValidationError as error:
-        raise document.error(*first_problem(error, schema, document.data)) from None
+        raise document.error(*first_problem(error, document.data)) from None
 
 
 def _value(document: YamlFile, loader: yaml.SafeLoader, node: yaml.Node, place: Place) -> Any:

@@ -1,9 +1,8 @@
 """Read URDF and xacro files, with every supported form of a loop.
 
 Read `xml_node` (elements that know their file and line), `urdf` (links, joints, motors), `loops` (closures,
-couplings), `gazebo` (joints of SDF that close loops), `xacro` (what is kept of expansions),
-`robot_folders` (the files that may be read), `expansion` (by the package), `traced` (what depends on
-arguments), `expressions` (their evaluation).
+couplings), `xacro` (what is kept of expansions), `robot_folders` (the files that may be read), `expansion`
+(by the package), `traced` (what depends on arguments), `expressions` (their evaluation).
 
 May import: `description`'s own files.
 """

@@ -1,7 +1,9 @@
 """Read closures and couplings of a URDF.
 
 `<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the additional types cylindrical,
-universal, spherical, point and rows. `<loop_joint>` is the form of Isaac Sim, Dojo and old Drake. An unknown
+universal, spherical, point and rows. `<loop_joint>` is the form of Isaac Sim, Dojo and old Drake. Joints in
+`<gazebo>` are SDF: `<parent>` and `<child>` name links, `<pose>` places the joint in the child's frame, and
+the loop is closed where all joints are at zero, because SDF places its links in this posture. An unknown
 attribute or child of these elements is an error.
 """
 
@@ -13,13 +15,20 @@ import numpy as np
 
 from ..closure_forms import FORMS, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import rotation_to_axis
-from ..records import Array, Closure, Coupling, Joint
-from .xml_node import Node, axis_of, origin_of
+from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis
+from ..records import Array, Closure, Coupling, Joint, RobotFile
+from .xml_node import Node, axis_of, origin_of, unit
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
+#: Types of SDF joints by the kind of closure.
+GAZEBO_TYPES = {
+    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
+    "ball": "spherical",
+}  # fmt: skip
+MODEL = "__model__"
+GAZEBO_PARTS = ("parent", "child", "pose", "axis", "physics", "sensor", "gearbox_ratio", "thread_pitch")
 
 
 def read_loop(node: Node) -> Closure:
@@ -156,3 +165,71 @@ def _path_to_root(link: str, parents: Mapping[str, Joint | None]) -> dict[str, J
         path[joint.name] = joint
         link = joint.parent
     return path
+
+
+def read_gazebo_joints(root: Node, robot: RobotFile) -> None:
+    """Add a closure for each SDF joint directly below a `<gazebo>` that concerns the whole robot.
+
+    Raises:
+        ModelError: A joint has a type that closes no loop here, or names what does not exist.
+    """
+    blocks = [block for block in root.children("gazebo") if "reference" not in block.attributes()]
+    nodes = [joint for block in blocks for joint in block.children("joint")]
+    poses = poses_at_zero(robot.joints) | {MODEL: np.eye(4)} if nodes else {}
+    for node in nodes:
+        _read_gazebo_joint(node, poses, robot)
+
+
+def _read_gazebo_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> None:
+    kind = GAZEBO_TYPES[
+        kind_of(node, GAZEBO_TYPES, "an SDF joint of type '{}' closes no loop here; write it as <loop>")
+    ]
+    node.only(["name", "type"], GAZEBO_PARTS)
+    links = [_link(node.required_child(end), poses) for end in ("parent", "child")]
+    at_child, at = node.child("pose"), poses[links[1]]
+    if at_child is not None:
+        at_child.only(["relative_to", "frame"], [])
+        frame = at_child.xml.get("relative_to") or at_child.xml.get("frame") or links[1]
+        numbers = at_child.numbers("", 6) if at_child.content() else np.zeros(6)
+        at = _frame(at_child, frame, poses) @ placement_from(rotation_from_rpy(*numbers[3:]), numbers[:3])
+    turn = np.eye(3)
+    if FORMS[kind].has_axis:
+        axis = node.required_child("axis")
+        turn = rotation_to_axis(_direction(axis, at, poses))
+        if unread := [tag for tag in ("dynamics", "limit") if axis.child(tag)]:
+            robot.notes.append(
+                f"closure '{node.text('name')}': {listed(unread)} of the SDF joint is not read"
+            )
+    sides = [(link, relative(poses[link], at)) for link in links]
+    robot.closures.append(closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line))
+
+
+def _link(node: Node, poses: Mapping[str, Array]) -> str:
+    """Return the link that an end of the joint names."""
+    node.only([], [])
+    name = node.content()
+    if name == "world" and name not in poses:
+        raise node.error(
+            "a joint to the world closes no loop of the robot; name a link (the root link stands still on a "
+            "fixed base)"
+        )
+    if name not in poses or name == MODEL:
+        raise node.error(f"unknown link '{name}'{did_you_mean(name, poses)}")
+    return name
+
+
+def _direction(node: Node, at: Array, poses: Mapping[str, Array]) -> Array:
+    """Return the unit axis in the joint's frame, shape (3,)."""
+    xyz, in_model = node.child("xyz"), node.child("use_parent_model_frame")
+    value, frame = np.array([0.0, 0.0, 1.0]), ""
+    if xyz is not None:
+        value, frame = unit(xyz, xyz.numbers("", 3), "<xyz>0 0 1</xyz>"), xyz.xml.get("expressed_in", "")
+    if in_model is not None and in_model.content().lower() not in ("", "0", "false"):
+        frame = MODEL
+    return at[:3, :3].T @ _frame(node, frame, poses)[:3, :3] @ value if frame else value
+
+
+def _frame(node: Node, name: str, poses: Mapping[str, Array]) -> Array:
+    if name not in poses:
+        raise node.error(f"unknown frame '{name}'{did_you_mean(name, poses)}; name a link, or {MODEL}")
+    return poses[name]

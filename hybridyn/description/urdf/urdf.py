@@ -14,7 +14,7 @@ import numpy as np
 from ..loop_signs import note_mimic_plugins, refuse_unread_loops
 from ..names import did_you_mean, listed
 from ..records import FREEDOMS, Array, Joint, JointKind, Link, MotorStatement, RobotFile
-from .loops import CLOSURE_READERS, pose_of, read_coupling, read_mimic
+from .loops import CLOSURE_READERS, pose_of, read_coupling, read_gazebo_joints, read_mimic
 from .xml_node import Node, axis_of
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
@@ -45,21 +45,16 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     robot = RobotFile(name or "robot", root.file)
     refuse_unread_loops(root, robot.notes)
     robot.links += [_read_link(node, robot.notes) for node in root.children("link")]
-    independent: set[str] = set()
-    for node in root.children("joint"):
-        robot.joints.append(_read_joint(node, robot))
-        if node.flag("independent", True):
-            independent.add(robot.joints[-1].name)
+    nodes = root.children("joint")
+    robot.joints += [_read_joint(node, robot) for node in nodes]
+    independent = {node.text("name") for node in nodes if node.flag("independent", True)}
     if any(joint.parent == "world" for joint in robot.joints):
         _add_world(robot)
     for node in root.children(*CLOSURE_READERS):
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
             robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
-    if root.children("gazebo"):
-        from .gazebo import read_gazebo_joints
-
-        read_gazebo_joints(root, robot)
+    read_gazebo_joints(root, robot)
     parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
     parents |= {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
