@@ -266,9 +266,9 @@ def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str
             continue
         own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
         out[f"V {o}"] = pack(V[-twist_width(options.velocity) :])
-        out[f"bias {o}"] = pack(bias_of(own, V, options.velocity))
+        out[f"beta {o}"] = pack(bias_of(own, V, options.velocity))
         if plan.inertias is not None:
-            out[f"own {o}"] = pack(upper(inertia_matrix(own)))
+            out[f"I {o}"] = pack(upper(inertia_matrix(own)))
     return out
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,39 +11,15 @@ from ...spatial import Array
 from ..equations.direct import LEG_SUMS, DirectModule, write_direct, write_direct_legs
 from ..equations.expressions import plain, upper
 from ..equations.parts import Leg
-from ..equations.request import DirectOptions, Request, direct_options
+from ..equations.request import Request, direct_options
 from ..equations.rigid import inertia_matrix
-from ..equations.stages import Stage, twist_width
-from ..program import Add, Call, Program, Shared, Source, Target, Worst
-from .module_calls import Efforts, ModuleCalls, Stages, moving_base, read, same_structure, unit_base
+from ..equations.stages import Stage
+from ..program import Program, Source
+from .module_calls import Efforts, ModuleCalls, Ports, Stages, moving_base, same_structure, unit_base
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]
 LEG_PARTS = ["legs", "legs' accelerations"]
-
-
-@dataclass
-class DirectCalls(ModuleCalls):
-    """Calls of one module in the direct model.
-
-    Attributes:
-        articulated: Articulated inertia and bias of its outputs that carry modules, by output.
-        legs: Its groups of legs, with their calls and their own numbers.
-        efforts: Source of its efforts; empty without any.
-        deltas: Acceleration of each platform relative to the base, by the platform's link of the core.
-        u_dot: Accelerations along its motions, where they are asked for.
-        leg_calls: Calls of its legs: their contributions, then their accelerations.
-    """
-
-    options: DirectOptions
-    written: DirectModule
-    below: DirectCalls | None
-    articulated: dict[int, tuple[Add, Add]] = field(default_factory=dict)
-    legs: list[tuple[tuple[Leg, ...], Stages, Source]] = field(default_factory=list)
-    efforts: dict[str, Source] = field(default_factory=dict)
-    deltas: dict[int, Shared] = field(default_factory=dict)
-    u_dot: Shared | None = None
-    leg_calls: list[Call] = field(default_factory=list)
 
 
 def direct_program(request: Request, *, pushed: bool = False) -> Program:
@@ -69,22 +45,20 @@ def direct_inputs(request: Request, *, pushed: bool = False) -> list[tuple[str, 
 
 def write_direct_sweeps(
     request: Request, w: Writer, *, motions: bool = False, pushed: bool = False
-) -> list[DirectCalls]:
+) -> list[ModuleCalls]:
     """Add the sweeps of the direct model to a program, and return the calls of each module.
 
     Args:
         request: The robot and its effects.
         w: The program under construction.
-        motions: Whether the accelerations along the modules' motions are kept (`DirectCalls.u_dot`).
+        motions: Whether the accelerations along the modules' motions are kept, as the port "u_dot".
         pushed: As for `direct_program`.
     """
     robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
-    given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
-    root = moving_base(request, w, given, report=True) if given else None
-    sweeps = _Sweeps(request, w, root, motions, pushed)
-    modules: list[DirectCalls] = []
+    sweeps = _Sweeps(request, w, moving_base(request, w, "base_acceleration"), motions, pushed)
+    modules: list[ModuleCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
     for calls in reversed(modules):
@@ -97,74 +71,42 @@ def write_direct_sweeps(
 class _Sweeps:
     """Add the calls of the modules to the program, sweep by sweep."""
 
-    def __init__(
-        self,
-        request: Request,
-        writer: Writer,
-        root: tuple[Source, Source] | None,
-        motions: bool,
-        pushed: bool,
-    ) -> None:
+    def __init__(self, request: Request, writer: Writer, root: Ports, motions: bool, pushed: bool) -> None:
         self.request, self.w, self.root, self.motions, self.pushed = request, writer, root, motions, pushed
         self.efforts = Efforts(request, writer, pushed=pushed)
         self._code: dict[Any, DirectModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
+        self._legs: dict[int, list[tuple[tuple[Leg, ...], Stages, Source]]] = {}
 
-    def outwards(self, k: int, modules: list[DirectCalls]) -> DirectCalls:
+    def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
         w, calls = self.w, self._calls(k, modules)
-        targets = calls.place_platforms(19)
-        for o, carried in enumerate(calls.options.carries):
-            if carried:
-                calls.V[o] = w.shared(twist_width(calls.options.velocity))
-                own, bias = w.start(w.shared(21), self._own(calls, o)), w.start(w.shared(6), np.zeros(6))
-                calls.articulated[o] = own, bias
-                targets |= {f"V {o}": calls.V[o], f"bias {o}": bias, f"own {o}": own}
-        calls.stages.call(0, calls.sources(), targets)
-        for i in sorted({group[0].platform for group in calls.groups}):  # sums in the order of the platforms
-            calls.sums_of(i, LEG_SUMS)
-        for n in range(len(calls.groups)):
-            self._legs_outwards(calls, n)
+        for o in np.flatnonzero(calls.options.carries).tolist():
+            calls.ports[f"I {o}"] = w.start(w.shared(21), self._own(calls, o))
+            calls.ports[f"beta {o}"] = w.start(w.shared(6), np.zeros(6))
+        calls.call(0)
+        calls.start_sums(LEG_SUMS)
+        self._legs[k] = [self._legs_outwards(calls, n) for n in range(len(calls.groups))]
         return calls
 
-    def inwards(self, calls: DirectCalls) -> None:
+    def inwards(self, calls: ModuleCalls) -> None:
         """Add the articulated inertias inwards."""
-        sources = calls.sources() | calls.summed()
-        for o, (inertia, bias) in calls.articulated.items():
-            sources |= {f"I {o}": read(inertia), f"beta {o}": read(bias)}
         if len(calls.written.tau):
-            calls.efforts = {"tau": self.efforts.of(calls.k, calls.written.tau[None])}
-        sources |= calls.efforts
-        targets: dict[str, Target] = {"guard": Worst()}
-        if calls.below is not None:
-            inertia, bias = calls.below.articulated[calls.module.parent_output]
-            targets |= {"I_base": inertia, "b_base": bias}
-        elif self.root is not None:
-            targets |= {"I_base": self.w.shared(21), "b_base": self.w.shared(6)}
-        calls.stages.call(1, sources, targets)
+            calls.ports["tau"] = self.efforts.of(calls.k, calls.written.tau[None])
+        calls.call(1)
 
-    def accelerate(self, calls: DirectCalls) -> None:
+    def accelerate(self, calls: ModuleCalls) -> None:
         """Add the accelerations outwards: the core, the legs, the wrists."""
-        w, written, v_index = self.w, calls.written, calls.module.v_index
-        calls.deltas = {i: w.shared(6) for i in written.platforms}
-        calls.A = {o: w.shared(6) for o in calls.V}
-        targets: dict[str, Target] = {f"delta {i}": place for i, place in calls.deltas.items()}
-        targets |= {f"A {o}": place for o, place in calls.A.items()}
-        if self.motions:
-            calls.u_dot = w.shared(calls.module.mobility)
-            targets["u_dot"] = calls.u_dot
-        sources = calls.sources() | calls.efforts
-        calls.stages.call(2, sources, targets | {"a_core": w.result("a", v_index[written.joints])})
-        for group, legs, numbers in calls.legs:
+        v_index, written = calls.module.v_index, calls.written
+        for name, own in (("core", written.joints), ("legs", written.legs), ("wrists", written.wrists)):
+            calls.ports[f"a_{name}"] = self.w.result("a", v_index[own])
+        calls.call(2)
+        for group, legs, numbers in self._legs[calls.k]:
             at = v_index[np.array([leg.v for leg in group])]
-            delta = calls.deltas[group[0].platform]
-            legs.call(1, {"numbers": numbers, "delta": delta}, {"a": w.result("a", at)})
-            calls.leg_calls.append(w.last)
-        sources["a_legs"] = w.result("a", v_index[written.legs])
-        wrists = w.result("a", v_index[written.wrists])
-        calls.stages.call(3, sources, {"a_wrists": wrists, "guard": Worst()})
+            calls.call_legs(group, legs, 1, {"numbers": numbers, "a": self.w.result("a", at)})
+        calls.call(3)
 
-    def _calls(self, k: int, modules: list[DirectCalls]) -> DirectCalls:
+    def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""
         plan, options = self.request.plans[k], direct_options(self.request, k)
         if self.pushed and k == 0:
@@ -176,16 +118,16 @@ class _Sweeps:
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None
-        return DirectCalls(self.request, self.w, k, options, written, stages, below, self.root)
+        return ModuleCalls(self.request, self.w, k, options, written, stages, below, dict(self.root))
 
-    def _own(self, calls: DirectCalls, o: int) -> Array:
+    def _own(self, calls: ModuleCalls, o: int) -> Array:
         """Return an output's own inertia, the start of its articulated inertia; zero if it is an argument."""
         if self.request.plans[calls.k].inertias is not None:
             return np.zeros(21)
         return upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
 
-    def _legs_outwards(self, calls: DirectCalls, n: int) -> None:
-        """Add the inertias and biases of a group of legs, summed by platform."""
+    def _legs_outwards(self, calls: ModuleCalls, n: int) -> tuple[tuple[Leg, ...], Stages, Source]:
+        """Add the inertias and biases of a group of legs, summed by platform; return it and its numbers."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         key = (id(plan), n, options.base is None, options.velocity, options.rotor)
         if key not in self._leg_code:
@@ -193,9 +135,8 @@ class _Sweeps:
         stages, table = self._leg_code[key]
         numbers = self.w.numbers(table, plan.column)
         legs = Stages(self.w, ("legs", key), stages, LEG_PARTS, len(group))
-        sources, forced = calls.leg_sources(group, numbers), group[0].among(options.motors)
-        if forced:
-            sources["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))
-        legs.call(0, sources, calls.sums_of(group[0].platform, LEG_SUMS))
-        calls.leg_calls.append(self.w.last)
-        calls.legs.append((group, legs, numbers))
+        more: Ports = {"numbers": numbers}
+        if forced := group[0].among(options.motors):
+            more["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))
+        calls.call_legs(group, legs, 0, more)
+        return group, legs, numbers

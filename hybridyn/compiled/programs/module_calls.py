@@ -1,4 +1,4 @@
-"""Calls of one module in a program: stages, sources of their inputs, efforts on its joints; the base."""
+"""Calls of one module in a program: stages and their ports, efforts on its joints; the base."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from ..equations.coefficients import slots_of
 from ..equations.expressions import dot, pack, plain, symbols
 from ..equations.guards import decided_alike
 from ..equations.parts import Leg
-from ..equations.request import ModuleOptions, Request
+from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix
 from ..equations.stages import Stage, WrittenModule
-from ..program import Add, Constants, Own, Shared, Source, Target, Worst
+from ..program import Add, Call, Constants, Own, Shared, Source, Target, Worst
 from .writer import Writer
 
 
@@ -41,23 +41,40 @@ class Stages:
         self._kernels = [writer.kernel((key, s), stage.function, parts[s]) for s, stage in enumerate(stages)]
         self._handed: dict[tuple[int, int], Shared | Own] = {}
 
-    def call(self, s: int, sources: dict[str, Source], targets: dict[str, Target]) -> None:
-        """Add the call of a stage; a stage without outputs is skipped."""
-        stage = self._stages[s]
+    def call(self, s: int, ports: Ports) -> None:
+        """Add the call of a stage; a stage without outputs is skipped.
+
+        Args:
+            s: The number of the stage.
+            ports: The places of its inputs and outputs. Shared numbers are allocated for other outputs, which
+                are ports of later stages.
+        """
+        stage, w = self._stages[s], self._writer
         if not stage.outputs:
             return
-        ins: list[Source] = [
-            self._handed[name[1], s] if isinstance(name, tuple) else sources[name] for name in stage.inputs
+        ins = [
+            self._handed[name[1], s] if isinstance(name, tuple) else read(ports[name])
+            for name in stage.inputs
         ]
         outs: list[Target] = []
         for i, name in enumerate(stage.outputs):
+            size = stage.function.numel_out(i)
             if isinstance(name, tuple):
-                place = self._writer.hand(self._copies, stage.function.numel_out(i))
-                self._handed[s, name[1]] = place
+                place = self._handed[s, name[1]] = w.hand(self._copies, size)
                 outs.append(place)
+            elif name == "guard":
+                outs.append(Worst())
             else:
-                outs.append(targets[name])
-        self._writer.call(self._kernels[s], self._copies, ins, outs)
+                outs.append(ports[name] if name in ports else ports.setdefault(name, w.shared(size)))
+        w.call(self._kernels[s], self._copies, ins, outs)
+
+
+#: Places of inputs and outputs by their names in the stages. "platform 0" belongs to link 0 of the core, as
+#: do sums over its legs; "V 0" to output 0.
+Ports = dict[str, Any]
+
+#: Ports of a module that are those of the output that carries it.
+OF_BASE = {"V_base": "V", "A_base": "A", "I_base": "I", "b_base": "beta", "F_base": "F"}
 
 
 @dataclass
@@ -70,25 +87,30 @@ class ModuleCalls:
         k: Index of the module.
         options: Options that its code depends on.
         written: Its code.
+        stages: Its stages.
         below: The module that carries it, None for a module on the robot's base.
-        root: Twist and acceleration of the robot's base if it moves, else None.
-        V, A: Twist and acceleration of its outputs that carry modules, by output.
-        platforms: Motion of its platforms, by link of the core.
-        sums: Sums over the legs of a platform, by the platform's link and by name.
+        ports: Places by name, first those of the robot's base if it moves.
+        leg_calls: Calls of its legs.
+        calls: Calls of the module in order, where they are asked for.
     """
 
     request: Request
     writer: Writer
     k: int
-    options: ModuleOptions
-    written: WrittenModule
+    options: Any
+    written: Any
     stages: Stages
     below: ModuleCalls | None
-    root: tuple[Source, Source] | None
-    V: dict[int, Shared] = field(default_factory=dict)
-    A: dict[int, Shared] = field(default_factory=dict)
-    platforms: dict[int, Shared] = field(default_factory=dict)
-    sums: dict[tuple[int, str], Add] = field(default_factory=dict)
+    ports: Ports
+    leg_calls: list[Call] = field(default_factory=list)
+    calls: list[Call] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Provide positions, rates and parameters."""
+        self.ports |= self._coordinates([self.written])
+        if self.request.plans[self.k].column is not None:
+            index = self.request.parameter_index(self.k)
+            self.ports["parameters"] = self.writer.from_given("parameters", index)
 
     @cached_property
     def module(self) -> Module:
@@ -100,56 +122,39 @@ class ModuleCalls:
         """Its groups of equal legs."""
         return self.request.plans[self.k].parts.groups
 
-    def sources(self) -> dict[str, Source]:
-        """Return the sources of positions, rates, parameters and base motion for its stages."""
-        out = self._coordinates([self.written])
-        if self.request.plans[self.k].column is not None:
-            index = self.request.parameter_index(self.k)
-            out["parameters"] = self.writer.from_given("parameters", index)
-        return out | self._base()
+    def call(self, s: int) -> None:
+        """Add the call of a stage."""
+        if self.below is not None:
+            output, known = self.module.parent_output, self.below.ports
+            names = {name: f"{of} {output}" for name, of in OF_BASE.items()}
+            self.ports |= {name: known[of] for name, of in names.items() if of in known}
+        self.stages.call(s, self.ports)
 
-    def leg_sources(self, group: tuple[Leg, ...], numbers: Source) -> dict[str, Source]:
-        """Return the sources of positions, rates, own numbers, platform and base motion for equal legs."""
-        platform = self.platforms[group[0].platform]
-        return self._coordinates(group) | self._base() | {"numbers": numbers, "platform": platform}
+    def start_sums(self, sums: Sequence[tuple[str, int]]) -> None:
+        """Start the sums over the legs of each platform, given by name and size, at zero."""
+        for i in sorted({group[0].platform for group in self.groups}):
+            for name, size in sums:
+                self.ports[f"{name} {i}"] = self.writer.start(self.writer.shared(size), np.zeros(size))
 
-    def _coordinates(self, readers: Sequence[WrittenModule | Leg]) -> dict[str, Source]:
-        """Return sources of positions, rates and, if they are inputs, accelerations for equal readers."""
+    def call_legs(self, group: tuple[Leg, ...], legs: Stages, s: int, more: Ports) -> None:
+        """Add the call of a stage of equal legs, whose ports are those of their platform, and `more`."""
+        i = f" {group[0].platform}"
+        own = {name.removesuffix(i): x for name, x in self.ports.items() if name.endswith(i)}
+        legs.call(s, self.ports | self._coordinates(group) | own | more)
+        self.leg_calls.append(self.writer.last)
+
+    def _coordinates(self, readers: Sequence[WrittenModule | Leg]) -> Ports:
+        """Return places of positions, rates and, if they are inputs, accelerations for equal readers."""
         w = self.writer
         q = self.module.q_index[np.array([reader.q for reader in readers])]
         v = self.module.v_index[np.array([reader.v for reader in readers])]
-        out: dict[str, Source] = {"q": w.from_given("q", q), "v": w.from_given("v", v)}
+        out = {"q": w.from_given("q", q), "v": w.from_given("v", v)}
         return out | ({"a": w.from_given("a", v)} if "a" in w.given or "a" in w.computed else {})
 
-    def _base(self) -> dict[str, Source]:
-        """Return the sources of the base's twist and acceleration that are known so far."""
-        if self.below is None:
-            return {} if self.root is None else {"V_base": self.root[0], "A_base": self.root[1]}
-        known = {"V_base": self.below.V, "A_base": self.below.A}
-        output = self.module.parent_output
-        return {name: places[output] for name, places in known.items() if output in places}
 
-    def place_platforms(self, size: int) -> dict[str, Target]:
-        """Allocate shared numbers for the motion of each platform and return them as targets."""
-        self.platforms = {i: self.writer.shared(size) for i in self.written.platforms}
-        return {f"platform {i}": place for i, place in self.platforms.items()}
-
-    def sums_of(self, platform: int, parts: tuple[tuple[str, int], ...]) -> dict[str, Target]:
-        """Return the targets of a platform's sums over its legs, which start at zero, and of their guards."""
-        for name, size in parts:
-            if (platform, name) not in self.sums:
-                self.sums[platform, name] = self.writer.start(self.writer.shared(size), np.zeros(size))
-        targets: dict[str, Target] = {name: self.sums[platform, name] for name, _ in parts}
-        return targets | {"guard": Worst()}
-
-    def summed(self) -> dict[str, Source]:
-        """Return the sums over the legs of every platform as sources."""
-        return {f"{name} {i}": read(place) for (i, name), place in self.sums.items()}
-
-
-def read(place: Add) -> Shared:
-    """Return the source that reads a sum."""
-    return Shared(place.start, place.size)
+def read(place: Any) -> Any:
+    """Return the source that reads a place; that of a sum reads its numbers."""
+    return Shared(place.start, place.size) if isinstance(place, Add) else place
 
 
 def unit_base(request: Request, w: Writer) -> None:
@@ -172,35 +177,28 @@ def same_structure(request: Request, w: Writer) -> None:
     w.call(kernel, 1, [w.from_given("parameters", np.arange(chosen.size))], [Worst()])
 
 
-def moving_base(
-    request: Request, w: Writer, acceleration: Source, *, report: bool
-) -> tuple[Source, Source] | None:
-    """Return sources of a moving base's twist and acceleration (see `stages.base_motion`), else None.
+def moving_base(request: Request, w: Writer, acceleration: str) -> Ports:
+    """Return the ports of a moving base's twist and acceleration (see `stages.base_motion`), else nothing.
 
     Args:
         request: The robot and its effects.
         w: The program under construction.
-        acceleration: Source of the base's acceleration.
-        report: Whether the base's acceleration is among the results.
+        acceleration: Input that begins with the base's acceleration; if it is not "a", results begin with it.
     """
     if request.robot.base != "moving":
-        return None
+        return {}
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", 4), symbols("v", 6), symbols("a", 6)
-    velocity = request.on.velocity is not None
+    velocity, report = request.on.velocity is not None, acceleration != "a"
     A = classical(v, a) if velocity else a.copy()
     A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
     V = pack(v[3:]) if velocity else v_col
     outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
     kernel = w.kernel(("root", report), ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
-    twist, at = w.shared(3 if velocity else 6), w.shared(6)
-    targets: list[Target] = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
-    sources: list[Source] = [
-        w.from_given("q", np.arange(3, 7)),
-        w.from_given("v", np.arange(6)),
-        acceleration,
-    ]
-    w.call(kernel, 1, sources, targets)
-    return twist, at
+    ports = {"V_base": w.shared(V.numel()), "A_base": w.shared(6)}
+    given = (("q", np.arange(3, 7)), ("v", np.arange(6)), (acceleration, np.arange(6)))
+    more = [w.result("a", np.arange(6))] if report else []
+    w.call(kernel, 1, [w.from_given(name, index) for name, index in given], [*ports.values(), *more])
+    return ports
 
 
 class Efforts:

@@ -81,11 +81,9 @@ def motor_inverse_derivatives(request: Request) -> Program:
     steps = w.calls_from(start)
     instead: dict[Shared, Shared] = {}
     for of, calls in zip(modules, balance, strict=True):
-        for old, new in ((of.V, calls.V), (of.A, calls.A)):
-            instead |= {old[o]: new[o] for o in old}
-        assert of.u_dot is not None
-        assert calls.u_dot is not None
-        instead[of.u_dot] = of.u_dot = calls.u_dot
+        both = ["u_dot", *(f"{x} {o}" for x in "AV" for o in np.flatnonzero(calls.options.carries))]
+        instead |= {of.ports[name]: calls.ports[name] for name in both}
+        of.ports["u_dot"] = calls.ports["u_dot"]
     motions = Motions(w, instead)
     for of in modules:
         motions.evaluate(of)

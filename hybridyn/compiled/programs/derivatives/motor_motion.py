@@ -26,9 +26,8 @@ from ...equations.expressions import Expression, cross, dot, eye, pack, symbols
 from ...equations.guards import trusted
 from ...equations.stages import Stage
 from ...equations.static_elimination import Pivots, solve
-from ...program import Call, Constants, Each, Given, Own, Result, Shared, Source, Target, Worst
-from ..direct import DirectCalls
-from ..module_calls import Stages
+from ...program import Call, Constants, Each, Given, Own, Result, Shared, Source, Worst
+from ..module_calls import ModuleCalls, Stages
 from ..writer import Writer
 from .columns import Coordinates, changes_of_coordinates, matrix
 from .sweeps import PART, Block, Graph, Joiner, Node, Sweep
@@ -49,7 +48,7 @@ class Motions:
         self._code: dict[Any, list[Stage]] = {}
         self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
 
-    def nodes(self, modules: list[DirectCalls]) -> list[Node]:
+    def nodes(self, modules: list[ModuleCalls]) -> list[Node]:
         """Return the nodes that lead from u_dot of connected modules to the accelerations."""
         calls = [call for x in modules for call in self._calls(x)]
         return self._joiner.nodes([self._moved(call) for call in calls])
@@ -60,7 +59,7 @@ class Motions:
             self._writer.result("a", index) if self._instead is None else self._writer.from_given("a", index)
         )
 
-    def evaluate(self, calls: DirectCalls) -> None:
+    def evaluate(self, calls: ModuleCalls) -> None:
         """Add the calls that compute the motion of a module's platforms, which its legs read."""
         w = self._writer
         core = [self._moved(call) for call in self._calls(calls, core=True)]
@@ -82,25 +81,19 @@ class Motions:
 
         return replace(call, sources=tuple(map(moved, call.sources)), targets=tuple(map(moved, call.targets)))
 
-    def _calls(self, calls: DirectCalls, *, core: bool = False) -> list[Call]:
+    def _calls(self, calls: ModuleCalls, *, core: bool = False) -> list[Call]:
         """Return the calls from u_dot to the accelerations, or those of the core; they are not made."""
-        w, written, v_index = self._writer, calls.written, calls.module.v_index
-        plan = calls.request.plans[calls.k]
+        w, plan = self._writer, calls.request.plans[calls.k]
         key = ("motion", id(plan), calls.options)
         if key not in self._code:
             self._code[key] = write_motion(f"motion_{len(self._code)}", plan, calls.options)
-        stages = Stages(w, key, self._code[key], ["motion"] * 3)
+        stages, ports = Stages(w, key, self._code[key], ["motion"] * 3), dict(calls.ports)
         start = len(w.steps)
-        assert calls.u_dot is not None
-        sources = calls.sources() | {"u_dot": calls.u_dot, "a_legs": w.result("a", v_index[written.legs])}
-        targets: dict[str, Target] = {f"platform {i}": place for i, place in calls.platforms.items()}
-        targets |= {f"delta {i}": place for i, place in calls.deltas.items()}
-        targets["a_core"] = w.result("a", v_index[written.joints])
-        stages.call(0, sources, targets)
-        stages.call(1, sources, targets)
+        stages.call(0, ports)
+        stages.call(1, ports)
         own = w.calls_from(start)
         middle = len(w.steps)
-        stages.call(2, sources, {"a_wrists": w.result("a", v_index[written.wrists])})
+        stages.call(2, ports)
         wrists = w.calls_from(middle)
         del w.steps[start:]
         return own if core else [*own, *calls.leg_calls, *wrists]
@@ -118,7 +111,7 @@ class MotorMotion:
         over_v: Changes over the motors' rates.
     """
 
-    def __init__(self, w: Writer, modules: list[DirectCalls], at: Coordinates, a: Source) -> None:
+    def __init__(self, w: Writer, modules: list[ModuleCalls], at: Coordinates, a: Source) -> None:
         """Order the motors; where each joint has one, as the motions are.
 
         Args:

@@ -25,9 +25,7 @@ from ....spatial import Index, Mask
 from ...equations.expressions import Expression, dot, pack
 from ...equations.request import Request
 from ...program import Constants, Each, Own, Shared, Source, Target
-from ..direct import DirectCalls
-from ..inverse import InverseCalls
-from ..module_calls import read
+from ..module_calls import ModuleCalls, read
 from ..writer import Writer
 from .columns import Coordinates, by_columns, coordinates_of_freedoms, factors, matrix, solved
 from .motor_motion import MotorMotion
@@ -50,7 +48,7 @@ class Group:
         children: Groups on its outputs, by output.
     """
 
-    modules: list[InverseCalls]
+    modules: list[ModuleCalls]
     parent: Group | None
     at: Coordinates
     children: dict[Place, list[Group]] = field(default_factory=dict)
@@ -73,21 +71,21 @@ class Group:
 
     def moved(self) -> list[Source]:
         """Return the sources of its base's acceleration and twist; none on a fixed base."""
-        known = self.modules[0].sources()
+        known = self.modules[0].ports
         return [known[name] for name in ("A_base", "V_base") if name in known]
 
     def output(self, place: Place) -> tuple[Shared, Shared, Shared]:
         """Return acceleration and twist of an output, and the wrench that its children require."""
         calls = next(calls for calls in self.modules if calls.k == place[0])
-        return calls.A[place[1]], calls.V[place[1]], read(calls.received[place[1]])
+        A, V, F = (read(calls.ports[f"{name} {place[1]}"]) for name in "AVF")
+        return A, V, F
 
     @property
     def results(self) -> list[Source | Target]:
         """What is left of its forces, the wrench on its base, and its outputs' accelerations and twists."""
-        ends: list[Source | Target | None] = [member.left for member in self.modules]
-        ends.append(self.modules[0].F_base if self.parent else None)
-        ends += [end for place in self.children for end in self.output(place)[:2]]
-        return [end for end in ends if end is not None]
+        ends = [member.ports["Q"] for member in self.modules]
+        ends += [self.modules[0].ports["F_base"]] if self.parent else []
+        return ends + [end for place in self.children for end in self.output(place)[:2]]
 
     def subtree(self) -> list[Group]:
         """Return the group and all groups that it carries."""
@@ -98,10 +96,10 @@ class Group:
         return [x for child in self.children[place] for x in child.subtree()]
 
 
-def groups_of(request: Request, balance: list[InverseCalls]) -> list[Group]:
+def groups_of(request: Request, balance: list[ModuleCalls]) -> list[Group]:
     """Join modules to groups, outwards; those without motions join any, so that they are alone on a base."""
-    members: list[list[InverseCalls]] = []
-    of: dict[int, list[InverseCalls]] = {}
+    members: list[list[ModuleCalls]] = []
+    of: dict[int, list[ModuleCalls]] = {}
     for calls in balance:
         below, own = of.get(calls.module.parent), calls.module.mobility
         joined = sum(x.module.mobility for x in below or ())
@@ -161,7 +159,7 @@ class Relations:
         writer: Writer,
         group: Group,
         graphs: tuple[Graph, Graph],
-        runs: list[list[DirectCalls]],
+        runs: list[list[ModuleCalls]],
         a: Source,
         carried: dict[Place, list[Shared]],
         parts: list[MotorMotion],
@@ -311,7 +309,7 @@ class Relations:
         self._factors = w.shared(n * (n + 1) // 2)
         first = 0
         for i, modules in enumerate(self._runs):
-            u_dot = [calls.u_dot for calls in modules if calls.u_dot is not None]
+            u_dot = [calls.ports["u_dot"] for calls in modules]
             *ends, count = np.cumsum([0, *(u.size for u in u_dot)]).tolist()
             over_u = Sweep(w, count, self._known)
             for u, at in zip(u_dot, ends, strict=True):

@@ -19,7 +19,7 @@ import numpy as np
 
 from ....spatial import Index
 from ...program import Call, Each, Shared
-from ..direct import DirectCalls
+from ..module_calls import ModuleCalls
 from ..writer import Writer
 from .columns import Term, add_terms, by_columns, coordinates_of_freedoms
 from .motor_motion import Motions, MotorMotion
@@ -119,7 +119,7 @@ class Responses:
 def relations_of(
     w: Writer,
     groups: Sequence[Group],
-    modules: Sequence[DirectCalls],
+    modules: Sequence[ModuleCalls],
     steps: Sequence[Call],
     motions: Motions,
     *,
@@ -144,7 +144,7 @@ def relations_of(
     for group in reversed(groups):
         own = [modules[x.k] for x in group.modules]
         a, outputs = motions.accelerations(group.at.v), [group.output(place) for place in group.children]
-        u_dot = [calls.u_dot for calls in own if calls.u_dot is not None]
+        u_dot = [calls.ports["u_dot"] for calls in own]
         leaves = [w.from_given("q", group.at.q), w.from_given("v", group.at.v), *u_dot]
         motion = Graph.between(motions.nodes(own), leaves, [a])
         calls = {id(call) for member in group.modules for call in member.calls}
@@ -160,10 +160,10 @@ def relations_of(
     return dict(reversed(out.items()))
 
 
-def _runs(modules: Sequence[DirectCalls]) -> list[list[DirectCalls]]:
+def _runs(modules: Sequence[ModuleCalls]) -> list[list[ModuleCalls]]:
     """Return each module with loops that moves, and between them those each of whose joints is a motion."""
 
-    def of(calls: DirectCalls) -> int:
+    def of(calls: ModuleCalls) -> int:
         """Return the number of a module with loops; -1 of others."""
         return -1 if calls.module.mobility == len(calls.module.v_index) else calls.k
 
