@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.fronts import chosen, grouped, jacobians, ratios
+from benchmarks.panels import LOOK, Curve, Panel, draw
 from benchmarks.results import Row
-from hybridyn.figures.fronts import LOOK, Curve, Panel, draw
 from hybridyn.studies.cost.points import pareto_front
 
 Results = dict[str, list[Row]]

@@ -27,7 +27,7 @@ from ..studies.cost.points import (
     front,
     time_words,
 )
-from .common.figures import figure_file, save
+from .common.figures import chart_file, save
 from .common.files import complete_robot, existing_file, report_file, robot_file, scene_file, write_report
 from .common.options import RobotChoice, RobotCommand, split_names
 from .common.text import aligned_rows
@@ -85,7 +85,7 @@ def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
     help="Write all measurements, .csv or .json.",
 )
 @click.option(
-    "--plot", metavar="FILE", callback=figure_file, help="Error against time as a figure: .png, .svg or .pdf."
+    "--plot", metavar="FILE", callback=chart_file, help="Error against time: .png, .svg, .pdf or .html."
 )
 def command(
     load: RobotChoice, trajectory: str | None, target: float | None, every: bool, output: str | None,
@@ -114,9 +114,9 @@ def command(
     if output:
         write_report(output, _rows(study))
     if plot:
-        from ..figures.cost import figure_of
+        from ..figures.cost import chart_of_cost
 
-        save(figure_of(study, os.path.basename(load.robot)), plot)
+        save(chart_of_cost(study, os.path.basename(load.robot)), plot)
     if target is None:
         click.echo("\n".join(_report(study, every=every)))
         return status

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
 #: Largest number of names in one column of a legend.
 MOST_NAMES = 12
+#: Letters of a legend that fit into an inch, and how many its signs take.
+LETTERS_PER_INCH, LETTERS_OF_KEY = 13, 8
 #: Number of names below bars, and the angle at which they are written where there are more.
 LEVEL, SLOPE = 4, 30
 #: How marks are drawn.
@@ -26,6 +28,10 @@ STYLES: dict[str, dict[str, Any]] = {
     "dashed": {"linewidth": 1.0, "linestyle": "--"},
     "dots": {"linestyle": "none", "marker": ".", "markersize": 2.5, "alpha": 0.6},
     "dot": {"linestyle": "none", "marker": "o", "markersize": 3.5},
+    "ring": {"linestyle": "none", "marker": "o", "markersize": 9, "markerfacecolor": "none", "zorder": 4},
+    "pale": {"linestyle": "none", "marker": ".", "markersize": 5, "alpha": 0.16, "markeredgewidth": 0},
+    "front": {"linewidth": 1.4, "marker": "o", "markersize": 4.2},
+    "open": {"linewidth": 1.4, "marker": "o", "markersize": 4.2, "markerfacecolor": "white"},
 }
 
 
@@ -51,7 +57,7 @@ def figure_of_chart(chart: Chart) -> Figure:
         HybridynError: matplotlib is missing.
     """
     columns, rows, shared = chart.columns, chart.rows, bool(chart.x_label)
-    width, height = (WIDTHS[columns], HEIGHT) if shared else (2.6 * columns + 0.6, 2.5)
+    width, height = (WIDTHS[columns], HEIGHT) if shared else (chart.size[0] * columns + 0.6, chart.size[1])
     figure = empty_figure(max(width, 5.0), height * rows + 0.5)
     figure.suptitle(chart.title, fontsize="medium")
     axes = figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel()
@@ -70,7 +76,8 @@ def figure_of_chart(chart: Chart) -> Figure:
         ax.set_xlabel(chart.x_label)
         ax.tick_params(labelbottom=True)
     if named and not shared:
-        across = min(len(named), 2 * columns)
+        letters = max(map(len, named)) + LETTERS_OF_KEY
+        across = max(1, min(len(named), int(figure.get_figwidth() * LETTERS_PER_INCH / letters)))
         figure.legend([*named.values()], [*named], loc="outside lower center", ncols=across, fontsize="small")
     return figure
 
@@ -90,7 +97,8 @@ def _draw(ax: Axes, panel: Panel) -> dict[str, Artist]:
             (artist,) = ax.plot(mark.x, mark.y, color=mark.colour, **STYLES[mark.style])
         if mark.name:
             named[mark.name] = artist
-    ax.set_yscale("log" if panel.logarithmic else "linear")
+    for axis in panel.logarithmic:
+        ax.set(**{f"{axis}scale": "log"})
     ax.set_title(panel.title, loc="left", fontsize="small", color=panel.colour, weight="bold")
     ax.set_xlabel(panel.x_label, fontsize="small")
     ax.set_ylabel(panel.label, fontsize="small")

@@ -14,6 +14,10 @@ STYLES: dict[str, dict[str, Any]] = {
     "dashed": {"mode": "lines", "line_width": 1.2, "line_dash": "dash"},
     "dots": {"mode": "markers", "marker_size": 3, "opacity": 0.6},
     "dot": {"mode": "markers", "marker_size": 7},
+    "ring": {"mode": "markers", "marker_size": 13, "marker_symbol": "circle-open"},
+    "pale": {"mode": "markers", "marker_size": 5, "opacity": 0.16},
+    "front": {"mode": "lines+markers", "marker_size": 6},
+    "open": {"mode": "lines+markers", "marker_size": 6, "marker_symbol": "circle-open"},
 }
 
 
@@ -49,10 +53,12 @@ def page_of_chart(chart: Chart) -> str:
             showticklabels=bottom or not shared,
             **place,
         )
-        scale = {"type": "log", "exponentformat": "power"} if panel.logarithmic else {}
-        figure.update_yaxes(title_text=panel.label, **scale, **place)
+        figure.update_yaxes(title_text=panel.label, **place)
+        for axis in panel.logarithmic:
+            getattr(figure, f"update_{axis}axes")(type="log", exponentformat="power", **place)
     figure.update_layout(
-        title=chart.title, height=(1.0 if shared else 1.3) * HEIGHT * rows + MARGIN, barmode="group",
+        title=chart.title.replace("\n", "<br>"),
+        height=(1.0 if shared else 1.3) * HEIGHT * rows + MARGIN, barmode="group",
         template="plotly_white", hovermode="x unified" if shared else "closest",
         legend={"groupclick": "toggleitem", "tracegroupgap": 4, "font": {"size": 11}},
     )  # fmt: skip

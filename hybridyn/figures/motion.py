@@ -89,7 +89,7 @@ def chart_of_rows(
     if RESIDUAL in data:
         marks = [Mark("", x, np.maximum(data[RESIDUAL], SMALLEST), "solid", MODULES[0])]
         what = "closures: how far open, over the module's size"
-        panels.append(Panel(what, RESIDUAL, marks, logarithmic=True))
+        panels.append(Panel(what, RESIDUAL, marks, logarithmic="y"))
     return Chart(title, panels, "time [s]" if timed else "row")
 
 

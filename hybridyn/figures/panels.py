@@ -16,7 +16,8 @@ class Mark:
         name: Name in the legend, or "" for none.
         x: Abscissas, shape (T,), or the names below bars.
         y: Values, shape (T,).
-        style: "solid" or "dashed" (lines), "dots", "dot" (larger), or "bar".
+        style: "solid" or "dashed" (lines), "front" or "open" (lines with filled or open dots), "dots", "dot"
+            (larger), "ring" (around a dot), "pale" (dots behind others), or "bar".
         colour: Its colour, "#rrggbb".
     """
 
@@ -37,7 +38,7 @@ class Panel:
         marks: What it shows.
         x_label: Quantity and unit of the abscissas, where the chart has none.
         colour: Colour of the title, "#rrggbb".
-        logarithmic: Whether values are drawn on a logarithmic scale.
+        logarithmic: Which scales are logarithmic: "", "y" (that of the values) or "xy".
     """
 
     title: str
@@ -45,7 +46,7 @@ class Panel:
     marks: Sequence[Mark]
     x_label: str = ""
     colour: str = "#222222"
-    logarithmic: bool = False
+    logarithmic: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +58,14 @@ class Chart:
         panels: Panels of the figure.
         x_label: Quantity and unit of the abscissas that all panels share, "" where each has its own.
         across: Number of columns of panels, or None for a number that suits time series.
+        size: Width and height of a panel that has its own abscissas [inch].
     """
 
     title: str
     panels: Sequence[Panel]
     x_label: str = ""
     across: int | None = None
+    size: tuple[float, float] = (2.6, 2.5)
 
     @property
     def columns(self) -> int:

@@ -21,6 +21,7 @@ from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_t
 from benchmarks.fronts import cheapest
 from benchmarks.goals import reached
 from benchmarks.hard import page
+from benchmarks.panels import Curve, Panel, draw
 from benchmarks.peers import rk4
 from benchmarks.plan import Cache, Task
 from benchmarks.reference import (
@@ -41,7 +42,6 @@ from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
-from hybridyn.figures.fronts import Curve, Panel, draw
 from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines import mujoco_engine
 from hybridyn.studies.cost.points import pareto_front

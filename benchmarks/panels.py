@@ -1,13 +1,13 @@
-"""Panels of log-log curves with one legend: those of `hybridyn cost`, and of the benchmarks' report."""
+"""Panels of log-log curves with one legend: the figures of the report."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from .as_matplotlib import empty_figure
+from hybridyn.figures.as_matplotlib import empty_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,14 +57,12 @@ class Panel:
         title: Over the axes.
         x, y: Names of the axes.
         curves: The curves.
-        notes: Words at points, x and y first.
     """
 
     title: str
     x: str
     y: str
     curves: list[Curve] = field(default_factory=list)
-    notes: Sequence[tuple[float, float, str]] = ()
 
     @property
     def top(self) -> float:
@@ -72,26 +70,7 @@ class Panel:
         return max((y for curve in self.curves for y in curve.y), default=0.0)
 
 
-@dataclass(frozen=True)
-class Bars:
-    """Bars over a logarithmic axis.
-
-    Attributes:
-        title: Over the axes.
-        x: Name of the axis.
-        names: What each group of bars is of, from below.
-        groups: Lengths by what they are.
-        least: Rounding, at which bars begin.
-    """
-
-    title: str
-    x: str
-    names: Sequence[str]
-    groups: Mapping[str, Sequence[float]]
-    least: float = LEAST
-
-
-def draw(title: str, remark: str, rows: Sequence[Sequence[Panel | Bars]]) -> Figure:
+def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]]) -> Figure:
     """Draw rows of panels.
 
     Raises:
@@ -104,7 +83,7 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel | Bars]]) -> Fig
     with mpl.rc_context(LOOK):
         figure.suptitle(f"{title}\n{remark}", fontsize=11, color=INK, x=0.01, ha="left")
         axes = figure.subplots(len(rows), columns, squeeze=False)
-        every = [panel for row in rows for panel in row if isinstance(panel, Panel)]
+        every = [panel for row in rows for panel in row]
         for ax in axes.flat:
             ax.set_axis_off()
         for own, row in zip(axes, rows, strict=True):
@@ -112,10 +91,7 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel | Bars]]) -> Fig
                 ax.set_axis_on()
                 ax.set_title(panel.title, loc="left", color=INK)
                 ax.spines[["top", "right"]].set_visible(False)
-                if isinstance(panel, Bars):
-                    _bars(ax, panel)
-                else:
-                    _panel(ax, panel, max(other.top for other in every if other.y == panel.y))
+                _panel(ax, panel, max(other.top for other in every if other.y == panel.y))
         keys = [ax.get_legend_handles_labels() for ax in axes.flat]
         named = {name: key for one in keys for key, name in zip(*one, strict=True)}
         figure.legend([*named.values()], [*named], loc="outside right upper", frameon=False)
@@ -131,24 +107,10 @@ def _panel(ax: Axes, panel: Panel, most: float) -> None:
     ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y)
     for curve in panel.curves:
         _curve(ax, curve)
-    for x, y, words in panel.notes:
-        ax.annotate(words, (x, max(y, LEAST)), (6, 6), textcoords="offset points", weight="bold")
     ax.grid(True, which="major", color=GRID, lw=0.7, zorder=0)
     ax.minorticks_off()
     ax.autoscale_view()  # limits are otherwise found when the figure is drawn
     ax.set(xlim=widened(*ax.get_xlim()), ylim=widened(*ax.get_ylim()))
-
-
-def _bars(ax: Axes, panel: Bars) -> None:
-    """Draw bars, from rounding or a tenth of the shortest on."""
-    shown = [x for values in panel.groups.values() for x in values if panel.least < x < math.inf]
-    width = 0.8 / len(panel.groups)
-    for number, (name, colour) in enumerate(zip(panel.groups, (INK, "#b9b9b9"), strict=False)):
-        at = [k + width * (len(panel.groups) - 1 - number) for k in range(len(panel.names))]
-        ax.barh(at, [min(x, 1e3) for x in panel.groups[name]], width, color=colour, label=name)
-    ax.set_yticks([k + width / 2 for k in range(len(panel.names))], panel.names)
-    ax.set(xscale="log", xlabel=panel.x)
-    ax.set_xlim(left=min(shown, default=panel.least) / 10)
 
 
 def _curve(ax: Axes, curve: Curve) -> None:
