@@ -36,7 +36,7 @@ from ..equations.guards import GUARD_CLOSED, OTHER_STRUCTURE, largest, trusted
 from ..equations.loops import dependent_pivots, shape_of, spanning_closures
 from ..equations.request import Request
 from ..equations.static_elimination import solve
-from ..program import Constants, Program, Source, Target, Worst
+from ..program import Program, Source, Target, Worst
 from .writer import Writer
 
 
@@ -64,7 +64,7 @@ def following_program(request: Request, name: str, driven: set[int]) -> Program:
     w = Writer(name, inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base == "moving":
         keep_base(w)
-    ends = {"near": "q_index", "v": "v_index", "a": "v_index"}, ("q", "v_closed", "a_closed")
+    ends = {"near": Q, "v": V, "a": V}, {"q": Q, "v_closed": V, "a_closed": V}
     _add_modules(w, request, driven, partial(by_motors, closed=GUARD_CLOSED[request.dtype]), *ends)
     return w.program()
 
@@ -81,8 +81,12 @@ def turning_program(request: Request, driven: set[int]) -> Program:
     """
     robot = request.robot
     w = Writer("turning", [("near", robot.nq), ("q", robot.nq), *request.parameter_inputs], [])
-    _add_modules(w, request, driven, _turning, {"near": "q_index", "q": "q_index"})
+    _add_modules(w, request, driven, _turning, {"near": Q, "q": Q}, {})
     return w.program()
+
+
+#: What a module's entries of an array are: coordinates, freedoms, or the one of its number.
+Q, V, NUMBER = "q_index", "v_index", "number"
 
 
 def _add_modules(
@@ -91,30 +95,31 @@ def _add_modules(
     driven: set[int],
     write: Callable[..., tuple[ca.Function, Array]],
     inputs: Mapping[str, str],
-    outputs: Sequence[str] = (),
+    outputs: Mapping[str, str],
 ) -> None:
     """Add the calls of the kernels of all modules.
 
     Args:
         write: Writes the kernel of modules of one shape, and the table of their numbers.
-        inputs: The index of each input in a module; the outputs have the same in their order.
+        inputs: `Q` or `V`, by the name of the input.
+        outputs: `Q`, `V` or `NUMBER`, by the name of the output; a further one is a guard.
     """
-    shapes: dict[Any, list[Module]] = {}
-    specs: dict[Any, list[ModuleSpec]] = {}
+    robot, shapes = request.robot, dict[Any, list[int]]()
     chosen = request.arguments if isinstance(request.arguments, ChosenNumbers) else None
-    every = [None] * len(request.robot.modules) if chosen is None else chosen.of_modules
-    for module, own in zip(request.robot.modules, every, strict=True):
-        shape = shape_of(module, motor_freedoms(module, driven))
-        shapes.setdefault(shape, []).append(module)
-        specs.setdefault(shape, []).append(module.mechanism.spec if own is None else own.spec)
-    for shape, modules in shapes.items():
-        motors = motor_freedoms(modules[0], driven)
-        function, table = write(modules, motors, specs=() if chosen is None else specs[shape])
-        places = [np.array([getattr(m, index) for m in modules]) for index in inputs.values()]
-        sources: list[Source] = [w.from_given(name, at) for name, at in zip(inputs, places, strict=True)]
+    for k, module in enumerate(robot.modules):
+        shapes.setdefault(shape_of(module, motor_freedoms(module, driven)), []).append(k)
+    for shape, numbers in shapes.items():
+        modules, own = [robot.modules[k] for k in numbers], chosen.of_modules if chosen else ()
+        pairs = [(m, own[k]) for m, k in zip(modules, numbers, strict=True)] if chosen else []
+        specs = [m.mechanism.spec if given is None else given.spec for m, given in pairs]
+        function, table = write(modules, motor_freedoms(modules[0], driven), specs=specs)
+        places = {index: np.array([getattr(m, index) for m in modules]) for index in (Q, V)}
+        places[NUMBER] = np.array(numbers)[:, None]
+        sources: list[Source] = [w.from_given(name, places[index]) for name, index in inputs.items()]
         sources.append(w.numbers(table, None if chosen is None else chosen.column))
-        targets: list[Target] = [w.result(name, at) for name, at in zip(outputs, places, strict=False)]
-        w.call(w.kernel(shape, function, "closures"), len(modules), sources, [*targets, Worst()])
+        targets: list[Target] = [w.result(name, places[index]) for name, index in outputs.items()]
+        targets += [Worst()] * (function.n_out() - len(targets))
+        w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
 
 
 def keep_base(w: Writer) -> None:
@@ -217,35 +222,19 @@ def lift_program(request: Request) -> Program | None:
     robot = request.robot
     if robot.base == "moving" or any(m.mechanism.rounding > LIFT_ROUNDING for m in robot.modules):
         return None
-    shapes: dict[Any, list[int]] = {}
-    for k, module in enumerate(robot.modules):
-        shapes.setdefault(shape_of(module), []).append(k)
-    sizes = [("q_0", robot.nq), ("xi", robot.nv), ("v", robot.nv)]
-    results = [("q", robot.nq)]
-    results += [(name, robot.nv) for name in ("xi_next", "v_closed", "xi_dot", "independent")]
-    results += [(name, len(robot.modules)) for name in MEASURES]
-    w = Writer("lift", sizes, results)
-    for shape, numbers in shapes.items():
-        modules = [robot.modules[k] for k in numbers]
-        function, table = _write(modules)
-        q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
-        w.call(
-            w.kernel(shape, function, "closures"),
-            len(modules),
-            [w.from_given("q_0", q), w.from_given("xi", v), w.from_given("v", v), Constants(table)],
-            [
-                w.result("q", q),
-                w.result("xi_next", v),
-                w.result("v_closed", v),
-                w.result("xi_dot", v),
-                w.result("independent", v),
-                *(w.result(name, np.array(numbers)[:, None]) for name in MEASURES),
-            ],
-        )
+    outputs = {"q": Q} | dict.fromkeys(("xi_next", "v_closed", "xi_dot", "independent"), V)
+    outputs |= dict.fromkeys(MEASURES, NUMBER)
+    sizes = {Q: robot.nq, V: robot.nv, NUMBER: len(robot.modules)}
+    inputs = {"q_0": Q, "xi": V, "v": V}
+    given, results = ([(name, sizes[index]) for name, index in of.items()] for of in (inputs, outputs))
+    w = Writer("lift", given, results)
+    _add_modules(w, request, set(), _lift, inputs, outputs)
     return w.program()
 
 
-def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
+def _lift(
+    modules: list[Module], motors: tuple[int, ...], specs: Sequence[ModuleSpec]
+) -> tuple[ca.Function, Array]:
     """Return the kernel of modules of one shape, and the table of numbers in which they differ."""
     m = modules[0].mechanism
     tree = m.spanning
@@ -255,8 +244,10 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
     independent = np.ones(tree.nv)
     folding = Folding()
     if m.spanning_closures.rows:
-        pivots = dependent_pivots(modules)
-        K, residual = spanning_closures(modules, folding, by_joint(tree, moved_joint, q_0, xi, positions=1))
+        pivots = dependent_pivots(modules, motors)
+        K, residual = spanning_closures(
+            modules, folding, by_joint(tree, moved_joint, q_0, xi, positions=1), specs
+        )
         dependent, rates = list(pivots.cols), v.copy()
         independent[dependent] = rates[dependent] = 0.0
         X, trust = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), pivots)

@@ -28,6 +28,8 @@ from ..postures import Postures
 from ..sources import kept
 from .engine import CompiledEngine, Following, following, pushed_models
 
+#: Rows of models for each sample, for matrices also for each coordinate.
+ROWS = {"mass_matrix": 1, "bias": 1, "coriolis": 3, "coriolis_matrix": 6, "gravity": 1}
 #: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
 ROWS_AT_ONCE = 4096
 
@@ -54,45 +56,50 @@ class Quantities(Postures):
 
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
-        q, _, single = checked_state(self.robot, q, None)
-        moves, general = self._driven_by(joints), self._general(mass_matrix, joints)
-        lanes = moves.u.size if moves else 1
-        return self._finished("mass_matrix", moves, CompiledEngine.mass, general, lanes, single, q=q)
+        return self._of_forces(mass_matrix, joints, q)
 
     def bias(
         self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None, base_acceleration: ArrayLike | None = None
     ) -> Numbers:
         """Compute c(q, v) + g(q), shape (N,) or (T, N), like `hybridyn.bias`."""
-        q, v, single = checked_state(self.robot, q, v)
-        moves, general = self._driven_by(joints), self._general(bias, joints)
-        given = {"q": q, "v": v}
-        if base_acceleration is not None:
-            given["base_acceleration"] = acceleration_of_base(self.robot, base_acceleration, len(q))
-        return self._finished("bias", moves, CompiledEngine.bias, general, 1, single, **given)
+        return self._of_forces(bias, joints, q, v, base=base_acceleration)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute c(q, v), shape (N,) or (T, N), like `hybridyn.coriolis`."""
-        q, v, single = checked_state(self.robot, q, v)
-        moves = self._driven_by(joints, Stop)  # a stop's damping is not odd in the rates
-        general = self._general(coriolis, joints)
-        return self._finished("coriolis", moves, CompiledEngine.coriolis, general, 3, single, q=q, v=v)
+        return self._of_forces(coriolis, joints, q, v, (Stop,))  # whose damping is not odd in the rates
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute C(q, v) with c = C u, shape (N, N) or (T, N, N), like `hybridyn.coriolis_matrix`."""
-        q, v, single = checked_state(self.robot, q, v)
-        moves, general = self._driven_by(joints, Stop), self._general(coriolis_matrix, joints)
-        if self.robot.base == "moving" and v[:, :6].any():
-            moves = None  # the general path refuses it
-        lanes = 6 * moves.u.size if moves else 1
-        formula = CompiledEngine.coriolis_matrix
-        return self._finished("coriolis_matrix", moves, formula, general, lanes, single, q=q, v=v)
+        return self._of_forces(coriolis_matrix, joints, q, v, (Stop,))
 
     def gravity(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""
-        q, _, single = checked_state(self.robot, q, None)
-        moves = self._driven_by(joints, Spring, Stop)  # they act at rest, too
-        general = self._general(gravity, joints)
-        return self._finished("gravity", moves, CompiledEngine.gravity, general, 1, single, q=q)
+        return self._of_forces(gravity, joints, q, laws=(Spring, Stop))  # they act at rest, too
+
+    def _of_forces(
+        self,
+        function: Callable[..., Array],
+        joints: Joints,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        laws: tuple[type[Any], ...] = (),
+        base: ArrayLike | None = None,
+    ) -> Numbers:
+        """Compute a quantity of the forces along some joints.
+
+        Args:
+            function: The general path's, with the name of the engine's.
+            laws: As in `_driven_by`.
+            base: Acceleration of a prescribed base.
+        """
+        positions, rates, single = checked_state(self.robot, q, v)
+        name, moves = function.__name__, self._driven_by(joints, *laws)
+        given = {"q": positions} if v is None else {"q": positions, "v": rates}
+        if base is not None:
+            given["base_acceleration"] = acceleration_of_base(self.robot, base, len(positions))
+        general = partial(function, self.robot, joints=joints, effects=self.effects)
+        lanes = ROWS[name] * (moves.u.size if moves and "matrix" in name else 1)
+        return self._finished(name, moves, getattr(CompiledEngine, name), general, lanes, single, **given)
 
     @overload
     def motion_map(self, q: ArrayLike, v: None = None, *, joints: Joints = None) -> Numbers: ...
@@ -128,10 +135,6 @@ class Quantities(Postures):
         formula = partial(CompiledEngine.energy, on=self.effects)
         out = self._finished("energy", None, formula, general, 1, single, q=q, v=v)
         return Energy(out[..., 0], out[..., 1])
-
-    def _general(self, function: Callable[..., Array], joints: Joints) -> Callable[..., Array]:
-        """Return a function of the general path for the robot, the effects and some joints."""
-        return partial(function, self.robot, joints=joints, effects=self.effects)
 
     def _model(self, name: str, q: Array, *given: Array) -> tuple[Numbers, Mask]:
         """Compute a model of the robot as it is, and which samples can be trusted.

@@ -281,7 +281,7 @@ class CompiledEngine:
         """Compute the forces on the driven entries, shape (T, k)."""
         return self.run("idm" + self._pushed, q, v, a)
 
-    def mass(self, q: Array) -> Numbers:
+    def mass_matrix(self, q: Array) -> Numbers:
         """Compute the mass matrix, shape (T, N, N)."""
         E, T = self.map(q), len(q)
         lanes = E.shape[2]
@@ -306,10 +306,15 @@ class CompiledEngine:
         return self._over_u(q, np.ldexp(both / 2 - self._at_rest(q), -2 * s))
 
     def coriolis_matrix(self, q: Array, v: Array) -> Numbers:
-        """Compute C with c = C u, shape (T, N, N): the polar form of c between v and the columns of dq/du."""
+        """Compute C with c = C u, shape (T, N, N): the polar form of c between v and the columns of dq/du.
+
+        The general path refuses a prescribed base that moves.
+        """
+        if self.robot.base == "moving":
+            self.good &= ~v[:, :6].any(axis=1)
         C = polar_form(self.robot, self.coriolis, q, v, self.map(q))
         if self.robot.base == "floating":
-            C[:, :, :6] += of_brackets(self.mass(q), v)
+            C[:, :, :6] += of_brackets(self.mass_matrix(q), v)
         return C
 
     def gravity(self, q: Array) -> Numbers:
