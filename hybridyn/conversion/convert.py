@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -107,8 +106,6 @@ MARK = "written by hybridyn convert"
 #: Content of a side-car that says nothing.
 NO_SIDE_CAR = "joint_name: []\njoint_type: []\n"
 
-_UNWRITABLE = re.compile("^$|[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
 
 @dataclass(frozen=True)
 class Conversion:
@@ -180,21 +177,21 @@ def convert(
         own: StatedBase = "floating" if robot.base == "floating" else "fixed"
         description = replace(robot.description, base=own, gravity=(x, y, z))
     description = replace(description, base=base or description.base)
-    _refuse_names(description)
     description, notes = closed_at_home(description, built)
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
-    written = write(Request(description, target, shapes, tightness))
-    lost = *written.losses, *losses.lines()
-    return _write(target, replace(written, losses=lost, notes=(*notes, *written.notes)))
+    written = write(Request(description, target, shapes, tightness), losses)
+    return _write(target, replace(written, notes=(*notes, *written.notes)))
 
 
-def write(request: Request) -> Written:
+def write(request: Request, losses: Losses) -> Written:
     """Return the text of a robot's file, the files beside it, and what is lost.
+
+    Args:
+        losses: What is lost already.
 
     Raises:
         ModelError: No writer has this ending, or the format cannot hold the robot.
     """
-    losses = Losses()
     d = _sayable(request.description, losses)
     written = writer_of(request.target)(replace(request, description=d), losses)
     return replace(written, losses=losses.lines())
@@ -283,17 +280,6 @@ def _openings(d: Description) -> Iterator[tuple[float, str]]:
     for coupling in d.couplings:
         error = sum(factor * at[name] for name, factor in coupling.terms) - coupling.offset
         yield abs(error) / max(abs(factor) for _, factor in coupling.terms), coupling.name
-
-
-def _refuse_names(d: Description) -> None:
-    """Refuse names that no file can hold, but for a robot without a name."""
-    names = [d.name or "robot", *(link.name for link in d.links), *(joint.name for joint in d.joints)]
-    names += [*(closure.name for closure in d.closures), *(coupling.name for coupling in d.couplings)]
-    for name in names:
-        if _UNWRITABLE.search(name):
-            raise ModelError(
-                f"the name {name!a} is empty, or has characters that no XML file can hold; rename it"
-            )
 
 
 def _refuse_replacing(target: Path, source: str | None) -> None:

@@ -88,7 +88,7 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
         arm('<equality><weld name="x" body1="a" body2="b" active="false"/></equality>',
             '<contact><pair geom1="g" geom2="h"/></contact>',
             head='<option><flag spring="disable"/></option>'),
-        {"closures": (), "notes": {"'x' has active=\"false\"", "contacts", "disables spring"}},
+        {"closures": (), "notes": {"'x' has active=\"false\"", "contacts", "disables 'spring'"}},
     ),
     "a file without joints": (
         mjcf(world='<body name="a"><geom size="1"/></body><body name="m" mocap="true"/>'),

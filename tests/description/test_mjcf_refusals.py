@@ -184,7 +184,7 @@ def test_forces_of_a_fluid_and_plugins_of_shapes_are_noted(tmp_path: Path) -> No
     file = save(tmp_path, mjcf(*sections, world=world, head='<option density="1.2"/>'), "robot.xml")
     holds(read(file), {
         "links": [{"mass": 0}, {"mass": 1}], "joints": [{"effort": 7}], "motors": ("j",),
-        "notes": {"<option density>", "robot.xml:", "<plugin> in <geom>", "actuators 'm' have a servo"},
+        "notes": {"of <option> 'density'", "robot.xml:", "<plugin> in <geom>", "actuators 'm' have a servo"},
     })  # fmt: skip
 
 

@@ -110,7 +110,7 @@ TEXTS = [
         sdf(*BODIES).replace("</sdf>", f'<model name="two">{link("c")}</model></sdf>'),
         "2 models that move: 'robot', 'two'; hybridyn reads one robot",
     ),
-    ('<sdf version="1.9"><world name="a"/><world name="b"/></sdf>', "2 worlds and models: 'a', 'b'"),
+    ('<sdf version="1.9"><world name="a"/><world name="b"/></sdf>', "stated twice in <sdf>; keep one"),
     (f'<sdf version="1.9"><world name="a">{link("c")}</world></sdf>', "unknown in <world"),
     (f'<sdf version="1.11"><world name="a">{HINGE}</world></sdf>', "unknown in <world"),
     (

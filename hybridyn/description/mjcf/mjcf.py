@@ -9,13 +9,13 @@ of a joint is MuJoCo's `qpos`; `ref` is part of the placement.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
-from ..names import listed, unique
+from ..names import listed, noted, unique
 from ..placement import motion_of, placement_from
 from ..records import Array, Joint, JointKind, Link, RobotFile, StatedSpring, spring_effect
 from ..urdf.xml_node import Node
@@ -232,7 +232,7 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     add_equalities(robot, compiled)
     add_actuators(robot, compiled)
     robot.notes += [note for one in document.every() for note in one.notes]
-    robot.notes += _notes(compiled, start, pairs)
+    robot.notes += noted(_notes(compiled, start, pairs))
     x, y, z = (float(number) for number in compiled.model.opt.gravity)
     off = compiled.model.opt.disableflags & compiled.code("mjDSBL_GRAVITY")
     robot.gravity = (0.0, 0.0, 0.0) if off else (x, y, z)
@@ -253,43 +253,39 @@ def _home(robot: RobotFile, compiled: Compiled) -> Array:
     return np.array(model.key_qpos[names.index(HOME) if HOME in names else 0])
 
 
-def _notes(compiled: Compiled, root: int, pairs: bool) -> Iterator[str]:
-    """Yield what is not read though MuJoCo computes with it; `pairs`: whether `<contact>` names geoms."""
-    model = compiled.model
-    if still := [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)]:
-        yield f"mocap bodies are read as fixed: {listed(still)}"
-    if fluid := [word for word in ("density", "viscosity") if getattr(model.opt, word)]:
-        yield f"forces of a fluid are not read: <option {' '.join(fluid)}>"
-    if model.tendon_limited.any():
-        names = (compiled.name("tendon", n) or str(n) for n in np.flatnonzero(model.tendon_limited).tolist())
-        yield f"limits of tendons are not read: {listed(names)}"
+def _notes(compiled: Compiled, root: int, pairs: bool) -> dict[str, list[str]]:
+    """Return what is not read though MuJoCo computes with it, as in `noted`.
+
+    Args:
+        root: Number of the root body.
+        pairs: Whether `<contact>` names geoms.
+    """
+    model, flags = compiled.model, compiled.model.opt.disableflags
     others = [name for name, top in zip(compiled.bodies, model.body_rootid, strict=True) if top != root]
-    if root and others[1:]:
-        yield (
-            f"bodies {listed(others[1:])} do not move and have no joint; they are left out, because the base "
-            "floats"
-        )
     of_free = model.dof_armature[model.jnt_dofadr[model.jnt_type == compiled.code("mjJNT_FREE")]]
-    if of_free.any():
-        yield "free joints with armature are read as three slides and a ball, which have it in MuJoCo's rates"
-    if pairs or _can_touch(compiled):
-        yield (
-            "contacts between geoms are not read: the robot touches nothing (the effect ground_contact has "
-            "points on compliant ground)"
-        )
-    flags = model.opt.disableflags
-    if disabled := [word for word in FLAGS if flags & max(compiled.code(f"mjDSBL_{word.upper()}"), 0)]:
-        yield f"<flag> disables {', '.join(disabled)}; hybridyn reads them all the same, for effects="
+    return {
+        "mocap bodies are read as fixed: {}":
+            [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)],
+        "forces of a fluid are not read, of <option> {}":
+            [word for word in ("density", "viscosity") if getattr(model.opt, word)],
+        "limits of tendons are not read: {}":
+            [compiled.name("tendon", n) or str(n) for n in np.flatnonzero(model.tendon_limited).tolist()],
+        "bodies {} do not move and have no joint; they are left out, because the base floats":
+            others[1:] if root else [],
+        "free joints with armature are read as three slides and a ball, which have it in MuJoCo's rates":
+            [""] if of_free.any() else [],
+        "contacts between geoms are not read: the robot touches nothing (the effect ground_contact has "
+        "points on compliant ground)":
+            [""] if pairs or _can_touch(compiled) else [],
+        "<flag> disables {}; hybridyn reads them all the same, for effects=":
+            [word for word in FLAGS if flags & max(compiled.code(f"mjDSBL_{word.upper()}"), 0)],
+    }  # fmt: skip
 
 
 def _can_touch(compiled: Compiled) -> bool:
     """Say whether geoms of two bodies could touch in MuJoCo."""
     model = compiled.model
-    if model.opt.disableflags & compiled.code("mjDSBL_CONTACT"):
-        return False
     bodies, masks = model.geom_bodyid, (model.geom_contype, model.geom_conaffinity)
-    for bit in range(32):
-        first, second = ({*bodies[(mask >> bit) & 1 == 1].tolist()} for mask in masks)
-        if first and second and len(first | second) > 1:
-            return True
-    return False
+    pairs = (({*bodies[(mask >> bit) & 1 == 1].tolist()} for mask in masks) for bit in range(32))
+    disabled = model.opt.disableflags & compiled.code("mjDSBL_CONTACT")
+    return not disabled and any(first and second and len(first | second) > 1 for first, second in pairs)

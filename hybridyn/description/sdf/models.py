@@ -78,15 +78,13 @@ class Library:
         Raises:
             ModelError: There is no such model, or there are several.
         """
-        worlds, models = self.root.children("world"), self.root.children("model")
-        if len(worlds) > 1 or (worlds and models):
-            names = listed(node.text("name") for node in (*worlds, *models))
-            raise self.root.error(f"{len(worlds) + len(models)} worlds and models: {names}; {ONE_ROBOT}")
+        world = self.root.child("world")
         found: list[Placed] = []
         still: list[str] = []
-        for own in worlds[0].children("model", "include") if worlds else models:
-            if own.tag == "include" and _name(own) in SCENERY:
-                still.append(_name(own))
+        for own in (*self.root.children("model"), *(world.children("model", "include") if world else ())):
+            _, _, folder = word(own, "uri").rstrip("/").rpartition("/")
+            if folder in SCENERY:
+                still.append(folder)
                 continue
             model, files = self.open(own, self.own)
             if flag(own, "static", flag(model, "static")):
@@ -180,13 +178,6 @@ def minor_of(node: Node) -> int:
     if int(match[1]) < VERSIONS[0]:
         raise root.error(f"version '{text[:20]}' of SDFormat is too old; convert it with `gz sdf -p`")
     return int(match[1])
-
-
-def _name(own: Node) -> str:
-    """Return the name of a model as its world knows it, or the folder of an included one."""
-    if own.tag == "model":
-        return own.text("name")
-    return word(own, "name") or word(own, "uri").rstrip("/").rpartition("/")[2]
 
 
 Kind = Literal["link", "joint", "frame", "model"]
