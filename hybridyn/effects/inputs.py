@@ -12,8 +12,7 @@ from ..errors import AT_SAMPLE, ActuationError, ModelError
 from ..linkage.tree import Motion
 from ..spatial import Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from ..tables.rates import FEWEST_ROWS, aligned, angular_rates
-from ..tables.spline import Spline
+from ..tables.rates import FEWEST_ROWS, Spline, aligned, angular_rates
 from .joints import Numbers
 from .links import table, within
 

@@ -19,7 +19,7 @@ WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of p
 #: Largest number of names in one column of a legend.
 MOST_NAMES = 12
 #: Letters of a legend that fit into an inch, and how many its signs take.
-LETTERS_PER_INCH, LETTERS_OF_KEY = 13, 8
+LETTERS_PER_INCH, LETTERS_OF_KEY = 14, 6
 #: Number of names below bars, and the angle at which they are written where there are more.
 LEVEL, SLOPE = 4, 30
 #: How marks are drawn.

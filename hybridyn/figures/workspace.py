@@ -71,11 +71,11 @@ def figure_of_workspace(
             else:
                 image = _image(ax, lattice, chosen, values, limit)
             if level is not None and ax in panels[0]:
-                at = lattice.start[2] + level * lattice.steps[2]
+                at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
                 ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
             ax.tick_params(labelsize="x-small")
         if len(axes) > 1:
-            figure.colorbar(image, ax=list(row), label=label, shrink=0.9)
+            figure.colorbar(image, ax=list(row), shrink=0.9).set_label(label, size="x-small")
             row[0].set_ylabel(f"{axes[1]} [{_unit(axes[1])}]")
     for ax in panels[-1]:
         ax.set_xlabel(f"{axes[0]} [{_unit(axes[0])}]")
@@ -119,7 +119,6 @@ def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: floa
     picture[tuple(index.T)] = values[chosen]
     start, steps = lattice.start[:2], lattice.steps[:2]
     first, last = start - steps / 2, start + (upper + 0.5) * steps
-    ax.set_aspect("equal" if len({_unit(axis) for axis in lattice.axes[:2]}) == 1 else "auto")
     return ax.imshow(
         np.ma.masked_invalid(picture.T),
         origin="lower",
@@ -127,6 +126,7 @@ def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: floa
         vmin=0.0,
         vmax=high,
         interpolation="nearest",
+        aspect="equal" if len({_unit(axis) for axis in lattice.axes[:2]}) == 1 else "auto",
     )
 
 

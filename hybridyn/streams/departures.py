@@ -91,7 +91,7 @@ def _limits(quantity: str, joint: Joint) -> tuple[float, float, float]:
     if joint.kind == "continuous" or not lower < upper:
         return -np.inf, np.inf, 0.0
     ends = [abs(end) for end in (lower, upper) if np.isfinite(end)]
-    return lower, upper, ROUNDED * (upper - lower if len(ends) == 2 else max(*ends, 1.0, 1.0))
+    return lower, upper, ROUNDED * (upper - lower if len(ends) == 2 else max([*ends, 1.0]))
 
 
 def _outside(quantity: str, rows: Array, joints: Sequence[Joint]) -> Iterator[Departure]:

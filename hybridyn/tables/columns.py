@@ -66,6 +66,12 @@ RESIDUAL = "residual"
 #: Columns of hybridyn's tables that belong to no joint and no link.
 OTHERS = ("time", *ENERGIES, RESIDUAL)
 
+#: What is told of a free base without a pose.
+FREE = (
+    "; how a free base moves depends on what came before, 'hybridyn simulate' computes it; or hold it "
+    "(base='fixed')"
+)
+
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
 
 
@@ -185,9 +191,7 @@ def _faults(
         )
     if base != "fixed" and (signal is None or signal.components != POSE):
         message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
-        if base == "floating":
-            message += "; how a free base moves depends on what came before, 'hybridyn simulate' computes it"
-            message += "; or hold it (base='fixed')"
+        message += FREE if base == "floating" else ""
         yield f"{root}/pose/{'x' if signal is None else 'qx'}", message
     yield from _input_faults(layout, movable, motors, root, passive)
     for signal in layout.signals if layout.time is None else ():

@@ -93,14 +93,9 @@ def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Iterator[Ta
         The table; no block is read yet. The file is closed when the context ends.
 
     Raises:
-        HybridynError: The file cannot be read, is a pipe or a device, or its header is wrong; polars is
-            missing.
+        HybridynError: The file cannot be read, or its header is wrong; polars is missing.
     """
     file = str(path)
-    if file != "-" and os.path.exists(file) and not os.path.isfile(file) and not os.path.isdir(file):
-        # reading a pipe would block, and its data can be read only once
-        message = "is not a regular file; give what comes out of a pipe or a device on standard input, as '-'"
-        raise TrajectoryError(message, file=file)
     with contextlib.ExitStack() as opened:
         try:
             parquet = file.lower().endswith(".parquet")

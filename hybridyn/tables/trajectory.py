@@ -121,22 +121,16 @@ def _checked(table: Table, layout: Layout) -> Iterator[Block]:
     last = -np.inf
     for block in table.blocks:
         if layout.time is not None:
-            last = _check_times(block, layout.time, last, layout.file)
+            times = np.concatenate([[last], block.values[:, layout.time]])
+            for i in np.flatnonzero(times[1:] <= times[:-1]):
+                message = f"{float(times[i + 1])!r} s does not come after {float(times[i])!r} s"
+                row = block.first_row + int(i)
+                raise TrajectoryError(message, file=layout.file, row=row, column="time")
+            last = times[-1]
         for signal in layout.signals:
             if "qx" in signal.components:
                 _check_quaternions(block, signal, table.columns, layout.file)
         yield block
-
-
-def _check_times(block: Block, column: int, last: float, file: str | None) -> float:
-    """Check that times increase, from the last one of the block before; return the last one of this block."""
-    times = np.concatenate([[last], block.values[:, column]])
-    late = np.flatnonzero(times[1:] <= times[:-1])
-    if len(late):
-        index = int(late[0])
-        message = f"{float(times[index + 1])!r} s does not come after {float(times[index])!r} s"
-        raise TrajectoryError(message, file=file, row=block.first_row + index, column="time")
-    return float(times[-1])
 
 
 def _check_quaternions(block: Block, signal: Signal, columns: Sequence[str], file: str | None) -> None:
@@ -184,27 +178,25 @@ def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
 
 def _levels(signal: Signal, window: Window, fits: Fits, file: str | None) -> Triple:
     """Return position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
-    core = window.core
-    position = window.values[:, list(signal.position)][core]
-    velocity = window.values[:, list(signal.velocity)][core] if signal.velocity else None
-    acceleration = window.values[:, list(signal.acceleration)][core] if signal.acceleration else None
-    if velocity is not None and acceleration is not None:
-        return position, velocity, acceleration
-    if not signal.missing:
-        assert velocity is not None
-        return position, velocity, np.zeros_like(velocity)
-    first, second = fits[signal]
-    if velocity is not None:
-        first, second = velocity, first
-    elif signal.components == POSE:
-        quaternions = aligned(window.values[:, list(signal.position[3:])])[core]
-        omega, omega_dot = angular_rates(quaternions, first[:, 3:], second[:, 3:])
-        first, second = np.hstack([first[:, :3], omega]), np.hstack([second[:, :3], omega_dot])
-    wrong = np.flatnonzero(~np.isfinite(np.hstack([first, second])).all(axis=1))
-    if len(wrong):
-        message = f"no finite rates of '{signal.name}' can be fitted around here"
-        raise TrajectoryError(message, file=file, row=window.first_row + int(wrong[0]))
-    return position, first, second if acceleration is None else acceleration
+    levels: list[Any] = [
+        None if at is None else window.values[:, list(at)][window.core]
+        for at in (signal.position, signal.velocity, signal.acceleration)
+    ]
+    position, velocity, acceleration = levels
+    if signal.missing:
+        first, second = fits[signal]
+        if velocity is not None:
+            second = first
+        elif signal.components == POSE:
+            quaternions = aligned(window.values[:, list(signal.position[3:])])[window.core]
+            omega, omega_dot = angular_rates(quaternions, first[:, 3:], second[:, 3:])
+            first, second = np.hstack([first[:, :3], omega]), np.hstack([second[:, :3], omega_dot])
+        for row in np.flatnonzero(~np.isfinite(np.hstack([first, second])).all(axis=1)):
+            message = f"no finite rates of '{signal.name}' can be fitted around here"
+            raise TrajectoryError(message, file=file, row=window.first_row + int(row))
+        velocity = first if velocity is None else velocity
+        acceleration = second if acceleration is None else acceleration
+    return position, velocity, np.zeros_like(velocity) if acceleration is None else acceleration
 
 
 def _fits(layout: Layout, window: Window, time: Array | None) -> Fits:

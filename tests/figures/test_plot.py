@@ -17,6 +17,7 @@ from hybridyn.figures.as_matplotlib import figure_of_chart
 from hybridyn.figures.motion import chart_of_rows, extremes
 from hybridyn.figures.panels import Chart, Panel
 from hybridyn.figures.reports import chart_of_report
+from hybridyn.figures.workspace import figure_of_workspace
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
@@ -112,6 +113,13 @@ def test_the_command_draws_reports_and_workspaces(
     call(capsys, "plot", source, "-o", target)
     drawn = target.read_text()
     assert [word for word in words if f">{word}<" not in drawn] == []
+
+
+@pytest.mark.parametrize(("across", "aspect"), [("x", 1.0), ("roll", "auto")])
+def test_axes_of_a_workspace_are_equal_if_their_units_are(across: str, aspect: float | str) -> None:
+    poses = {across: np.repeat(np.arange(3.0), 3), "z": np.tile(np.arange(3.0), 3) / 10}
+    figure = figure_of_workspace(poses, {"conditioning": np.linspace(0.1, 1.0, 9)})
+    assert figure.axes[0].get_aspect() == aspect
 
 
 def test_bars_are_the_numbers_of_the_report() -> None:

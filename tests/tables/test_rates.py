@@ -6,8 +6,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from hybridyn.tables.opening import Block
-from hybridyn.tables.rates import aligned, angular_rates, derivatives, turns, windows
-from hybridyn.tables.spline import BLOCK, DEGREE, Spline
+from hybridyn.tables.rates import BLOCK, DEGREE, Spline, aligned, angular_rates, derivatives, turns, windows
 
 ROUNDING = 1e-13
 STEP = 1e-2
