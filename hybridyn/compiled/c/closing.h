@@ -1,199 +1,268 @@
-/* Rows of a table closed one after the other on the branch of the row before, as `assembly.follow` does it.
-   Needs NQ, NP, NV, NG, NR, MODULES, the constants of `closing_source`, `far.h`, and the single calls of "newton",
-   "settle" and "branch". */
+/* Rows of a table closed one after the other on the branch of the row before, as `assembly.follow` does it: for W designs
+   at once, each lane from its own row before, or for one robot (`one_lane.h`). Needs NQ, NP, NV, NG, NR, SLOTS, MODULES,
+   the constants of `closing_source`, `far.h`, and the programs "newton", "settle" and "branch". */
 typedef struct {
-    S q[NQ], p[NP], step[MODULES], wrist[MODULES], open[MODULES];
-} Moved;
+    V q[NQ], p[NP];
+} Posture;
 typedef struct {
-    S q[NQ], p[NP], v[NV], a[NV], step[MODULES], open[MODULES], turning[MODULES];
-} Closed;
+    Posture at;
+    V g[NG], slots[SLOTS];
+} NewtonIn;
 typedef struct {
-    S off[MODULES], turned[MODULES];
-} Branch;
+    Posture at;
+    V step[MODULES], wrist[MODULES], open[MODULES];
+} NewtonOut;
+typedef struct {
+    Posture at, start;
+    V g_0[NG], g[NG], g_dot[NR], g_ddot[NR], slots[SLOTS];
+} SettleIn;
+typedef struct {
+    Posture at;
+    V v[NV], a[NV], step[MODULES], open[MODULES], turning[MODULES];
+} SettleOut;
+typedef struct {
+    Posture start;
+    V g_0[NG];
+    Posture predicted, found;
+    V g[NG], slots[SLOTS];
+} BranchIn;
+typedef struct {
+    V off[MODULES], turned[MODULES];
+} BranchOut;
+typedef struct {
+    NewtonIn newton;
+    NewtonOut moved;
+    SettleIn settle;
+    SettleOut settled;
+    BranchIn branch;
+    BranchOut about;
+    Posture at;
+    V v[NV], a[NV], first[MODULES], turning[MODULES], before[MODULES], later, far, count, programs[PROGRAMS_WORK];
+    Posture last, here, end; /* of a walk: the row before, how far it has come, the row */
+    V there[NG], row[NG], row_dot[NR], row_ddot[NR], end_v[NV], end_a[NV];
+} Work;
+EXPORT Long rows_work = sizeof(Work);
 
-static S largest_of(const S *x, int n) {
-    S out = 0;
-    for (int i = 0; i < n; i++)
-        if (!(x[i] <= out)) out = x[i];
-    return out;
+#define EVERY LE(C(0), C(0))
+#define NUMBERS(x) (sizeof(x) / sizeof(V))
+#ifndef RUN /* a program; gives the lanes in which its guard is within the limit */
+#define RUN(program, in, out) run(program##_samples, program##_SHARED, (V *)&(in), NUMBERS(in), (V *)&(out), NUMBERS(out), w)
+typedef void Samples(const V *given, V *result, V *shared, V *own, V *guard);
+INLINE M run(Samples *samples, Long shared, const V *in, Long given, V *out, Long result, Work *w) {
+    V worst_yet = C(0);
+    for (Long k = 0; k < given; k++) worst_yet += in[k] * C(0); /* not finite: NaN */
+    samples(in, out, w->programs, w->programs + shared, &worst_yet);
+    worst_yet += none(out, (int)result); /* not finite: NaN */
+    return LE(worst_yet, C(GUARD_LIMIT));
 }
-
-/* Newton's method from (q, p), where g_0 holds, to the given positions; the first step goes to `first`, the sum of the
-   lengths of those after it to `later`. 0 where it closes. */
-static int closed(const S *q, const S *p, const S *g_0, const S *const *given, Moved *first, Closed *out, S *later) {
-    static Moved at;
-    const S *in[3] = {q, p, given[0]};
-    S before = LONGEST;
-    *later = 0;
-    for (int k = 0; k < ITERATIONS; k++) {
-        S step;
-        if (k && before <= NEAR) {
-            const S *near[8] = {at.q, at.p, q, p, g_0, given[0], given[1], given[2]};
-            if (settle_single_at(near, (S *)out)) return 1;
-            step = largest_of(out->step, MODULES);
-            *later += step;
-            if (step <= LAST_STEP) return !(largest_of(out->open, MODULES) <= OPEN);
-            memcpy(at.q, out->q, sizeof(at.q));
-            memcpy(at.p, out->p, sizeof(at.p));
-        } else {
-            if (newton_single_at(in, (S *)&at)) return 1;
-            const S wrist = largest_of(at.wrist, MODULES);
-            step = largest_of(at.step, MODULES);
-            if (wrist > step) step = wrist;
-            if (k) *later += step;
-            else memcpy(first, &at, sizeof(at));
-        }
-        if (!(step <= before)) return 1;
-        before = step;
-        in[0] = at.q, in[1] = at.p;
-    }
-    return 1;
-}
-
-/* Whether Newton's method from a guess comes to the given positions without damping: 0 where it does. */
-static int reaches(const S *q, const S *p, const S *const *given) {
-    static Moved at;
-    static S before[MODULES];
-    const S *in[3] = {q, p, given[0]};
-    for (int k = 0; k < PATIENCE; k++) {
-        int left = 0;
-        if (newton_single_at(in, (S *)&at)) return 1;
-        for (int m = 0; m < MODULES; m++) {
-            if (k && !(at.open[m] < before[m]) && !(at.step[m] < NEAR)) return 1;
-            before[m] = at.open[m];
-            left += !(at.step[m] <= NEAR && at.wrist[m] <= NEAR);
-        }
-        if (!left) return 0;
-        in[0] = at.q, in[1] = at.p;
-    }
-    return 1;
-}
-
-/* Whether a step keeps its branch by bounds of what "branch" computes: the joints have turned by twice the later steps
-   at most, as rotations about several axes do not add up. */
-static int surely_same(const Moved *first, const Closed *out, S later) {
-    for (int m = 0; m < MODULES; m++) {
-        if (!(2 * later <= SAME_BRANCH * first->step[m] + SMALL_STEP)) return 0;
-        if (!(out->turning[m] <= MOST_BOUND)) return 0;
-    }
-    return 1;
-}
-
-/* Close the loops at the given positions on the branch of (q, p), where g_0 holds; 0 where that is certain. */
-static int advanced(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
-    static Moved first;
-    static Branch about;
-    S later;
-    if (is_far(g_0, given[0], 1)) return 1;
-    if (closed(q, p, g_0, given, &first, out, &later)) return 1;
-    if (surely_same(&first, out, later)) return 0;
-    const S *in[8] = {q, p, g_0, first.q, first.p, out->q, out->p, given[0]};
-    if (branch_single_at(in, (S *)&about)) return 1;
-    for (int m = 0; m < MODULES; m++) {
-        if (!(about.off[m] <= SAME_BRANCH * first.step[m] + SMALL_STEP)) return 1;
-        if (!(first.step[m] <= SMALL_STEP) && !(about.turned[m] <= MOST_TURNING)) return 1;
-    }
-    return 0;
-}
-
-/* Follow the branch from (q, p), where g_0 holds, in steps as long as predictions hold; 0 where it leads on. */
-static int walked(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
-    static S here[NQ], pose[NP], g[NG], at[NG];
-    static const S still[NR];
-    S done = 0, step = (S)0.25;
-    memcpy(here, q, sizeof(here));
-    memcpy(pose, p, sizeof(pose));
-    memcpy(at, g_0, sizeof(at));
-    while (done < 1) {
-        if (step >= 1 - done) step = 1 - done;
-        const int last = done + step >= 1;
-        if (!last) between(g_0, given[0], done + step, g, 1);
-        const S *way[3] = {g, still, still};
-        if (!advanced(here, pose, at, last ? given : way, out)) {
-            memcpy(here, out->q, sizeof(here));
-            memcpy(pose, out->p, sizeof(pose));
-            memcpy(at, g, sizeof(at));
-            done += step, step *= 2;
-        } else if (step <= SHORTEST) {
-            return 1;
-        } else {
-            step /= 2;
-        }
-    }
-    return 0;
-}
-
-/* Close rows of g, g_dot, g_ddot from the closed posture (q, p), where g_0 holds, into rows of q, v, a.
-
-   (q, p, g_0) become those of the last row that was closed. `first`: the posture is a guess, from which Newton's
-   method must reach the first row by itself, too. Gives how many rows could be closed. */
-EXPORT Long closed_rows(Long rows, int first, const S *g, const S *g_dot, const S *g_ddot, S *q, S *p, S *g_0,
-                        S *q_out, S *v_out, S *a_out) {
-    static Closed out;
-    for (Long k = 0; k < rows; k++) {
-        const S *given[3] = {g + k * NG, g_dot + k * NR, g_ddot + k * NR};
-        if (first && !k && reaches(q, p, given)) return 0;
-        if (advanced(q, p, g_0, given, &out) && walked(q, p, g_0, given, &out)) return k;
-        memcpy(q, out.q, sizeof(out.q));
-        memcpy(p, out.p, sizeof(out.p));
-        memcpy(g_0, given[0], sizeof(S[NG]));
-        memcpy(q_out + k * NQ, out.q, sizeof(out.q));
-        memcpy(v_out + k * NV, out.v, sizeof(out.v));
-        memcpy(a_out + k * NV, out.a, sizeof(out.a));
-    }
-    return rows;
-}
-
-#ifdef MOTORS
-/* One row from the motors (MOTORS: the motor of each prescribed number), from the posture that the last call gave,
-   whose platforms are kept. */
-static struct {
-    S q[NQ], p[NP], g[NG];
-} kept;
-
-EXPORT void keep_place(const S *q, const S *p, const S *g) {
-    memcpy(kept.q, q, sizeof(kept.q));
-    memcpy(kept.p, p, sizeof(kept.p));
-    memcpy(kept.g, g, sizeof(kept.g));
-}
-
-/* Keep a posture that closes the loops; 0 where it does. */
-static int kept_at(const S *q) {
-    static struct {
-        S p[NP], g[NG];
-    } at;
-    if (place_single_at(&q, (S *)&at)) return 1;
-    keep_place(q, at.p, at.g);
-    return 0;
-}
-
-/* Close a row from (last q, positions, rates, accelerations of the motors) into q, v, a; 0 where it is certain, 1 where
-   the arrays are others. From another posture than the last call gave, Newton's method must reach the row by itself. */
-EXPORT int close_row(const Array *const *a, S *result) {
-    static const int motors[NG] = {MOTORS};
-    static S given[3][NG];
-    static Closed out;
-    const S *last = numbers(a[0], NQ);
-    if (!last) return 1;
-    for (int n = 0; n < 3; n++) {
-        const S *own = numbers(a[n + 1], NG);
-        if (!own) return 1;
-        for (int i = 0; i < NG; i++) given[n][i] = own[motors[i]];
-    }
-    const S *in[3] = {given[0], given[1], given[2]};
-    if (memcmp(last, kept.q, sizeof(kept.q)) && (kept_at(last) || reaches(kept.q, kept.p, in))) return 2;
-    if (advanced(kept.q, kept.p, kept.g, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return 2;
-    keep_place(out.q, out.p, given[0]);
-    memcpy(result, out.q, sizeof(out.q));
-    memcpy(result + NQ, out.v, sizeof(out.v));
-    memcpy(result + NQ + NV, out.a, sizeof(out.a));
-    return 0;
-}
-
-/* A function of Python, METH_FASTCALL: the arrays of `close_row`, then the result. */
-EXPORT const void *close_call(const void *self, const Array *const *a, Long count) {
-    (void)self;
-    S *result = count == 5 ? numbers(a[4], NQ + 2 * NV) : 0;
-    return answered(result ? close_row(a, result) : 1);
+INLINE void take(M where, V *to, const V *from, Long n) {
+    for (Long k = 0; k < n; k++) to[k] = SELECT(where, from[k], to[k]);
 }
 #endif
+
+/* Numbers of each lane's row; lanes beyond the valid ones repeat the last. */
+INLINE void fill(V *to, const S *from, Long n, Long apart, int valid) {
+    S *x = (S *)to;
+    for (int l = 0; l < W; l++) {
+        const S *row = from + (l < valid ? l : valid - 1) * apart;
+        for (Long k = 0; k < n; k++) x[k * W + l] = row[k];
+    }
+}
+INLINE V largest_lanes(const V *x) {
+    V out = x[0];
+    for (int m = 1; m < MODULES; m++) out = FMAX(out, x[m]);
+    return out;
+}
+INLINE V size_of(const NewtonOut *out) { return FMAX(largest_lanes(out->step), largest_lanes(out->wrist)); }
+
+/* Newton's method from the guess in `at` without damping; gives where it comes to the positions. */
+static M reached(Work *w) {
+    M good = EVERY, near = NOT(EVERY);
+    for (int m = 0; m < MODULES; m++) w->before[m] = C(INFINITY);
+    for (int k = 0; k < PATIENCE; k++) {
+        w->newton.at = w->at;
+        const M trusted = RUN(newton, w->newton, w->moved);
+        M nearer = EVERY, there = EVERY;
+        for (int m = 0; m < MODULES; m++) {
+            const V step = w->moved.step[m], far = w->moved.open[m];
+            nearer = AND(nearer, OR(LT(far, w->before[m]), LT(step, C(NEAR))));
+            there = AND(there, AND(LE(step, C(NEAR)), LE(w->moved.wrist[m], C(NEAR))));
+            w->before[m] = far;
+        }
+        good = AND(good, OR(near, AND(trusted, nearer)));
+        take(NOT(near), (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
+        near = OR(near, there);
+        if (!ANY(AND(good, NOT(near)))) break;
+    }
+    return AND(good, near);
+}
+
+/* Compare a step with its prediction. */
+static M on_branch(Work *w) {
+    w->branch.found = w->at;
+    memcpy(w->branch.g_0, w->settle.g_0, sizeof(w->branch.g_0));
+    M good = RUN(branch, w->branch, w->about);
+    for (int m = 0; m < MODULES; m++) {
+        const M near = LE(w->about.off[m], C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        const M straight = OR(LE(w->first[m], C(SMALL_STEP)), LE(w->about.turned[m], C(MOST_TURNING)));
+        good = AND(good, AND(near, straight));
+    }
+    return good;
+}
+
+/* Where a step keeps its branch by bounds of what "branch" computes: the joints have turned by twice the later steps at
+   most, as rotations about several axes do not add up. */
+static M surely_same(Work *w) {
+    M good = EVERY;
+    for (int m = 0; m < MODULES; m++) {
+        const M near = LE(C(2) * w->later, C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        good = AND(good, AND(near, LE(w->turning[m], C(MOST_BOUND))));
+    }
+    return good;
+}
+
+/* Where the steps to a row are no longer than the checks can judge. */
+static M not_far(Work *w) {
+    for (int l = 0; l < W; l++) ((S *)&w->far)[l] = is_far((S *)w->settle.g_0 + l, (S *)w->settle.g + l, W);
+    return LE(w->far, C(0));
+}
+
+/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
+static M advanced(Work *w, M certain, int lone) {
+    w->newton.at = w->settle.start = w->branch.start = w->at;
+    M good = lone ? certain : AND(certain, not_far(w));
+    good = AND(good, RUN(newton, w->newton, w->moved));
+    w->at = w->branch.predicted = w->moved.at;
+    memcpy(w->first, w->moved.step, sizeof(w->first));
+    V before = size_of(&w->moved);
+    if (!lone) good = AND(good, LE(before, C(LONGEST)));
+    w->later = C(0);
+    for (int k = 0; k < ITERATIONS; k++) {
+        const M left = NOT(LE(before, C(NEAR)));
+        if (!ANY(AND(left, good))) break;
+        w->newton.at = w->at;
+        const M trusted = RUN(newton, w->newton, w->moved);
+        const V size = size_of(&w->moved);
+        good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
+        take(left, (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
+        before = SELECT(left, size, before);
+        w->later += SELECT(left, size, C(0));
+    }
+    good = AND(good, LE(before, C(NEAR)));
+    M left = EVERY;
+    for (int k = 0; k < LAST_STEPS; k++) {
+        w->settle.at = w->at;
+        const M trusted = RUN(settle, w->settle, w->settled);
+        take(left, (V *)&w->at, (V *)&w->settled.at, NUMBERS(Posture));
+        take(left, w->v, w->settled.v, NV);
+        take(left, w->a, w->settled.a, NV);
+        take(left, w->turning, w->settled.turning, MODULES);
+        const V step = largest_lanes(w->settled.step);
+        w->later += SELECT(left, step, C(0));
+        const M open = NOT(LE(step, C(LAST_STEP)));
+        good = AND(good, OR(NOT(left), AND(trusted, OR(open, LE(largest_lanes(w->settled.open), C(OPEN))))));
+        left = AND(left, open);
+        if (!ANY(AND(left, good))) break;
+    }
+    good = AND(good, NOT(left));
+    if (lone) return good;
+    const M sure = surely_same(w);
+    return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
+}
+
+/* Keep the row that was found in some lanes as the end of a walk. */
+INLINE void ended(Work *w, M where) {
+    take(where, (V *)&w->end, (V *)&w->at, NUMBERS(Posture));
+    take(where, w->end_v, w->v, NV);
+    take(where, w->end_a, w->a, NV);
+}
+
+/* Follow the branch from the row before, in `last`, where a step to the row was too long for its checks, in steps as
+   long as predictions hold. Gives the lanes of `whole` and those where it leads on. */
+static M walked(Work *w, M certain, M whole) {
+    M left = AND(certain, NOT(whole));
+    V done = C(0), step = C(0.25);
+    ended(w, EVERY);
+    w->here = w->last;
+    memcpy(w->there, w->settle.g_0, sizeof(w->there));
+    memcpy(w->row, w->settle.g, sizeof(w->row));
+    memcpy(w->row_dot, w->settle.g_dot, sizeof(w->row_dot));
+    memcpy(w->row_ddot, w->settle.g_ddot, sizeof(w->row_ddot));
+    while (ANY(left)) {
+        step = SELECT(LE(C(1) - done, step), C(1) - done, step);
+        const V to = done + step;
+        const M last = LE(C(1), to);
+        for (int l = 0; l < W; l++)
+            between((S *)w->there + l, (S *)w->row + l, ((S *)&step)[l] / (1 - ((S *)&done)[l]), (S *)w->settle.g + l, W);
+        take(last, w->settle.g, w->row, NG);
+        for (int i = 0; i < NR; i++) {
+            w->settle.g_dot[i] = SELECT(last, w->row_dot[i], C(0));
+            w->settle.g_ddot[i] = SELECT(last, w->row_ddot[i], C(0));
+        }
+        memcpy(w->settle.g_0, w->there, sizeof(w->there));
+        memcpy(w->newton.g, w->settle.g, sizeof(w->settle.g));
+        memcpy(w->branch.g, w->settle.g, sizeof(w->settle.g));
+        w->at = w->here;
+        const M good = advanced(w, left, 0), moved = AND(good, NOT(last));
+        ended(w, AND(good, last));
+        take(moved, (V *)&w->here, (V *)&w->at, NUMBERS(Posture));
+        take(moved, w->there, w->settle.g, NG);
+        whole = OR(whole, AND(good, last));
+        left = AND(left, AND(NOT(whole), OR(good, LT(C(SHORTEST), step))));
+        done = SELECT(moved, to, done);
+        step = SELECT(good, C(2) * step, C(0.5) * step);
+    }
+    w->at = w->end;
+    memcpy(w->v, w->end_v, sizeof(w->v));
+    memcpy(w->a, w->end_a, sizeof(w->a));
+    memcpy(w->settle.g, w->row, sizeof(w->row));
+    return AND(certain, whole);
+}
+
+/* Close the row of `newton.g` and of the rates in `settle`, on the branch of the posture in `at`, where settle.g_0 holds.
+   `guess`: from that posture Newton's method must reach the row by itself, too; `lone`: it has no branch. */
+static M closed(Work *w, M good, int guess, int lone) {
+    memcpy(w->settle.g, w->newton.g, sizeof(w->newton.g));
+    memcpy(w->branch.g, w->newton.g, sizeof(w->newton.g));
+    w->last = w->at;
+    if (guess) good = AND(good, reached(w));
+    if (!lone) w->at = w->last;
+    const M whole = advanced(w, good, lone);
+    return !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole;
+}
+
+/* Close the rows of designs `from` to `to`, each from its own row before the first, or from a guess (`guess`).
+
+   q_0, p_0: these postures, which are `apart` (0 or 1) rows apart. g_0: the positions there, or 0 where the first row
+   need not be on their branch. g, g_dot, g_ddot: `rows` rows for all designs, or for each (`own`). q, v, a: `rows` rows
+   for each design. count: how many rows of each are certain. */
+EXPORT void closed_rows(Long from, Long to, Long rows, const S *slots, Long apart, const S *q_0, const S *p_0,
+                        const S *g_0, int guess, Long own, const S *g, const S *g_dot, const S *g_ddot, S *q, S *v, S *a,
+                        S *count, Work *w) {
+    for (Long d = from; d < to; d += W) {
+        const int valid = to - d < W ? (int)(to - d) : W;
+        const Long first = own ? d * rows : 0, stride = own ? rows : 0;
+        fill(w->newton.slots, slots + d * SLOTS, SLOTS, SLOTS, valid);
+        memcpy(w->settle.slots, w->newton.slots, sizeof(w->newton.slots));
+        memcpy(w->branch.slots, w->newton.slots, sizeof(w->newton.slots));
+        fill(w->at.q, q_0 + d * apart * NQ, NQ, apart * NQ, valid);
+        fill(w->at.p, p_0 + d * apart * NP, NP, apart * NP, valid);
+        w->count = C(0);
+        M good = EVERY;
+        for (Long t = 0; t < rows && ANY(good); t++) {
+            const Long row = first + t;
+            fill(w->newton.g, g + row * NG, NG, stride * NG, valid);
+            if (t) memcpy(w->settle.g_0, w->settle.g, sizeof(w->settle.g));
+            else if (g_0) fill(w->settle.g_0, g_0 + d * apart * NG, NG, apart * NG, valid);
+            else memcpy(w->settle.g_0, w->newton.g, sizeof(w->newton.g));
+            fill(w->settle.g_dot, g_dot + row * NR, NR, stride * NR, valid);
+            fill(w->settle.g_ddot, g_ddot + row * NR, NR, stride * NR, valid);
+            good = closed(w, good, !t && guess, !t && !g_0);
+            w->count += NUMBER(good);
+            to_rows_apart(q + (d * rows + t) * NQ, w->at.q, NQ, rows * NQ, valid);
+            to_rows_apart(v + (d * rows + t) * NV, w->v, NV, rows * NV, valid);
+            to_rows_apart(a + (d * rows + t) * NV, w->a, NV, rows * NV, valid);
+        }
+        to_rows_apart(count + d, &w->count, 1, 1, valid);
+    }
+}

@@ -1,6 +1,6 @@
 """The programs of a whole robot for one choice of given joints and targets, and their C libraries.
 
-One library closes the rows of a table (`c/closing.h`), the other those of many designs (`c/design_rows.h`).
+One library closes the rows of a table, the other those of many designs in lanes: one text, `c/closing.h`.
 """
 
 from __future__ import annotations
@@ -135,24 +135,32 @@ class _Writer:
 
 #: Shortest part of the way between two rows that is tried.
 SHORTEST = 2.0**-8
+#: Most last steps of a row: each squares the one before.
+LAST_STEPS = 3
 
 
-def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) -> Generated:
+def closing_source(
+    robot: HybridRobot, parts: Sequence[Part], scalar: Scalar, chosen: ChosenNumbers | None = None
+) -> Generated:
     """Generate the C source for one choice of given joints and targets.
 
     Args:
         parts: Its modules but a free base.
         scalar: Number type and lanes, more than one.
+        chosen: Numbers in the slots of designs, which are closed in lanes; None for rows of the robot itself.
     """
-    programs = closing_programs(robot, parts)
-    names = constants_of(programs)
+    programs = closing_programs(robot, parts, chosen)
+    names, written = constants_of(programs, 0 if chosen is None else chosen.size), list(programs.values())
+    texts = ["closing.h"]
+    order = motors_given(robot, parts) if chosen is None else []
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
-    order = motors_given(robot, parts)
-    written = list(programs.values())
+    if chosen is None:
+        texts.insert(0, "one_lane.h")
     if order:
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
         written.append(place_program(robot, parts))
-    return library_source(written, scalar, "\n".join([*lines, far_source(parts), text_of("closing.h")]))
+        texts.append("close_row.h")
+    return library_source(written, scalar, "\n".join([*lines, far_source(parts), *map(text_of, texts)]))
 
 
 def far_source(parts: Sequence[Part]) -> str:
@@ -171,7 +179,7 @@ def _farthest_steps(part: Part) -> list[float]:
     return [*(FARTHEST * unit for unit in units), *(others * [LARGEST])]
 
 
-def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
+def constants_of(programs: Mapping[str, Program], slots: int) -> dict[str, float]:
     """Return the sizes of the programs and the limits of the steps, by their names in C."""
     settle, newton = (dict(programs[name].outputs) for name in ("settle", "newton"))
     given = dict(programs["settle"].inputs)
@@ -180,22 +188,7 @@ def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
         "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
         "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING,
         "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
-        "MOST_BOUND": MOST_BOUND, "SHORTEST": SHORTEST,
+        "MOST_BOUND": MOST_BOUND, "SHORTEST": SHORTEST, "LAST_STEPS": LAST_STEPS, "SLOTS": slots,
+        "PROGRAMS_WORK": max(program.shared + program.own for program in programs.values()) + 1,
+        **{f"{name}_SHARED": program.shared for name, program in programs.items()},
     }  # fmt: skip
-
-
-#: Most last steps of a row: each squares the one before.
-LAST_STEPS = 3
-
-
-def design_source(
-    robot: HybridRobot, parts: Sequence[Part], chosen: ChosenNumbers, scalar: Scalar
-) -> Generated:
-    """Generate the C source for one choice of given joints and targets."""
-    programs = closing_programs(robot, parts, chosen)
-    names = constants_of(programs) | {"SLOTS": chosen.size, "LAST_STEPS": LAST_STEPS}
-    names["PROGRAMS_WORK"] = max(program.shared + program.own for program in programs.values()) + 1
-    names |= {f"{name}_SHARED": program.shared for name, program in programs.items()}
-    lines = [f"#define {name} {value!r}" for name, value in names.items()]
-    lines += [far_source(parts), text_of("design_rows.h")]
-    return library_source(list(programs.values()), scalar, "\n".join(lines))

@@ -1,8 +1,7 @@
 """Rows of a table closed for many designs at once: each lane of the vector unit holds a design.
 
-The steps are those of `c/closing.h`, row after row: Newton's method from the row before, until the step is
-rounding, and the comparison of the step with its prediction (`c/design_rows.h`). Designs at which that is not
-certain are left to the general path.
+Row after row, `c/closing.h` takes Newton's method from the row before, until the step is rounding, and
+compares the step with its prediction. Designs at which that is not certain are left to the general path.
 """
 
 from __future__ import annotations
@@ -124,7 +123,8 @@ class DesignRows:
         if table.closing is not None:
             start = _guess(table.closing.parts, self.robot.home)
             close = table.closing.rows.close
-            certain = close(slots, start, table.given, room, self.threads, strict=table.strict)
+            count = close(slots, start, table.given, room, self.threads, strict=table.strict)
+            certain = count == table.samples
         for x in room if not certain.all() else ():
             x[~certain] = np.nan
         return DesignStates(*room, certain)
@@ -152,9 +152,9 @@ class DesignRows:
         def write() -> Source:
             """Generate the C source."""
             from ...equations.arguments import ChosenNumbers
-            from .closing_source import design_source
+            from .closing_source import closing_source
 
-            return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)
+            return closing_source(robot, parts, scalar, ChosenNumbers(robot, slots))
 
         def check(built: Built) -> None:
             """Compare a new library with the general path."""

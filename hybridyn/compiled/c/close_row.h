@@ -1,0 +1,55 @@
+/* One row from the motors (MOTORS: the motor of each prescribed number), from the posture that the last call gave,
+   whose platforms are kept. Needs `closing.h` in one lane, and the single call of "place". */
+static Work motion;
+static struct {
+    Posture at;
+    S g[NG];
+} kept;
+
+EXPORT void keep_place(const S *q, const S *p, const S *g) {
+    memcpy(kept.at.q, q, sizeof(kept.at.q));
+    memcpy(kept.at.p, p, sizeof(kept.at.p));
+    memcpy(kept.g, g, sizeof(kept.g));
+}
+
+/* Keep a posture that closes the loops; 0 where it does. */
+static int kept_at(const S *q) {
+    static struct {
+        S p[NP], g[NG];
+    } at;
+    if (place_single_at(&q, (S *)&at)) return 1;
+    keep_place(q, at.p, at.g);
+    return 0;
+}
+
+/* Close a row from (last q, positions, rates, accelerations of the motors) into q, v, a; 0 where it is certain, 1 where
+   the arrays are others. From another posture than the last call gave, Newton's method must reach the row by itself. */
+EXPORT int close_row(const Array *const *a, S *result) {
+    static const int motors[NG] = {MOTORS};
+    S *const given[3] = {motion.newton.g, motion.settle.g_dot, motion.settle.g_ddot};
+    const S *last = numbers(a[0], NQ);
+    if (!last) return 1;
+    for (int n = 0; n < 3; n++) {
+        const S *own = numbers(a[n + 1], NG);
+        if (!own) return 1;
+        for (int i = 0; i < NG; i++) given[n][i] = own[motors[i]];
+    }
+    const int other = memcmp(last, kept.at.q, sizeof(kept.at.q)) != 0;
+    if (other && kept_at(last)) return 2;
+    motion.at = kept.at;
+    memcpy(motion.settle.g_0, kept.g, sizeof(kept.g));
+    if (!closed(&motion, 1, other, 0)) return 2;
+    kept.at = motion.at;
+    memcpy(kept.g, motion.settle.g, sizeof(kept.g));
+    memcpy(result, motion.at.q, sizeof(motion.at.q));
+    memcpy(result + NQ, motion.v, sizeof(motion.v));
+    memcpy(result + NQ + NV, motion.a, sizeof(motion.a));
+    return 0;
+}
+
+/* A function of Python, METH_FASTCALL: the arrays of `close_row`, then the result. */
+EXPORT const void *close_call(const void *self, const Array *const *a, Long count) {
+    (void)self;
+    S *result = count == 5 ? numbers(a[4], NQ + 2 * NV) : 0;
+    return answered(result ? close_row(a, result) : 1);
+}

@@ -1,0 +1,23 @@
+/* The arithmetic of `closing.h` for one row at a time, whose programs hold copies of legs in the lanes of vectors. */
+#undef W
+#undef C
+#undef AND
+#undef OR
+#undef NOT
+#undef TRUE
+#define W 1
+#define V S
+#define M int
+#define C(x) ((S)(x))
+#define AND(a, b) ((a) && (b))
+#define OR(a, b) ((a) || (b))
+#define NOT(m) (!(m))
+#define ANY(m) (m)
+#define NUMBER(m) C(m)
+#define SELECT(m, a, b) ((m) ? (a) : (b))
+#define FMAX larger
+INLINE S larger(S a, S b) { return LT(b, a) || NE(b, b) ? a : b; }
+#define to_rows_apart(to, from, width, apart, valid) memcpy(to, from, sizeof(S) * (width))
+#define take(where, to, from, n) (void)((where) && memcpy(to, from, sizeof(S) * (n)))
+#define RUN(program, in, out) \
+    (memcpy(program##_memory.given, &(in), sizeof(in)), !program##_run((S *)&(out), 0))
