@@ -209,12 +209,13 @@ def _numbers(lines: list[str], width: int, separator: str) -> Array | None:
     text = separator.join(lines).replace('"', "")
     if not is_plain(text) or any(line.count(separator) != width - 1 for line in lines):
         return None
-    numbers: Iterable[float] = map(float, text.split(separator))
+    numbers: list[float] | None = None
     if separator == "," and "-0," not in f"{text},":  # JSON reads -0 as an integer, without its sign
         with contextlib.suppress(orjson.JSONDecodeError):  # faster than float, where the cells are JSON
             numbers = orjson.loads(f"[{text}]")
     try:
-        return np.fromiter(numbers, float, len(lines) * width).reshape(len(lines), width)
+        found = map(float, text.split(separator)) if numbers is None else numbers
+        return np.fromiter(found, float, len(lines) * width).reshape(len(lines), width)
     except ValueError:
         return None
 
