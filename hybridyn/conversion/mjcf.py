@@ -29,9 +29,21 @@ from ..description.records import FREEDOMS, ZERO, Array, Description, Joint, Joi
 from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
 from ..errors import ModelError
-from .numerals import add, numeral, principal, put, quaternion_of
 from .parts import AXES, LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless, of_mujoco, sizes_of
-from .request import FORCES, USUAL_GRAVITY, Losses, Request, Written, add_of_several, home_of
+from .request import (
+    FORCES,
+    USUAL_GRAVITY,
+    Losses,
+    Request,
+    Written,
+    add,
+    add_of_several,
+    home_of,
+    numeral,
+    principal,
+    put,
+    quaternion_of,
+)
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.
 DEEPEST = 240

@@ -21,8 +21,7 @@ from ..description.loop_signs import Bodies
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
 from ..description.records import Array, Closure, Description, Joint, JointKind, Link, RotationKind, massless
-from .numerals import quaternion_of
-from .request import Losses, home_of
+from .request import Losses, home_of, quaternion_of
 
 FULL, AXES = (0, 1, 2), np.eye(3)
 

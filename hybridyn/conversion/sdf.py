@@ -21,9 +21,19 @@ from ..description.sdf.elements import NUMBERS
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..linkage.closures import residual_of
-from .numerals import Content, angles_of, document
 from .parts import FULL, in_parts
-from .request import FORCES, Losses, Request, Written, add_of_several, allowed, followers_of
+from .request import (
+    FORCES,
+    Content,
+    Losses,
+    Request,
+    Written,
+    add_of_several,
+    allowed,
+    angles_of,
+    document,
+    followers_of,
+)
 
 #: Types of joints that lock every translation, by the locked part of the rotation.
 POINTS: dict[RotationKind, str] = {

@@ -16,8 +16,20 @@ from ..description.records import FREEDOMS, Array, Closure, Coupling, Descriptio
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
-from .numerals import Content, angles_of, document, numerals
-from .request import LIMITS, USUAL_GRAVITY, Losses, Request, Written, add_of_several, followers_of, rows_of
+from .request import (
+    LIMITS,
+    USUAL_GRAVITY,
+    Content,
+    Losses,
+    Request,
+    Written,
+    add_of_several,
+    angles_of,
+    document,
+    followers_of,
+    numerals,
+    rows_of,
+)
 
 
 def write_urdf(request: Request, losses: Losses) -> Written:

@@ -20,7 +20,6 @@ from ..description.placement import angle_of, free_pose, poses_at, rotation_to_a
 from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link, RotationKind
 from ..description.side_cars.model_toml import model_file
 from ..description.usd.schema import AXES, DEGREES
-from .numerals import numeral, principal, quaternion_of
 from .parts import POINT_INERTIA, in_parts, sizes_of
 from .request import (
     FORCES,
@@ -33,6 +32,9 @@ from .request import (
     add_of_several,
     allowed,
     followers_of,
+    numeral,
+    principal,
+    quaternion_of,
     rows_of,
 )
 
@@ -199,25 +201,12 @@ def add_joint(
         return None
     free, turn = FREE.get(joint.kind), np.eye(3)
     if free is None:
-        token, turn = axis_of(joint.axis)
-        free = (f"{'trans' if joint.kind == 'prismatic' else 'rot'}{token}",)
+        free, turn = ("transZ" if joint.kind == "prismatic" else "rotZ",), rotation_to_axis(joint.axis)
     ends = End(bodies[0], turned(joint.placement, turn)), End(bodies[1], turned(np.eye(4), turn))
     out = start_joint(parent, joint.name, free, ends)
     if FREEDOMS[joint.kind] == 1:
         _add_numbers(out, joint, driven, home, losses)
     return out
-
-
-def axis_of(axis: Array) -> tuple[str, Array]:
-    """Return the name of the axis of a joint's frame that is the joint's, and this frame, shape (3, 3)."""
-    along = [i for i in range(3) if abs(axis[i]) == 1]
-    if not along:
-        return "Z", rotation_to_axis(axis)
-    turn = np.eye(3)
-    if axis[along[0]] < 0:  # half a turn about the next axis
-        turn = -turn
-        turn[(along[0] + 1) % 3] *= -1
-    return "XYZ"[along[0]], turn
 
 
 def unit_of(joint: Joint) -> float:
@@ -344,13 +333,12 @@ def _text(robot: Prim, top: Prim) -> str:
 
 def _add_mimic(own: Joint, prim: Prim, leader: Joint, its_prim: Prim, factor: float, offset: float) -> None:
     """Add to a joint with one freedom that it follows another one, as a mimic joint of PhysX."""
-    axis, unit = f"rot{axis_of(own.axis)[0]}", unit_of(own)
-    prim.apply(f"PhysxMimicJointAPI:{axis}")
-    prim.line(f"rel physxMimicJoint:{axis}:referenceJoint = <{its_prim.path}>")
-    prim.line(f'uniform token physxMimicJoint:{axis}:referenceJointAxis = "rot{axis_of(leader.axis)[0]}"')
-    prim.numbers("float", f"physxMimicJoint:{axis}:gearing", -factor * unit_of(leader) / unit)
+    prim.apply("PhysxMimicJointAPI:rotZ")
+    prim.line(f"rel physxMimicJoint:rotZ:referenceJoint = <{its_prim.path}>")
+    prim.line('uniform token physxMimicJoint:rotZ:referenceJointAxis = "rotZ"')
+    prim.numbers("float", "physxMimicJoint:rotZ:gearing", -factor * unit_of(leader) / unit_of(own))
     if offset:
-        prim.numbers("float", f"physxMimicJoint:{axis}:offset", -offset / unit)
+        prim.numbers("float", "physxMimicJoint:rotZ:offset", -offset / unit_of(own))
 
 
 def _add_scene(top: Prim, d: Description) -> None:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.request import Losses, allowed
-from hybridyn.conversion.usd import End, Prim, add_body, add_closure, axis_of, start_joint, valid_name
+from hybridyn.conversion.usd import End, Prim, add_body, add_closure, start_joint, valid_name
 from hybridyn.description import Description, read
-from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy
+from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy, rotation_to_axis
 from tests.conversion.judge import SINGLE, same_robot, states
 from tests.extras import needs
 from tests.files import save
@@ -54,8 +54,8 @@ def scrambled(d: Description, seed: int) -> str:
         bodies[link.name] = add_body(robot, moved, longer(poses[link.name] @ frames[link.name]))
     start_joint(robot, "root", (), (End(None, np.eye(4)), End(bodies[d.root], np.eye(4))))
     for joint in d.joints:
-        token, turn = axis_of(joint.axis) if joint.kind != "fixed" else ("X", np.eye(3))
-        axis = np.eye(3)["XYZ".index(token)]
+        turn = rotation_to_axis(joint.axis) if joint.kind != "fixed" else np.eye(3)
+        axis = np.array([0.0, 0.0, 1.0])
         along = placement_from(turned(axis, draw.uniform(-3, 3)), axis * draw.normal())
         ends = [joint.placement @ placement_from(turn, np.zeros(3)), placement_from(turn, np.zeros(3))]
         names = [joint.parent, joint.child]
@@ -64,7 +64,7 @@ def scrambled(d: Description, seed: int) -> str:
             ends = [end @ placement_from(flip, np.zeros(3)) for end in ends[::-1]]
             names = names[::-1]
         places = [longer(back[name] @ end @ along) for name, end in zip(names, ends, strict=True)]
-        free = (TYPES[joint.kind] + token,) if joint.kind != "fixed" else ()
+        free = (TYPES[joint.kind] + "Z",) if joint.kind != "fixed" else ()
         first, second = (End(bodies[name], place) for name, place in zip(names, places, strict=True))
         prim = start_joint(robot, joint.name, free, (first, second))
         if joint.name in d.motors:
