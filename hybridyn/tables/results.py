@@ -61,7 +61,8 @@ def open_results(
             text.flush()
             polars = required("polars", "io", "Parquet")
             try:
-                rows = polars.scan_csv(text.name, schema=dict.fromkeys(columns, polars.Float64), glob=False)
+                kinds = dict.fromkeys(columns, polars.Float64)
+                rows = polars.scan_csv(text.name, has_header=False, skip_rows=1, schema=kinds, glob=False)
                 rows.sink_parquet(draft)
             except polars.exceptions.PolarsError as error:
                 raise TrajectoryError(f"cannot be written: {error}", file=str(target)) from None

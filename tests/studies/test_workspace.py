@@ -214,7 +214,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     table = read_table(without_remarks(one))
     count = len(table["conditioning"])
     assert f"module 1: {count} poses of 'm1_tool' in 'm1_base'" in said.err
-    assert "largest effort against gravity: " in said.err
     assert "steps stopped by: " in said.err
     assert table["m1_tool@m1_base/pose/x"].max() == pytest.approx(-table["m1_tool@m1_base/pose/x"].min())
     assert figure.read_bytes().startswith(b"\x89PNG")

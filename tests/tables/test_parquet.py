@@ -71,10 +71,11 @@ def test_writes_what_it_is_given(tmp_path: Path, rows: int) -> None:
     folder.mkdir()
     path = folder / "t.parquet"
     numbers = np.random.default_rng(0).normal(size=(rows, 2))
-    with open_results(path, ["a", "b/c"]) as write:
+    numbers[:1] = np.nan, -np.inf
+    with open_results(path, ["a, b", 'b/"c"']) as write:
         for start in range(0, rows, 7_000):
             write(numbers[start : start + 7_000])
     frame = pl.read_parquet(path, glob=False)
-    assert frame.columns == ["a", "b/c"]
-    assert np.array_equal(frame.to_numpy(), numbers)
+    assert frame.columns == ["a, b", 'b/"c"']
+    assert np.array_equal(frame.to_numpy(), numbers, equal_nan=True)
     assert list(folder.iterdir()) == [path]
