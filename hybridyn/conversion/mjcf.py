@@ -49,14 +49,10 @@ from .request import (
 DEEPEST = 240
 #: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
 FREE_FALL = 10.0
-#: Gravity where the robot has none [m/s^2].
-EARTH = 9.81
 #: Impedance of equalities, the largest that MuJoCo takes.
 HARDEST = 0.9999
 #: Longest time step [s]; slower motions than those of the closures need to be followed, too.
 LONGEST_STEP = 1e-3
-#: Part of a unit by which a step of two digits may miss it.
-TWO_DIGITS = 1e-9
 
 
 #: Excess of the largest principal moment over the sum of the others that is rounding, relative to it.
@@ -413,10 +409,9 @@ def _add_softness(root: ET.Element, option: ET.Element, d: Description, tightnes
     Returns:
         These numbers in words.
     """
-    acceleration = FREE_FALL * (math.hypot(*d.gravity) if d.gravity and any(d.gravity) else EARTH)
+    gravity = math.hypot(*(d.gravity or USUAL_GRAVITY)) or math.hypot(*USUAL_GRAVITY)
+    acceleration = FREE_FALL * gravity
     step = min(math.sqrt(tightness / acceleration) / 2, LONGEST_STEP)
-    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
-    step = float(f"{math.floor(step / unit * (1 + TWO_DIGITS)) * unit:.1e}")  # two digits, rounded down
     put(option, timestep=step)
     add(add(root, "default"), "equality", solref=(2 * step, 1), solimp=(HARDEST, HARDEST, 0.001, 0.5, 2))
     return (

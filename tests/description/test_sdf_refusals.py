@@ -22,7 +22,7 @@ PARTS = [
     (joint("j", "revolute", "base", "a", axis="0 0 0"), "the axis is zero"),
     (joint("j", "revolute", "base", "a", "<axis><dynamics/></axis>", axis=""), "<xyz> is missing"),
     (joint("j", "revolute", "base", "c"), "unknown frame 'c'; known: 'base', 'a', 'b'"),
-    (joint("j", "revolute", "base", ""), "is empty; name a link or frame"),
+    (joint("j", "revolute", "base", ""), "unknown frame ''; known"),
     (joint("j", "revolute", "a", "a"), "joins link 'a' to itself"),
     (joint("j", "universal", "base", "a", "<axis2><xyz>0 1 1</xyz></axis2>"), "write two revolute joints"),
     *(
@@ -100,7 +100,7 @@ PARTS = [
 ]  # fmt: skip
 #: Texts of files that are refused.
 TEXTS = [
-    (sdf(*BODIES, version="1.3"), "is too old; convert it with `gz sdf -p`"),
+    (sdf(*BODIES, version="1.3"), "`gz sdf -p` converts older"),
     (sdf(*BODIES, version="1.13"), "is not read; known: 1.4 to 1.12"),
     (sdf(*BODIES, version="new"), "version 'new'"),
     (sdf(*BODIES).replace(' version="1.9"', ""), "attribute 'version' is missing"),

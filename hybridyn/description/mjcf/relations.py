@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..motors import MEND
-from ..names import listed, unique
+from ..names import noted, unique
 from ..records import Array, Coupling, MotorStatement, RobotFile
 from .compiling import Compiled, pose
 
@@ -152,11 +152,10 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
         added[joint] = added.get(joint, np.zeros(3)) + own
         if not plain:
             servos.append(name or joint)
-    if servos:
-        robot.notes.append(
-            f"actuators {listed(servos)} have a servo, a muscle or dynamics of their own, which are not "
-            "read: motor efforts are inputs of the models"
-        )
+    robot.notes += noted({
+        "actuators {} have a servo, a muscle or dynamics of their own, which are not read: motor efforts are "
+        "inputs of the models": servos
+    })  # fmt: skip
     if reasons:
         stated = "; ".join(f"'{name}' {reason}" for name, reason in reasons.items())
         robot.notes.append(f"actuators that are no motors here: {stated}. {MEND}")

@@ -261,15 +261,12 @@ def pose(node: Node | None) -> Array:
     if node is None or not node.content():
         return np.eye(4)
     form = str(node.xml.get("rotation_format", "")).strip() or "euler_rpy"
-    degrees = node.flag("degrees", False)
     if form == "euler_rpy":
         numbers = node.numbers("", 6)
-        angles = np.radians(numbers[3:]) if degrees else numbers[3:]
+        angles = np.radians(numbers[3:]) if node.flag("degrees", False) else numbers[3:]
         return placement_from(rotation_from_rpy(*angles), numbers[:3])
     if form != "quat_xyzw":
         raise node.error(f"rotation_format '{form}' instead of 'euler_rpy' or 'quat_xyzw'")
-    if degrees:
-        raise node.error("states both degrees and a quaternion; keep one")
     numbers = node.numbers("", 7)
     norm = float(np.linalg.norm(numbers[3:]))
     if abs(norm - 1) > QUATERNION_SLACK:

@@ -130,8 +130,6 @@ class Library:
         Raises:
             ModelError: It is not local, or there is no such package.
         """
-        if not name:
-            raise uri.error("is empty; name a file or a folder of a model")
         match = _SCHEME.fullmatch(name)
         scheme, rest = (match[1].lower(), match[2]) if match else ("", name)
         if scheme in ("model", "package"):
@@ -173,10 +171,11 @@ def minor_of(node: Node) -> int:
     root = Node(node.xml.getroottree().getroot(), node.file)
     text = root.text("version")
     match = _VERSION.fullmatch(text)
-    if not match or int(match[1]) > VERSIONS[1]:
-        raise root.error(f"version '{text[:20]}' of SDFormat is not read; known: 1.4 to 1.12")
-    if int(match[1]) < VERSIONS[0]:
-        raise root.error(f"version '{text[:20]}' of SDFormat is too old; convert it with `gz sdf -p`")
+    if not match or not VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
+        raise root.error(
+            f"version '{text[:20]}' of SDFormat is not read; known: 1.4 to 1.12 (`gz sdf -p` converts older "
+            "ones)"
+        )
     return int(match[1])
 
 
@@ -275,8 +274,6 @@ class Models:
         Raises:
             ModelError: There is no such element, or several.
         """
-        if not name:
-            raise node.error("is empty; name a link or frame")
         if name == MODEL or (name == "world" and scope is None):
             return scope
         found = self.find(scope, name)

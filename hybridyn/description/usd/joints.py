@@ -15,9 +15,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...spatial import quaternion_from_rotation, rotation_from_axis_angle
+from ...spatial import quaternion_from_rotation
 from ..joint_graph import WORLD, StatedJoint, outwards, starts
-from ..names import listed, unique
+from ..names import unique
 from ..placement import inverse, placement_from
 from ..records import Array, Coupling, RobotFile
 from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS, SINGLE_PRECISION
@@ -265,9 +265,6 @@ def direction(axis: str) -> Array:
 #: Positions below this [rad, or of the robot's size] are single-precision rounding of transforms.
 TRANSFORM_ROUNDING = 1e-6
 
-#: Deviation [rad, or of the robot's size] above which bodies do not stand where their joint allows.
-OFF_AXIS = 1e-3
-
 PHYSX, NEWTON, MUJOCO = "PhysxMimicJointAPI", "NewtonMimicAPI", "MjcEqualityJointAPI"
 
 
@@ -378,53 +375,32 @@ def add_home(robot: RobotFile, stage: Stage, joints: list[tuple[UsdJoint, bool]]
     poses = {path: prim.pose for path, prim in stage.moving.items()}
     placements = [*poses.values(), *(frame for joint, _ in joints for frame in joint.frames)]
     size = max((float(np.abs(place[:3, 3]).max()) for place in placements), default=0.0) or 1.0
-    off = []
     for joint, forward in joints:
         first, second = (
             poses.get(end, np.eye(4)) @ frame for end, frame in zip(joint.ends, joint.frames, strict=True)
         )
         found = inverse(first) @ second
-        positions, motion = _moved(joint, found)
-        deviation = np.abs(found - motion)
-        if max(deviation[:3, 3].max() / size, deviation[:3, :3].max()) > OFF_AXIS:
-            off.append(joint.prim.path)
-        for axis, position in positions.items():
-            state, unit = f"state:{instance(joint.prim, axis)}:physics:position", unit_of(joint.prim, axis)
-            zero = TRANSFORM_ROUNDING * (1.0 if axis.startswith("rot") else size)
-            value = joint.prim.number(state, 0.0) * unit or (position if abs(position) > zero else 0.0)
-            if value:
-                robot.home[joint.names[axis]] = (value,)
-        if "ball" in joint.names and (turn := _ball_coordinates(joint, forward, found)):
-            robot.home[joint.names["ball"]] = turn
-    if off:
-        robot.notes.append(
-            f"joints {listed(off)} do not allow the poses of their bodies; home is the nearest posture"
-        )
+        for axis, name in joint.names.items():
+            if axis == "ball":
+                value = _ball_coordinates(joint, forward, found)
+            else:
+                state, unit = (
+                    f"state:{instance(joint.prim, axis)}:physics:position",
+                    unit_of(joint.prim, axis),
+                )
+                zero = TRANSFORM_ROUNDING * (1.0 if axis.startswith("rot") else size)
+                position = _position(axis, found)
+                value = (joint.prim.number(state, 0.0) * unit or (position if abs(position) > zero else 0.0),)
+            if any(value):
+                robot.home[name] = value
 
 
-def _moved(joint: UsdJoint, found: Array) -> tuple[dict[str, float], Array]:
-    """Return the positions nearest to a motion of a joint, and its motion there.
-
-    Args:
-        joint: The joint.
-        found: Its second frame in the first, shape (4, 4).
-
-    Returns:
-        Positions along the axes with one freedom [m or rad], and the second frame in the first, shape (4, 4).
-    """
-    positions, motion = {}, np.eye(4)
-    for axis in joint.chain:
-        i = AXES.index(axis) % 3 if axis != "ball" else 0
-        j, k = (i + 1) % 3, (i + 2) % 3
-        if axis == "ball":
-            motion[:3, :3] = found[:3, :3]
-        elif axis.startswith("trans"):
-            positions[axis] = motion[i, 3] = float(found[i, 3])
-        else:
-            sine, cosine = found[k, j] - found[j, k], found[j, j] + found[k, k]
-            positions[axis] = angle = float(np.arctan2(sine, cosine))
-            motion[:3, :3] = rotation_from_axis_angle(direction(axis), np.cos(angle), np.sin(angle))
-    return positions, motion
+def _position(axis: str, found: Array) -> float:
+    """Return the position along an axis [m or rad] nearest to a place of the second frame, shape (4, 4)."""
+    i, j, k = (np.arange(3) + AXES.index(axis)) % 3
+    if axis.startswith("trans"):
+        return float(found[i, 3])
+    return float(np.arctan2(found[k, j] - found[j, k], found[j, j] + found[k, k]))
 
 
 def _ball_coordinates(joint: UsdJoint, forward: bool, found: Array) -> tuple[float, ...]:
