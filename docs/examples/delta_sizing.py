@@ -108,10 +108,10 @@ def main(words: list[str] | None = None) -> None:
 
 def draw(results: Path, asked: Options) -> None:
     """Draw the designs of a folder of results; those on the Pareto front stand out."""
-    shards = list(read_shards(results))
+    frame = read_shards(results).fill_null(np.nan)
     found = find_best(results, "peak_effort, peak_speed", "stroke_margin > 0.05")
-    rows = {name: np.concatenate([part[name] for part in shards]) for name in (*PARAMETERS, *MEASURES)}
-    ok = np.concatenate([np.array(part["status"]) == "ok" for part in shards])
+    rows = {name: frame[name].to_numpy() for name in (*PARAMETERS, *MEASURES)}
+    ok = frame["status"].to_numpy() == "ok"
     front = {name: np.array([line[i] for line in found.front]) for i, name in enumerate(found.columns)}
     print(f"{len(ok)} designs: {int(ok.sum())} follow the path, {len(found.front)} are on the Pareto front")
     good = rows["stroke_margin"] > 0.05

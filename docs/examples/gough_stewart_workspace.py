@@ -61,14 +61,11 @@ def main(words: list[str] | None = None) -> None:
         study = Path(place, "study.toml")
         study.write_text(STUDY.format(count=asked.number, parameters=ranges, step=STEP))
         state = hybridyn.sweep(study, Path(place, "results"), jobs=1 if asked.short else None)
-        shards = list(read_shards(Path(place, "results")))
+        frame = read_shards(Path(place, "results")).fill_null(np.nan)
         condition = f"min_conditioning > {0 if asked.short else LEAST}"
         found = find_best(Path(place, "results"), "-size", condition, top=1)
     best = dict(zip(found.columns, found.rows[0], strict=True))
-    rows = {
-        name: np.concatenate([part[name] for part in shards])
-        for name in (*PARAMETERS, "size", "min_conditioning")
-    }
+    rows = {name: frame[name].to_numpy() for name in (*PARAMETERS, "size", "min_conditioning")}
     step = STEP if asked.short else FINE
     chosen = {name: best[name] for name in PARAMETERS}
     large, space = flooded({name: repr(value) for name, value in chosen.items()}, step)
