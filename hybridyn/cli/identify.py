@@ -35,8 +35,12 @@ def run(
     **words: Any,
 ) -> None:
     """Identify the parameters of a robot, or compute a motion to measure."""
-    both = (log is None) == (excite is None)
-    refuse((both, "give a log, or --excite and the file of the motion to be computed"))
+    refuse(
+        (
+            (log is None) == (excite is None),
+            "give a log, or --excite and the file of the motion to be computed",
+        )
+    )
     robot = load()
     samples = None
     if log is not None:

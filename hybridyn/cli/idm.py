@@ -15,7 +15,6 @@ from ..streams.one_pass import Pass, Rows
 from ..streams.postures import Postures
 from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
-from ..tables.columns import Layout
 from .common.engine import Engine, choose_engine, worth_of
 from .common.options import RobotChoice, refuse
 from .common.tables import Observer, Plan, Summary, Tables, about, for_each_table
@@ -34,11 +33,13 @@ def _one(
     load: RobotChoice, tables: Tables, loads: bool, by_effect: bool, outputs: Sequence[str] | None,
     effects: tuple[str, ...], fail_on: str | None, engine: str | None, **model: Any,
 ) -> int:  # fmt: skip
-    plain = model == {"weights": {}, "passive": "given", "on_singular": "raise"}
     refuse(
         (loads + by_effect + bool(outputs) > 1, "--loads, --by-effect and --map exclude each other"),
         ((loads or by_effect) and tables.reactions, "--reactions belongs to a table of efforts"),
-        (by_effect and not plain, "--passive, --on-singular and --weights do not apply to --by-effect"),
+        (
+            by_effect and model != {"weights": {}, "passive": "given", "on_singular": "raise"},
+            "--passive, --on-singular and --weights do not apply to --by-effect",
+        ),
     )
     wanted = effects or (("model",) if loads or by_effect else ("default",))
     if by_effect:
@@ -55,8 +56,13 @@ def _one(
             refuse((name not in robot.motors, f"--weights: there is no motor '{name}'{hint}"))
         if loads:  # the report names the limits
             on = on.only([name for name in on.names if name != "limits"])
-        if not outputs or on.names:
-            check_has_mass(robot, on, layout)
+        idle = {*DEFAULT, *FROM_FILES, "limits"} - {*stated_names(robot)}
+        loaded = layout.wrenches or not {*on.names} <= idle or has_mass(robot.description)
+        if robot.motors and not loaded and (on.names or not outputs):
+            raise ModelError(
+                "nothing has mass, so that every effort would be zero: give the links an <inertial>",
+                file=robot.description.source,
+            )
         reactions = tables.reactions is not None
         obstacles = {
             "--reactions": reactions,
@@ -134,18 +140,3 @@ def efforts(
     left = departures(robot, block.q, block.v, found.values)
     inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
     return Rows(found.values, inner, left=left, residual=found.residual)
-
-
-def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None:
-    """Check that efforts are not all zero for lack of mass.
-
-    Raises:
-        ModelError: No link has mass, and neither effects nor the table's wrenches need an effort.
-    """
-    idle = {*DEFAULT, *FROM_FILES, "limits"} - set(stated_names(robot))
-    loaded = bool(layout.wrenches) or not set(effects.names) <= idle
-    if robot.motors and not loaded and not has_mass(robot.description):
-        raise ModelError(
-            "nothing has mass, so that every effort would be zero: give the links an <inertial>",
-            file=robot.description.source,
-        )

@@ -3,10 +3,11 @@
 import json
 
 import click
-from click.shell_completion import get_completion_class
+from click.shell_completion import shell_complete
 
 from ..description.shipped import shipped_robots, shown
 from . import commands
+from .common.options import refuse
 from .common.text import aligned_rows
 
 VARIABLE = "_HYBRIDYN_COMPLETE"
@@ -37,22 +38,16 @@ def show_robots(form: str) -> None:
         ]
         click.echo(json.dumps(facts, indent=2))
         return
+    refuse((not robots, "this installation has no robots: urdf/ and models/ are missing"))
     rows = [["name", "modules", "motors", "what", "source"]]
     rows += [
-        [r.name, str(r.modules or ""), str(r.motors or ""), r.what, r.source]
+        [r.name, str(r.modules or ""), str(r.motors or ""), r.what, r.source or "benchmark mechanism"]
         for r in robots
-        if not r.is_benchmark
     ]
-    lines = aligned_rows(rows, right=(1, 2))
-    mechanisms = [[robot.name, robot.what] for robot in robots if robot.is_benchmark]
-    if mechanisms:
-        lines += ["", "benchmark mechanisms:", *aligned_rows(mechanisms)]
-    click.echo("\n".join(lines))
+    click.echo("\n".join(aligned_rows(rows, right=(1, 2))))
 
 
 def show_completion(shell: str) -> None:
     """Print the completion script of a shell."""
-    script = get_completion_class(shell)
-    assert script is not None
     click.echo(f"# {WHERE[shell]}")
-    click.echo(script(commands, {}, "hybridyn", VARIABLE).source())
+    shell_complete(commands, {}, "hybridyn", VARIABLE, f"{shell}_source")

@@ -27,9 +27,9 @@ def run(table: str, output: str, robot: str | None, **files: Any) -> None:
     elif report := read_report(table):
         save(chart_of_report(report, title=title), output)
     else:
-        choice = RobotChoice(robot, **files) if robot else None
+        loaded = RobotChoice(robot, **files)() if robot else None
         with open_table(table) as source:
-            drawn = _of_table(source, title, choice() if choice else None)
+            drawn = _of_table(source, title, loaded)
         if not isinstance(drawn, Chart):
             ends_in(*FORMATS)(click.get_current_context(), None, output)
         save(drawn, output)

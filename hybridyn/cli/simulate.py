@@ -25,6 +25,7 @@ from ..tables.results import check_target, open_results
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine
 from .common.figures import save, title_of
 from .common.files import check_targets
+from .common.options import refuse
 from .common.progress import progress
 from .common.tables import effects_line
 from .common.text import counted
@@ -124,13 +125,18 @@ def _own_target(ready: Stage) -> str | None:
 def _state_of(ready: Stage, target: str | None, *, resume: bool, overwrite: bool) -> str | None:
     """Return the file of the state of a run into a file, None where there is none; check it."""
     if target is None or target == "-" or ready.motion is not None:
-        if resume:
-            raise click.UsageError("--resume continues the run in a result file: name it with -o")
+        refuse((resume, "--resume continues the run in a result file: name it with -o"))
         return None
     state = f"{target}.state"
-    if os.path.islink(state):  # a scene's folder may have come with it
-        raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
-    there = os.path.exists(state)
+    there, anew = os.path.exists(state), not resume and not overwrite
+    refuse(
+        # a scene's folder may have come with it
+        (os.path.islink(state), f"'{state}' is a link, whose file would be replaced: remove the link"),
+        (
+            there and anew,
+            f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew",
+        ),
+    )
     if resume and not there:
         raise TrajectoryError(
             "there is no '.state' file beside it: the run is finished, or was not begun here", file=target
@@ -138,10 +144,6 @@ def _state_of(ready: Stage, target: str | None, *, resume: bool, overwrite: bool
     if resume and Result.load(state).origin.scene != identity(ready.source):
         raise TrajectoryError(
             f"was not begun with this scene as it stands in '{ready.source.file}' now", file=state
-        )
-    if there and not resume and not overwrite:
-        raise click.UsageError(
-            f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew"
         )
     return state
 

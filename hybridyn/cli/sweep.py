@@ -53,8 +53,7 @@ def _evaluate(
             def show(state: Swept) -> None:
                 """Keep the state of the sweep, and show it."""
                 states[:] = [state]
-                open_before = state.designs - state.done + state.now
-                draw(state.now, state.now / open_before)
+                draw(state.now, state.now / (state.designs - state.done + state.now))
 
             state = sweep_study(
                 study, output, jobs=jobs, resume=resume, allow_python=allow_python,
@@ -79,18 +78,14 @@ def _summary(state: Swept, output: str, engine: str | None) -> list[str]:
     statuses = sorted(state.statuses, key=lambda status: (status != "ok", status))
     lines += [f"  {status}: {state.statuses[status]:,}" for status in statuses]
     if state.compiled:
-        lines.append(f"by compiled models: {state.compiled:,}")
-        lines.append(
+        lines += [
+            f"by compiled models: {state.compiled:,}",
             f"compared with robots built for their designs: {state.checked:,}, largest difference "
-            f"{state.difference:.1e}"
-        )
+            f"{state.difference:.1e}",
+        ]
     elif state.now:
         why = "as asked" if engine == "general" else "compiling takes longer than these designs"
         lines.append(f"by the general path, without compiled models: {state.why_general or why}")
-    if state.restarts:
-        lines.append(
-            f"a worker process died {counted(state.restarts, 'time')}; its designs were evaluated again"
-        )
     if state.now:
         lines.append(f"{state.work / state.now * 1e3:.3g} ms per design, wall time {state.seconds:.2f} s")
     return lines

@@ -21,7 +21,7 @@ from ..view.picture import Picture
 from ..view.render import Image, save_png
 from ..view.run import MOST, Run
 from ..view.visuals import read_visuals
-from .common.options import RobotChoice
+from .common.options import RobotChoice, refuse
 from .common.progress import progress
 
 SHAPES = ("yourdfpy", "trimesh")
@@ -96,10 +96,14 @@ def _efforts(
 
 def _write(shot: Shot, run: Run | None, at: float | None, target: str) -> None:
     """Write a picture or a film, as the ending of the file says."""
-    if at is not None and run is None:
-        raise click.UsageError("--time says a time of a motion, and there is no motion")
-    if run is not None and at is not None and not run.begin <= at <= run.end:
-        raise click.UsageError(f"--time {at:g}: the motion goes from {run.begin:g} to {run.end:g}")
+    begin, end = (run.begin, run.end) if run else (0.0, 0.0)
+    refuse(
+        (at is not None and run is None, "--time says a time of a motion, and there is no motion"),
+        (
+            at is not None and not begin <= at <= end,
+            f"--time {at}: the motion goes from {begin:g} to {end:g}",
+        ),
+    )
     with appearing(target) as draft, progress("pictures") as show:
         if target.lower().endswith(".png"):
             save_png(still(shot, run, at), str(draft))

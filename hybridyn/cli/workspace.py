@@ -109,6 +109,5 @@ def _summary(found: Workspace, seconds: float) -> list[str]:
         f"{'reach of the loops' if name == 'reach' else name} ({count:,})" for name, count in stops[:BLOCKS]
     ]
     more = f" and {len(stops) - BLOCKS} more joints" if len(stops) > BLOCKS else ""
-    lines.append(f"steps stopped by: {', '.join(named) or 'nothing'}{more}")
-    lines.append(f"wall time {seconds:.2f} s")
-    return lines
+    stopped = f"steps stopped by: {', '.join(named) or 'nothing'}{more}"
+    return [*lines, stopped, f"wall time {seconds:.2f} s"]

@@ -96,7 +96,6 @@ USAGE = [
     (f"{ANKLE} --grid a:b", "neither a number of points nor FROM:TO:COUNT"),
     (f"{ANKLE} --grid 1:0:3,0:1:2", "a range has FROM < TO"),
     (f"{ANKLE} --grid 0:1:3", "--grid has 1 range for 2 joints"),
-    (f"{ANKLE} --grid 2000", "more than 1,000,000 points"),
     (f"{ENDLESS} --grid 3", "joint 'pitch' has no limits in the robot's file"),
 ]  # fmt: skip
 #: Status 1: what only the robot tells.

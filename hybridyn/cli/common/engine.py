@@ -27,8 +27,6 @@ WORTH_IN_TIME = 40_000
 #: half a minute on two cores, as long as the general path takes for this many samples.
 WORTH_OF_EFFECTS = 2_000_000
 
-HANDED_OVER = "near lost rank, loops open by more than rounding, or a force that no motor gives"
-
 
 def worth_of(layout: Layout, robot: HybridRobot) -> int:
     """Return the samples times freedoms above which building a model pays for a table."""
@@ -51,8 +49,12 @@ class Engine:
 
     def __str__(self) -> str:
         """Return the line that names the engine and the reason."""
-        again = self.handed_over
-        more = f"; {counted(again, 'sample')} by the general path ({HANDED_OVER})" if again else ""
+        more = (
+            f"; {counted(self.handed_over, 'sample')} by the general path (near lost rank, loops open by "
+            "more than rounding, or a force that no motor gives)"
+            if self.handed_over
+            else ""
+        )
         return f"engine: {'general' if self.model is None else 'compiled'} ({self.reason}){more}"
 
 

@@ -143,7 +143,10 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
         target: The file, .csv or .json.
         rows: Names and values, None for unknown ones; numbers that are not finite count as unknown.
     """
-    rows = [{name: _known(x) for name, x in row.items()} for row in rows]
+    rows = [
+        {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in row.items()}
+        for row in rows
+    ]
     if target.lower().endswith(".json"):
         write_text(target, json.dumps(rows, indent=2) + "\n")
         return
@@ -152,11 +155,6 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     write_text(target, text.getvalue())
-
-
-def _known(value: Any) -> Any:
-    """Return a value, None for a number that is not finite."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_report(source: str) -> list[dict[str, Any]]:

@@ -21,9 +21,6 @@ from ...tables.results import open_results
 from .options import Grid, refuse
 from .text import counted
 
-#: Points of a grid in all.
-MOST_POINTS = 1_000_000
-
 
 def map_rows(
     robot: HybridRobot,
@@ -104,10 +101,6 @@ def _values(robot: HybridRobot, joints: Sequence[str], grid: Grid) -> dict[str, 
         said = "joint '{}' has no limits in the robot's file: give --grid FROM:TO:COUNT,..."
         refuse(*((math.isinf(one.upper - one.lower), said.format(one.name)) for one in records))
         grid = tuple((joint.lower, joint.upper, grid) for joint in records)
-    points = math.prod(count for _, _, count in grid)
     given, wanted = counted(len(grid), "range"), counted(len(joints), "joint")
-    refuse(
-        (len(grid) != len(joints), f"--grid has {given} for {wanted}"),
-        (points > MOST_POINTS, f"--grid has more than {MOST_POINTS:,} points"),
-    )
+    refuse((len(grid) != len(joints), f"--grid has {given} for {wanted}"))
     return {name: np.linspace(*ends) for name, ends in zip(joints, grid, strict=True)}

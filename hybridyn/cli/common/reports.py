@@ -178,6 +178,6 @@ def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], en
     lines = about(robot, layout, on)
     if sets is not None:
         chosen.handed_over = sum(model.recomputed for model in sets.models.values())
-        made, refused = counted(len(sets.models), "set"), len(sets.refused)
-        lines.append(f"{made} of effects compiled, {refused} left to the general path")
+        made = counted(len(sets.models), "set")
+        lines.append(f"{made} of effects compiled, {len(sets.refused)} left to the general path")
     click.echo("\n".join([*lines, str(chosen)]), err=True)

@@ -105,8 +105,12 @@ def one_table(compute: Callable[..., int], words: dict[str, Any]) -> int:
     """Check the files of one table, and compute it."""
     tables = Tables(**{name: words.pop(name) for name in Tables._fields})
     check_targets([tables.source], (tables.output, tables.reactions))
-    both = tables.reactions == "-" and tables.output in (None, "-")
-    refuse((both, "efforts and reactions cannot both go to standard output"))
+    refuse(
+        (
+            tables.reactions == "-" and tables.output in (None, "-"),
+            "efforts and reactions cannot both go to standard output",
+        )
+    )
     return compute(tables=tables, **words)
 
 
