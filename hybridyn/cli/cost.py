@@ -167,8 +167,8 @@ def _show(study: Study, started: float, result: Point | Worth) -> None:
         else (f"{result.line}, {result.setting}: {result.error:.1e} in {time_words(result.seconds)}")
     )
     if sys.stderr.isatty():
-        text = f"{spent:4.0f} s, {spent / study.done - spent:3.0f} s left  {words}"
-        click.echo(textwrap.shorten(text, WIDTH), err=True)
+        left = f"{spent:4.0f} s, {spent / study.done - spent:3.0f} s left  "
+        click.echo(textwrap.shorten(left + words, WIDTH), err=True)
 
 
 def _measure(
@@ -219,8 +219,10 @@ def _report(study: Study, *, every: bool) -> Iterator[str]:
     shown = [p for p in study.points if every or p in worth or p.use == "usual"]
     rows = [["", "choice", "setting", "error", f"time {study.time_unit}", ""]]
     for p in sorted(shown, key=lambda p: p.seconds):
-        mark = "-" if p.use == "comparison" else "*" if p in own else ""
-        rows.append([mark, p.line, p.setting, error_words(p, study), time_words(p.seconds), p.how])
+        rows.append([
+            "-" if p.use == "comparison" else "*" * (p in own),
+            p.line, p.setting, error_words(p, study), time_words(p.seconds), p.how,
+        ])  # fmt: skip
     yield from (*advice(study, ADVISED), "", study.question, *aligned_rows(rows, right=(3, 4)))
     if study.worth:
         yield from ("", *_effects(study))

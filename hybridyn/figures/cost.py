@@ -13,8 +13,6 @@ from .panels import Chart, Mark, Panel
 
 REMARK = "Lower left is better. Pale: all settings; line: the front."
 CALLS = " Filled: one call; open: a batch."
-#: Colour of the bars of time.
-PART = "#b9b9b9"
 #: What no error is drawn below.
 LEAST = 1e-17
 #: Size of a panel [inch].

@@ -418,7 +418,7 @@ def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
     ready = stage(ROOT / "models/lx4/sag.toml")
     every = ready.effects.only(["gravity", "inertia", "leg_inertia", "velocity"])
     end = SimpleNamespace(state=SimpleNamespace(q=ready.q0, v=ready.v0))
-    runner = SimpleNamespace(ready=ready, run=lambda *_, **__: (end, 0.0), start=None)
+    runner = SimpleNamespace(ready=ready, compiled=True, run=lambda *_, **__: (end, 0.0), start=None)
     monkeypatch.setattr(runs, "errors", lambda *_: {"error": here if runner.start is None else there})
     some = ["gravity", "inertia", "leg_inertia"]
     needed, said = runs._checked(runner, every, some, 1e-3, 1.0)
@@ -439,6 +439,16 @@ def test_accelerations_along_a_scene_are_compared_with_those_of_engines(
     assert {"pin.lcaba", "MuJoCo"} <= {
         line[1:].split("  ")[1].strip() for line in out.splitlines() if line[:1] == "-"
     }
+
+
+@pytest.mark.slow
+def test_a_scene_that_cannot_be_compiled_is_measured_by_the_general_path() -> None:
+    """A wrench over time stays out of compiled models, and out of the operations of single effects."""
+    study = study_runs(stage(ROOT / "models/tanev/push.toml"), 1e-3, seconds=12.0)
+    assert study.remarks[0].startswith("no compiled models: the effect 'wrench' cannot be compiled")
+    assert all("--engine general" in p.fragment for p in study.points)
+    assert cheapest(study, 1e-3) is not None
+    assert {"leg_inertia", "velocity"} <= {one.effect for one in study.worth if one.computed}
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from ...compiled.compiling import compile
 from ...compiled.derivatives import Derivatives
 from ...compiled.library.calls import load
 from ...compiled.model import CompiledRobot
-from ...compiled.program import Call, Program
+from ...compiled.program import Call
 from ...description.names import listed
 from ...dynamics.direct import ddm
 from ...dynamics.inverse import idm
@@ -80,7 +80,7 @@ def ways(quantity: str, effects: Effects) -> list[Way]:
     """Return the ways to compute a quantity, the usual one first."""
     call = "# hybridyn.compile(robot, effects{}).{}"
     if quantity.endswith("jacobian"):
-        derive = Method(IN_C, quantity, partial(_derivatives, quantity, effects), batches=True)
+        derive = Method(IN_C, quantity, partial(set_up, quantity, effects, ""), batches=True, threads=True)
         swept = Method(DIFFERENCES, quantity, partial(differences, quantity, effects), grid(step=STEPS))
         return [
             Way(derive, "usual", "keep the derivatives in C", f'# hybridyn.{quantity}(coordinates="motors")'),
@@ -124,7 +124,12 @@ def requested(names: Sequence[str]) -> str:
 
 
 def solver(quantity: str, robot: HybridRobot, effects: Effects, model: CompiledRobot | None = None) -> Any:
-    """Return the call that computes a quantity for many samples, by the general path without a model."""
+    """Return the call that computes a quantity for many samples, by the general path without a model.
+
+    Derivatives have compiled models of their own.
+    """
+    if quantity.endswith("jacobian"):
+        return Derivatives(robot, quantity.removesuffix("_jacobian"), effects, coordinates="motors")
     if quantity == "close":
         return partial(_closed, model.assemble if model else partial(assemble, robot), robot)
     if quantity == "designs":
@@ -163,12 +168,6 @@ def _closed(close: Any, robot: HybridRobot, q: Array, v: Array, a: Array) -> Sta
     return found
 
 
-def _derivatives(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
-    """Prepare the derivatives of a model over the motors."""
-    derive = Derivatives(robot, quantity.removesuffix("_jacobian"), effects, coordinates="motors")
-    return lambda setting: derive
-
-
 def differences(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
     """Prepare central differences of the compiled model over the motors."""
     model, n = compile(robot, effects), len(robot.motors)
@@ -198,9 +197,11 @@ def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> 
         HybridynError: The C code cannot be built, or it is not certain of every sample.
         ImportError: CasADi is not installed.
     """
+    from ...compiled.programs.whole_robot import programs
+
     if quantity == "designs":
         quantity, robot = "idm", robot.with_parameters(design_of(robot))
-    program = program_of(robot, effects, quantity)
+    program = programs(robot, effects, models=(quantity,))[quantity]
     base = [np.zeros((len(state[0]), size)) for _, size in program.inputs[3:]]  # that of a moving base
     found, guard = load([program], dtype="float128").batch(program.name, *state, *base)
     if not np.all(guard <= 1.0):
@@ -225,16 +226,12 @@ def extrapolated(
     return found, max(map(off, np.moveaxis(less, 1, 0), found))
 
 
-def program_of(robot: HybridRobot, effects: Effects, model: str) -> Program:
-    """Write a model as a program; this needs CasADi."""
+def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
+    """Count the operations of a model without building code; effects of time and of contact count nothing."""
     from ...compiled.programs.whole_robot import programs
 
-    return programs(robot, effects, models=(model,))[model]
-
-
-def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
-    """Count the operations of a model without building code."""
-    program = program_of(robot, effects, model)
+    on = without(effects, [unit.name for unit in (*effects.links, *filter(None, [effects.base]))])
+    program = programs(robot, on, models=(model,))[model]
     calls = (step for step in program.steps if isinstance(step, Call))
     return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)
 
@@ -318,8 +315,11 @@ def study_models(
         steps.append(("effects", by_effects(run, target)))
     if quantity == "idm":
         steps.append(("rates", by_rates(run)))
-    for method in (method for known in methods.values() for method in known):
-        steps.append((method.name, run.by_way(Way(method, "comparison", setting=""))))
+    steps += [
+        (method.name, run.by_way(Way(method, "comparison", setting="")))
+        for known in methods.values()
+        for method in known
+    ]
     fill(study, steps, progress)
     study.remarks += [
         f"{name}: has none of {study.subject} of robots with loops"
@@ -385,8 +385,8 @@ class Measured:
             found = [solve(*states)] if batches else each(solve, [*zip(*states, strict=True)])
             stack: Any = np.concatenate if batches else np.array
             stacked = map(stack, zip(*map(blocks, found), strict=True))
-            pairs, efforts = zip(stacked, wanted, strict=True), self.quantity in ("idm", "designs")
-            out.append(max(off(x, y, rows, efforts=efforts) for x, y in pairs))
+            compare = partial(off, rows=rows, efforts=self.quantity in ("idm", "designs"))
+            out.append(max(map(compare, stacked, wanted)))
         return out[0], out[1]
 
     def by_way(self, way: Way) -> Iterator[Point]:
@@ -445,10 +445,9 @@ class Measured:
             for sample in zip(*motors, strict=True):
                 last = getattr(model, name)(*sample, last=last)[-3]
 
-        own = timed(calls)[0] / len(motors[0])
         error, elsewhere = self.errors(solver(self.quantity, self.robot, self.effects, model))
         yield Point(
-            f"{IN_C}, one call a sample", "from the motors", error, own,
+            f"{IN_C}, one call a sample", "from the motors", error, timed(calls)[0] / len(motors[0]),
             f"# hybridyn.compile(robot, effects).{name}", "program", "call it sample by sample",
             one_call=True, elsewhere=elsewhere,
         )  # fmt: skip
@@ -508,9 +507,8 @@ def by_rates(run: Measured) -> Iterator[Point]:
         HybridynError: There is nothing to compare.
     """
     robot, time, (q, v, a) = run.robot, run.trajectory.time, run.trajectory[:3]
-    kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
-    movable = robot.base != "fixed" or kinds - {"revolute", "prismatic"}
-    if time is None or len(time) < 3 * EDGE or movable:
+    odd = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors} - {"revolute", "prismatic"}
+    if time is None or len(time) < 3 * EDGE or robot.base != "fixed" or odd:
         raise HybridynError(
             f"not measured: needs times, {3 * EDGE} rows or more, a fixed base, and motors on revolute and "
             "prismatic joints"

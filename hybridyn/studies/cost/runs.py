@@ -97,10 +97,10 @@ class Setting(NamedTuple):
         return "\n".join([*lines, f"# hybridyn simulate --engine {engine}"])
 
 
-def setting_of(method: str, pace: float) -> Setting:
+def setting_of(method: str, pace: float, compiled: bool) -> Setting:
     """Return the setting of a method at a step [s] or at a relative tolerance."""
     paces = {"step": pace} if method in FIXED else {"rtol": pace, "atol": pace * 1e-2}
-    return Setting({"method": method} | paces, method)
+    return Setting({"method": method} | paces, method, compiled=compiled)
 
 
 def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
@@ -118,12 +118,13 @@ class Runner:
         ready: The scene.
         duration: Time to simulate [s].
         start: Positions and rates at the start.
+        compiled: Whether there are compiled models.
         reference, exact, own_error: Setting and run of the reference, and its error.
         near: The looser settings that led to the reference, with their runs, until they are measured.
     """
 
     def __init__(self, ready: Stage, duration: float) -> None:
-        self.ready, self.duration, self.start = ready, duration, (ready.q0, ready.v0)
+        self.ready, self.duration, self.start, self.compiled = ready, duration, (ready.q0, ready.v0), True
         self.near = dict[str, tuple[Setting, Run]]()
 
     def run(
@@ -180,11 +181,11 @@ class Runner:
             found: list[tuple[Setting, Run]] = []
             try:
                 self.duration = BEGINNING * whole
-                self.run(setting_of(method, FIRST), np.inf)  # builds and loads what it needs
+                self.run(setting_of(method, FIRST, self.compiled), np.inf)  # builds and loads what it needs
                 self.duration = whole
-                first, _ = self.run(setting_of(method, FIRST), limit / SHORTER, watch=True)
+                first, _ = self.run(setting_of(method, FIRST, self.compiled), limit / SHORTER, watch=True)
                 self.duration = float(first.state.t) / (1.0 if first.status != "interrupted" else SHORTER)
-                for setting in (setting_of(method, rtol) for rtol in LADDER):
+                for setting in (setting_of(method, rtol, self.compiled) for rtol in LADDER):
                     run, seconds = self.run(setting, limit)
                     if run.status == "interrupted":
                         break
@@ -260,25 +261,30 @@ def study_runs(
     study = Study("", "per run") if study is None else study
     study.subject = "the last posture"
     runner, limit = Runner(ready, duration), seconds * ONE_FAMILY
+    try:
+        compile(ready.robot, ready.effects)
+    except HybridynError as error:  # effects of time and of contact cannot be compiled
+        runner.compiled = False
+        study.remarks.append(f"no compiled models: {error}")
     first = runner.find_reference(seconds * REFERENCE)
     if first.status == "interrupted":
         study.remarks.append(
             f"only the first {runner.duration:.3g} s are measured: --seconds gives more time"
         )
-    ended = ", where an event ends it" if first.status == "event" else ""
     study.question = (
-        f"error of the last posture (after {runner.duration:.6g} s{ended}) against time of the run"
+        f"error of the last posture (after {runner.duration:.6g} s"
+        f"{', where an event ends it' * (first.status == 'event')}) against time of the run"
     )
     study.own_error = runner.own_error
     study.reference = f"{runner.reference.line} at {runner.reference.words}"
 
     options = ready.source.scene.solver.model_dump(exclude_none=True)
-    usual = Setting(options, "as the scene says", "usual")
-    mean = min(runner.duration / first.counters.steps, 0.9 * runner.duration / FACTORS[0])
+    usual = Setting(options, "as the scene says", "usual", runner.compiled)
+    mean = runner.duration * min(1.0 / first.counters.steps, 0.9 / FACTORS[0])
     step = (options["method"] != "dopri5" and options.get("step")) or float(f"{mean:.1g}")
     paces = [float(f"{factor * step:g}") for factor in FACTORS]
     quick, *others = (
-        [setting_of(method, pace) for pace in (paces if method in FIXED else TOLERANCES)]
+        [setting_of(method, pace, runner.compiled) for pace in (paces if method in FIXED else TOLERANCES)]
         for method in ("dopri5", "rk4", "conserving", "implicit")
     )
     near, general = [one for one, _ in runner.near.values()], Setting(options, "general path", compiled=False)
@@ -316,12 +322,15 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
             continue
         part = float(run.state.t) / runner.duration
         how = f"the first {100 * part:.2g} % of the scene, time extrapolated" if part < 1 - 1e-12 else ""
-        what = f"take {setting.line}, {setting.words}"
         tried[setting.fragment] = setting
         point = Point(
             setting.line, setting.words, seconds=least / part, fragment=setting.fragment,
-            use=setting.use, what="keep what the scene says" if setting.use == "usual" else what,
-            how=how, **errors(runner.ready.robot, run, runner.exact),
+            what=(
+                "keep what the scene says"
+                if setting.use == "usual"
+                else f"take {setting.line}, {setting.words}"
+            ),
+            use=setting.use, how=how, **errors(runner.ready.robot, run, runner.exact),
         )  # fmt: skip
         yield point
         left -= seconds
@@ -330,14 +339,13 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
 
 
 def _elsewhere(study: Study, runner: Runner, best: Point, setting: Setting) -> None:
-    """Run the advised setting on a second motion, and fill in its error there."""
+    """Run the advised setting on a second motion, and fill in its error there, infinite if a run fails."""
     runner.start = runner.exact.state.q, SLOWER * runner.exact.state.v
     try:
         exact, run = (runner.run(one, np.inf)[0] for one in (runner.reference, setting))
-    except HybridynError as failure:
-        study.remarks.append(f"{SECOND['per run']}: {failure}")
-        return
-    error = errors(runner.ready.robot, run, exact)["error"]
+        error = errors(runner.ready.robot, run, exact)["error"]
+    except HybridynError:
+        error = np.inf
     study.points[study.points.index(best)] = replace(best, elsewhere=error)
 
 
@@ -349,7 +357,7 @@ def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterat
         limit: Time of a run by the general path [s]; as far as it comes, runs are compared.
     """
     robot, on, part = runner.ready.robot, runner.ready.effects, copy(runner)
-    run = partial(part.run, setting_of("dopri5", OF_ONE)._replace(compiled=False))
+    run = partial(part.run, setting_of("dopri5", OF_ONE, compiled=False))
     exact, whole = run(limit)[0], operations(robot, on, "ddm")
     if exact.status == "interrupted":
         part.duration = float(exact.state.t)
@@ -377,11 +385,11 @@ def _checked(
         The effects that are needed: every effect, where fewer miss the target. And how far the ends are
         from that with every effect, in words.
     """
-    robot, run = runner.ready.robot, partial(runner.run, setting_of("dopri5", OF_EFFECTS), limit)
-    sets = {"these": every.only(needed), "those of the scene": runner.ready.effects}
+    ready, run = runner.ready, partial(runner.run, setting_of("dopri5", OF_EFFECTS, runner.compiled), limit)
+    sets = {"these": every.only(needed), "those of the scene": ready.effects}
     try:
         exact, _ = run(effects=every)
-        away = {words: errors(robot, run(effects=on)[0], exact)["error"] for words, on in sets.items()}
+        away = {words: errors(ready.robot, run(effects=on)[0], exact)["error"] for words, on in sets.items()}
         said = [
             f"with {words}, the end is {error:.1e} from that with every effect that is stated"
             for words, error in away.items()
@@ -389,7 +397,7 @@ def _checked(
         if away["these"] > target:
             return [*every.names], ["every effect that is stated: fewer miss the target", *said[1:]]
         runner.start = exact.state.q, SLOWER * exact.state.v
-        elsewhere = errors(robot, run(effects=sets["these"])[0], run(effects=every)[0])["error"]
+        elsewhere = errors(ready.robot, run(effects=sets["these"])[0], run(effects=every)[0])["error"]
         if elsewhere > target:
             said.append(
                 f"these do not carry over to {SECOND['per run']}: there the end is {elsewhere:.1e} away"
