@@ -17,16 +17,20 @@ from .alone import CALLED_ALONE
 from .drivers import Tables
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import REAL, moves_of_copies, own_sines, text_of
+from .scalars import OF_ONE, OF_TWO, REAL, functions, moves_of_copies, own_sines, text_of
 
 if TYPE_CHECKING:
     import casadi as ca
 
 #: Functions of kernels that have the same name in the C library.
-FUNCTIONS = (
-    "SQRT", "FABS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP",
-    "EXPM1", "LOG", "LOG1P", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW",
-)  # fmt: skip
+FUNCTIONS = ("SQRT", "FABS", *OF_ONE, *OF_TWO)
+
+#: Names of the arithmetic of plain numbers that become those of vectors; and new names beside the old ones.
+PLAIN = (
+    "C ALIGNED FMA FMS FNMA FNMS NOT AND OR TRUE NUMBER CHOOSE FMIN FMAX SIGN LANE ROOM D MD CD LANES FMA_D "
+    "SELECT_D BEYOND ANY_D"
+)
+BESIDE = {"V": "Vector", "M": "Mask", "far_away": "far_away_lanes", "SINCOS_D": "SINCOS_LANES"}
 
 #: First line of the drivers in lanes: the arguments of those on plain numbers, where V is S.
 COPIES = "static void {name}_samples(const S *given, S *result, S *shared, V *own, S *guard) {{"
@@ -193,8 +197,11 @@ def _arithmetic(code: str, dtype: str) -> str:
 def _vectors(code: str, dtype: str) -> str:
     """Return the C source of the arithmetic of kernels in lanes, after that on plain numbers."""
     vector = text_of("vector.h").replace("/* intrinsics.h */\n\n", "")
-    parts = [text_of("after_plain.h"), *(f"#undef {word}" for word in _functions(code)), f"#define W {LANES}"]
-    parts += [text_of("plain_vector.h"), vector, text_of("functions.h"), moves_of_copies(LANES)]
+    parts = ["/* From here on, the names of arithmetic are those of vectors. */"]
+    parts += [f"#undef {word}" for word in PLAIN.split()]
+    parts += [f"#define {word} {other}" for word, other in BESIDE.items()]
+    parts += [*(f"#undef {word}" for word in _functions(code)), f"#define W {LANES}"]
+    parts += [text_of("plain_vector.h"), vector, functions(), moves_of_copies(LANES)]
     if "SINCOS(" in code:
         own = dtype == "float64"
         parts.append(own_sines(LANES) if own else f"#define SINCOS SINCOS_LANES\n{SINES_OF_LANES}")

@@ -25,6 +25,13 @@ IN_LIBRARY = {
     "float128": "name##q",
 }
 
+#: Functions of the C library that kernels call, of one number and of two.
+OF_ONE = (
+    "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP", "EXPM1", "LOG",
+    "LOG1P", "FLOOR", "CEIL", "ERF",
+)  # fmt: skip
+OF_TWO = ("ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW")
+
 #: Largest guard at which a sample is trusted.
 GUARD_LIMIT = 1.0
 
@@ -69,7 +76,7 @@ class Scalar:
             lines += [f"#define I {integer}", f"#define W {self.lanes}", vector]
         else:
             lines += [text_of("scalar.h")]
-        lines += [text_of("functions.h"), _sines(self)]
+        lines += [functions(), _sines(self)]
         return "\n".join(lines)
 
     def moves(self) -> str:
@@ -83,6 +90,13 @@ def moves_of_copies(lanes: int) -> str:
     """Return the C source that moves numbers between the lanes of vectors, which hold copies."""
     entries = ", ".join(f"(from)[(at)[{i}]]" for i in range(lanes))
     return f"#define FROM(from, at) {entries}\n{text_of('copies.h')}"
+
+
+def functions() -> str:
+    """Return the C source of the functions of kernels."""
+    every = [*(f"LANES1({name}" for name in OF_ONE), *(f"LANES2({name}" for name in OF_TWO)]
+    lines = [f"{one}, SCALAR({one[7:].lower()}))" for one in every]
+    return text_of("functions.h").replace("/* library */", "\n".join(lines))
 
 
 def _sines(scalar: Scalar) -> str:
