@@ -26,7 +26,7 @@ static int kept_at(const S *q) {
    the arrays are others. From another posture than the last call gave, Newton's method must reach the row by itself. */
 EXPORT int close_row(const Array *const *a, S *result) {
     static const int motors[NG] = {MOTORS};
-    S *const given[3] = {motion.newton.g, motion.settle.g_dot, motion.settle.g_ddot};
+    S *const given[3] = {motion.settle.row.g, motion.settle.row.g_dot, motion.settle.row.g_ddot};
     const S *last = numbers(a[0], NQ);
     if (!last) return 1;
     for (int n = 0; n < 3; n++) {
@@ -36,14 +36,13 @@ EXPORT int close_row(const Array *const *a, S *result) {
     }
     const int other = memcmp(last, kept.at.q, sizeof(kept.at.q)) != 0;
     if (other && kept_at(last)) return 2;
-    motion.at = kept.at;
+    motion.now.at = kept.at;
     memcpy(motion.settle.g_0, kept.g, sizeof(kept.g));
     if (!closed(&motion, 1, other, 0)) return 2;
-    kept.at = motion.at;
-    memcpy(kept.g, motion.settle.g, sizeof(kept.g));
-    memcpy(result, motion.at.q, sizeof(motion.at.q));
-    memcpy(result + NQ, motion.v, sizeof(motion.v));
-    memcpy(result + NQ + NV, motion.a, sizeof(motion.a));
+    kept.at = motion.now.at;
+    memcpy(kept.g, motion.settle.row.g, sizeof(kept.g));
+    memcpy(result, motion.now.at.q, sizeof(motion.now.at.q));
+    memcpy(result + NQ, motion.now.v, sizeof(S[2 * NV])); /* and the accelerations after them */
     return 0;
 }
 

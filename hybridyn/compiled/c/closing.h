@@ -6,6 +6,13 @@ typedef struct {
 } Posture;
 typedef struct {
     Posture at;
+    V v[NV], a[NV];
+} State;
+typedef struct {
+    V g[NG], g_dot[NR], g_ddot[NR];
+} Given;
+typedef struct {
+    Posture at;
     V g[NG], slots[SLOTS];
 } NewtonIn;
 typedef struct {
@@ -14,11 +21,13 @@ typedef struct {
 } NewtonOut;
 typedef struct {
     Posture at, start;
-    V g_0[NG], g[NG], g_dot[NR], g_ddot[NR], slots[SLOTS];
+    V g_0[NG];
+    Given row;
+    V slots[SLOTS];
 } SettleIn;
 typedef struct {
-    Posture at;
-    V v[NV], a[NV], step[MODULES], open[MODULES], turning[MODULES];
+    State now;
+    V step[MODULES], open[MODULES], turning[MODULES];
 } SettleOut;
 typedef struct {
     Posture start;
@@ -36,10 +45,12 @@ typedef struct {
     SettleOut settled;
     BranchIn branch;
     BranchOut about;
-    Posture at;
-    V v[NV], a[NV], first[MODULES], turning[MODULES], before[MODULES], later, far, count, programs[PROGRAMS_WORK];
-    Posture last, here, end; /* of a walk: the row before, how far it has come, the row */
-    V there[NG], row[NG], row_dot[NR], row_ddot[NR], end_v[NV], end_a[NV];
+    State now;
+    V first[MODULES], turning[MODULES], before[MODULES], later, far, count, programs[PROGRAMS_WORK];
+    Posture last, here; /* of a walk: the row before, how far it has come */
+    V there[NG];
+    Given row;
+    State end;
 } Work;
 EXPORT Long rows_work = sizeof(Work);
 
@@ -80,7 +91,7 @@ static M reached(Work *w) {
     M good = EVERY, near = NOT(EVERY);
     for (int m = 0; m < MODULES; m++) w->before[m] = C(INFINITY);
     for (int k = 0; k < PATIENCE; k++) {
-        w->newton.at = w->at;
+        w->newton.at = w->now.at;
         const M trusted = RUN(newton, w->newton, w->moved);
         M nearer = EVERY, there = EVERY;
         for (int m = 0; m < MODULES; m++) {
@@ -90,7 +101,7 @@ static M reached(Work *w) {
             w->before[m] = far;
         }
         good = AND(good, OR(near, AND(trusted, nearer)));
-        take(NOT(near), (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
+        take(NOT(near), (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
         near = OR(near, there);
         if (!ANY(AND(good, NOT(near)))) break;
     }
@@ -99,7 +110,7 @@ static M reached(Work *w) {
 
 /* Compare a step with its prediction. */
 static M on_branch(Work *w) {
-    w->branch.found = w->at;
+    w->branch.found = w->now.at;
     memcpy(w->branch.g_0, w->settle.g_0, sizeof(w->branch.g_0));
     M good = RUN(branch, w->branch, w->about);
     for (int m = 0; m < MODULES; m++) {
@@ -123,16 +134,18 @@ static M surely_same(Work *w) {
 
 /* Where the steps to a row are no longer than the checks can judge. */
 static M not_far(Work *w) {
-    for (int l = 0; l < W; l++) ((S *)&w->far)[l] = is_far((S *)w->settle.g_0 + l, (S *)w->settle.g + l, W);
+    for (int l = 0; l < W; l++) ((S *)&w->far)[l] = is_far((S *)w->settle.g_0 + l, (S *)w->settle.row.g + l, W);
     return LE(w->far, C(0));
 }
 
 /* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
 static M advanced(Work *w, M certain, int lone) {
-    w->newton.at = w->settle.start = w->branch.start = w->at;
+    w->newton.at = w->settle.start = w->branch.start = w->now.at;
+    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
+    memcpy(w->branch.g, w->settle.row.g, sizeof(w->branch.g));
     M good = lone ? certain : AND(certain, not_far(w));
     good = AND(good, RUN(newton, w->newton, w->moved));
-    w->at = w->branch.predicted = w->moved.at;
+    w->now.at = w->branch.predicted = w->moved.at;
     memcpy(w->first, w->moved.step, sizeof(w->first));
     V before = size_of(&w->moved);
     if (!lone) good = AND(good, LE(before, C(LONGEST)));
@@ -140,22 +153,20 @@ static M advanced(Work *w, M certain, int lone) {
     for (int k = 0; k < ITERATIONS; k++) {
         const M left = NOT(LE(before, C(NEAR)));
         if (!ANY(AND(left, good))) break;
-        w->newton.at = w->at;
+        w->newton.at = w->now.at;
         const M trusted = RUN(newton, w->newton, w->moved);
         const V size = size_of(&w->moved);
         good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
-        take(left, (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
+        take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
         before = SELECT(left, size, before);
         w->later += SELECT(left, size, C(0));
     }
     good = AND(good, LE(before, C(NEAR)));
     M left = EVERY;
     for (int k = 0; k < LAST_STEPS; k++) {
-        w->settle.at = w->at;
+        w->settle.at = w->now.at;
         const M trusted = RUN(settle, w->settle, w->settled);
-        take(left, (V *)&w->at, (V *)&w->settled.at, NUMBERS(Posture));
-        take(left, w->v, w->settled.v, NV);
-        take(left, w->a, w->settled.a, NV);
+        take(left, (V *)&w->now, (V *)&w->settled.now, NUMBERS(State));
         take(left, w->turning, w->settled.turning, MODULES);
         const V step = largest_lanes(w->settled.step);
         w->later += SELECT(left, step, C(0));
@@ -170,63 +181,49 @@ static M advanced(Work *w, M certain, int lone) {
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
 
-/* Keep the row that was found in some lanes as the end of a walk. */
-INLINE void ended(Work *w, M where) {
-    take(where, (V *)&w->end, (V *)&w->at, NUMBERS(Posture));
-    take(where, w->end_v, w->v, NV);
-    take(where, w->end_a, w->a, NV);
-}
-
 /* Follow the branch from the row before, in `last`, where a step to the row was too long for its checks, in steps as
    long as predictions hold. Gives the lanes of `whole` and those where it leads on. */
 static M walked(Work *w, M certain, M whole) {
     M left = AND(certain, NOT(whole));
     V done = C(0), step = C(0.25);
-    ended(w, EVERY);
+    w->end = w->now;
     w->here = w->last;
     memcpy(w->there, w->settle.g_0, sizeof(w->there));
-    memcpy(w->row, w->settle.g, sizeof(w->row));
-    memcpy(w->row_dot, w->settle.g_dot, sizeof(w->row_dot));
-    memcpy(w->row_ddot, w->settle.g_ddot, sizeof(w->row_ddot));
+    w->row = w->settle.row;
     while (ANY(left)) {
         step = SELECT(LE(C(1) - done, step), C(1) - done, step);
         const V to = done + step;
         const M last = LE(C(1), to);
         for (int l = 0; l < W; l++)
-            between((S *)w->there + l, (S *)w->row + l, ((S *)&step)[l] / (1 - ((S *)&done)[l]), (S *)w->settle.g + l, W);
-        take(last, w->settle.g, w->row, NG);
+            between((S *)w->there + l, (S *)w->row.g + l, ((S *)&step)[l] / (1 - ((S *)&done)[l]), (S *)w->settle.row.g + l, W);
+        take(last, w->settle.row.g, w->row.g, NG);
         for (int i = 0; i < NR; i++) {
-            w->settle.g_dot[i] = SELECT(last, w->row_dot[i], C(0));
-            w->settle.g_ddot[i] = SELECT(last, w->row_ddot[i], C(0));
+            w->settle.row.g_dot[i] = SELECT(last, w->row.g_dot[i], C(0));
+            w->settle.row.g_ddot[i] = SELECT(last, w->row.g_ddot[i], C(0));
         }
         memcpy(w->settle.g_0, w->there, sizeof(w->there));
-        memcpy(w->newton.g, w->settle.g, sizeof(w->settle.g));
-        memcpy(w->branch.g, w->settle.g, sizeof(w->settle.g));
-        w->at = w->here;
+        w->now.at = w->here;
         const M good = advanced(w, left, 0), moved = AND(good, NOT(last));
-        ended(w, AND(good, last));
-        take(moved, (V *)&w->here, (V *)&w->at, NUMBERS(Posture));
-        take(moved, w->there, w->settle.g, NG);
+        take(AND(good, last), (V *)&w->end, (V *)&w->now, NUMBERS(State));
+        take(moved, (V *)&w->here, (V *)&w->now.at, NUMBERS(Posture));
+        take(moved, w->there, w->settle.row.g, NG);
         whole = OR(whole, AND(good, last));
         left = AND(left, AND(NOT(whole), OR(good, LT(C(SHORTEST), step))));
         done = SELECT(moved, to, done);
         step = SELECT(good, C(2) * step, C(0.5) * step);
     }
-    w->at = w->end;
-    memcpy(w->v, w->end_v, sizeof(w->v));
-    memcpy(w->a, w->end_a, sizeof(w->a));
-    memcpy(w->settle.g, w->row, sizeof(w->row));
+    w->now = w->end;
+    w->settle.row = w->row;
     return AND(certain, whole);
 }
 
-/* Close the row of `newton.g` and of the rates in `settle`, on the branch of the posture in `at`, where settle.g_0 holds.
+/* Close the row in `settle` on the branch of the posture in `now`, where settle.g_0 holds.
    `guess`: from that posture Newton's method must reach the row by itself, too; `lone`: it has no branch. */
 static M closed(Work *w, M good, int guess, int lone) {
-    memcpy(w->settle.g, w->newton.g, sizeof(w->newton.g));
-    memcpy(w->branch.g, w->newton.g, sizeof(w->newton.g));
-    w->last = w->at;
+    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
+    w->last = w->now.at;
     if (guess) good = AND(good, reached(w));
-    if (!lone) w->at = w->last;
+    if (!lone) w->now.at = w->last;
     const M whole = advanced(w, good, lone);
     return !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole;
 }
@@ -245,23 +242,23 @@ EXPORT void closed_rows(Long from, Long to, Long rows, const S *slots, Long apar
         fill(w->newton.slots, slots + d * SLOTS, SLOTS, SLOTS, valid);
         memcpy(w->settle.slots, w->newton.slots, sizeof(w->newton.slots));
         memcpy(w->branch.slots, w->newton.slots, sizeof(w->newton.slots));
-        fill(w->at.q, q_0 + d * apart * NQ, NQ, apart * NQ, valid);
-        fill(w->at.p, p_0 + d * apart * NP, NP, apart * NP, valid);
+        fill(w->now.at.q, q_0 + d * apart * NQ, NQ, apart * NQ, valid);
+        fill(w->now.at.p, p_0 + d * apart * NP, NP, apart * NP, valid);
         w->count = C(0);
         M good = EVERY;
         for (Long t = 0; t < rows && ANY(good); t++) {
             const Long row = first + t;
-            fill(w->newton.g, g + row * NG, NG, stride * NG, valid);
-            if (t) memcpy(w->settle.g_0, w->settle.g, sizeof(w->settle.g));
+            if (t) memcpy(w->settle.g_0, w->settle.row.g, sizeof(w->settle.g_0));
             else if (g_0) fill(w->settle.g_0, g_0 + d * apart * NG, NG, apart * NG, valid);
-            else memcpy(w->settle.g_0, w->newton.g, sizeof(w->newton.g));
-            fill(w->settle.g_dot, g_dot + row * NR, NR, stride * NR, valid);
-            fill(w->settle.g_ddot, g_ddot + row * NR, NR, stride * NR, valid);
+            else fill(w->settle.g_0, g + row * NG, NG, stride * NG, valid);
+            fill(w->settle.row.g, g + row * NG, NG, stride * NG, valid);
+            fill(w->settle.row.g_dot, g_dot + row * NR, NR, stride * NR, valid);
+            fill(w->settle.row.g_ddot, g_ddot + row * NR, NR, stride * NR, valid);
             good = closed(w, good, !t && guess, !t && !g_0);
             w->count += NUMBER(good);
-            to_rows_apart(q + (d * rows + t) * NQ, w->at.q, NQ, rows * NQ, valid);
-            to_rows_apart(v + (d * rows + t) * NV, w->v, NV, rows * NV, valid);
-            to_rows_apart(a + (d * rows + t) * NV, w->a, NV, rows * NV, valid);
+            to_rows_apart(q + (d * rows + t) * NQ, w->now.at.q, NQ, rows * NQ, valid);
+            to_rows_apart(v + (d * rows + t) * NV, w->now.v, NV, rows * NV, valid);
+            to_rows_apart(a + (d * rows + t) * NV, w->now.a, NV, rows * NV, valid);
         }
         to_rows_apart(count + d, &w->count, 1, 1, valid);
     }

@@ -15,12 +15,6 @@ static S largest_of(const S *x, int n) {
         if (!(x[i] <= out)) out = x[i];
     return out;
 }
-static S least_of(const S *x, int n) {
-    S out = x[0];
-    for (int i = 1; i < n; i++)
-        if (!(x[i] >= out)) out = x[i];
-    return out;
-}
 
 /* Close the loops from the displacement xi on, with the independent rates of v; 0 where that is certain. */
 static int lifted(const S *q_0, const S *xi, const S *v, Lifted *out, S *pivot) {
@@ -28,9 +22,11 @@ static int lifted(const S *q_0, const S *xi, const S *v, Lifted *out, S *pivot) 
     S before = FARTHEST / CONTRACTION;
     for (int k = 0; k < LIFTS; k++) {
         if (lift_single_at(in, (S *)out)) return 1;
-        const S step = largest_of(out->step, MODULES), least = least_of(out->pivot, MODULES);
-        if (least < *pivot) *pivot = least;
-        if (!(least >= GOOD)) return 1;
+        const S step = largest_of(out->step, MODULES);
+        for (int m = 0; m < MODULES; m++) {
+            if (out->pivot[m] < *pivot) *pivot = out->pivot[m];
+            if (!(out->pivot[m] >= GOOD)) return 1;
+        }
         if (step <= LAST_STEP) return 0;
         if (!(step <= CONTRACTION * before)) return 1;
         before = step;

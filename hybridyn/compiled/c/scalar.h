@@ -10,15 +10,12 @@ typedef int M;
 
 #if defined(__FMA__) && defined(SCALAR_FMA)
 INLINE V FMA(V a, V b, V c) { return SCALAR_FMA(a, b, c); }
-INLINE V FMS(V a, V b, V c) { return SCALAR_FMA(a, b, -c); }
-INLINE V FNMA(V a, V b, V c) { return SCALAR_FMA(-a, b, c); }
-INLINE V FNMS(V a, V b, V c) { return SCALAR_FMA(-a, b, -c); }
 #else
 INLINE V FMA(V a, V b, V c) { return a * b + c; }
-INLINE V FMS(V a, V b, V c) { return a * b - c; }
-INLINE V FNMA(V a, V b, V c) { return c - a * b; }
-INLINE V FNMS(V a, V b, V c) { return -(a * b) - c; }
 #endif
+INLINE V FMS(V a, V b, V c) { return FMA(a, b, -c); }
+INLINE V FNMA(V a, V b, V c) { return FMA(-a, b, c); }
+INLINE V FNMS(V a, V b, V c) { return FMA(-a, b, -c); }
 
 INLINE V CHOOSE(M m, V x) { return m ? x : C(0); }
 INLINE V SELECT(M m, V a, V b) { return m ? a : b; }

@@ -33,20 +33,19 @@ INLINE V FMA(V a, V b, V c) { return (V)FUSED(fmadd, a, b, c); }
 INLINE V FMS(V a, V b, V c) { return (V)FUSED(fmsub, a, b, c); }
 INLINE V FNMA(V a, V b, V c) { return (V)FUSED(fnmadd, a, b, c); }
 INLINE V FNMS(V a, V b, V c) { return (V)FUSED(fnmsub, a, b, c); }
-#elif defined(__FMA__) || defined(__aarch64__) || defined(FAST_FMA)
+#else
 INLINE V FMA(V a, V b, V c) {
+#if defined(__FMA__) || defined(__aarch64__) || defined(FAST_FMA)
     V r;
     for (int i = 0; i < W; i++) r[i] = SCALAR_FMA(a[i], b[i], c[i]);
     return r;
+#else
+    return a * b + c;
+#endif
 }
 INLINE V FMS(V a, V b, V c) { return FMA(a, b, -c); }
 INLINE V FNMA(V a, V b, V c) { return FMA(-a, b, c); }
 INLINE V FNMS(V a, V b, V c) { return FMA(-a, b, -c); }
-#else
-INLINE V FMA(V a, V b, V c) { return a * b + c; }
-INLINE V FMS(V a, V b, V c) { return a * b - c; }
-INLINE V FNMA(V a, V b, V c) { return c - a * b; }
-INLINE V FNMS(V a, V b, V c) { return -(a * b) - c; }
 #endif
 
 #ifdef ROOT
