@@ -3,8 +3,6 @@ typedef S V;
 typedef int M;
 
 #define W 1
-#define INLINE static inline __attribute__((always_inline, unused))
-#define SELDOM static __attribute__((noinline, cold, unused))
 #define C(x) ((S)(x))
 #define LANE(x, i) (x)
 

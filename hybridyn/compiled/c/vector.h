@@ -2,10 +2,6 @@
 typedef S V __attribute__((vector_size(W * sizeof(S))));
 typedef I M __attribute__((vector_size(W * sizeof(S))));
 
-#ifndef INLINE
-#define INLINE static inline __attribute__((always_inline, unused))
-#define SELDOM static __attribute__((noinline, cold, unused))
-#endif
 #define C(x) ((S)(x) - (V){0}) /* exact, also for -0 */
 #define LANE(x, i) ((x)[i])
 

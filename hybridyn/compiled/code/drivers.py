@@ -14,6 +14,20 @@ from .kernels import literal
 from .rules import overlap
 
 
+def moves(kind: str) -> dict[str, str]:
+    """Return the C functions that move numbers, by their names; `kind`: how C declares them."""
+    return {
+        name: f"{kind} void {name}({given}, int n) {{\n    int k;\n    for (k = 0; k < n; k++) {move};\n}}"
+        for name, given, move in (
+            ("set_all", "V *to, const S *from", "to[k] = C(from[k])"),
+            ("copy", "V *to, const V *from", "to[k] = from[k]"),
+            ("gather", "V *to, const V *from, const int *at", "to[k] = from[at[k]]"),
+            ("scatter", "V *to, const int *at, const V *from", "to[at[k]] = from[k]"),
+            ("add", "V *to, const V *from", "to[k] += from[k]"),
+        )
+    }
+
+
 class Tables:
     """Collect tables; `text` declares them in C."""
 

@@ -9,7 +9,7 @@ from typing import Any
 from ..program import Call, Program, stored
 from .across_lanes import COPIES_HEAD, HEAD, across_copies, across_samples
 from .alone import CALLED_ALONE, in_sections, memory, plain_kernels, section
-from .drivers import Tables, summed
+from .drivers import Tables, moves, summed
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
@@ -202,6 +202,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
         text_of("driver.h"),
+        *moves("INLINE").values(),
         text_of("fetching.h"),
     ]
     if scalar.lanes > 1:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from ..program import Call, Program, stored
 from .across_lanes import HEAD, across_copies, across_samples
 from .alone import CALLED_ALONE
-from .drivers import Tables
+from .drivers import Tables, moves
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import OF_ONE, OF_TWO, REAL, functions, moves_of_copies, own_sines, text_of
@@ -36,19 +36,7 @@ BESIDE = {"V": "Vector", "M": "Mask", "far_away": "far_away_lanes", "SINCOS_D": 
 COPIES = "static void {name}_samples(const S *given, S *result, S *shared, V *own, S *guard) {{"
 
 #: Functions that drivers and kernels call; only those in use are printed.
-MOVES = {
-    "worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }",
-    **{
-        name: f"static void {name}({given}, int n) {{\n    int k;\n    for (k = 0; k < n; k++) {move};\n}}"
-        for name, given, move in (
-            ("set_all", "V *to, const S *from", "to[k] = C(from[k])"),
-            ("copy", "V *to, const V *from", "to[k] = from[k]"),
-            ("gather", "V *to, const V *from, const int *at", "to[k] = from[at[k]]"),
-            ("scatter", "V *to, const int *at, const V *from", "to[at[k]] = from[k]"),
-            ("add", "V *to, const V *from", "to[k] += from[k]"),
-        )
-    },
-}
+MOVES = {"worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }", **moves("static")}
 
 
 #: Mark in every exported file; a file without it is never overwritten.

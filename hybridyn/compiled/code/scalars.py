@@ -65,6 +65,8 @@ class Scalar:
             "#include <math.h>",
             f"#define S {c}",
             f"#define SCALAR(name) {IN_LIBRARY[self.name]}",
+            "#define INLINE static inline __attribute__((always_inline, unused))",
+            "#define SELDOM static __attribute__((noinline, cold, unused))",
             {
                 "float64": "#define DOUBLE\n#define SCALAR_FMA __builtin_fma",
                 "float32": "#define SCALAR_FMA __builtin_fmaf",
