@@ -1,7 +1,6 @@
 """What a study measures: loads of the motors, columns of the motion, workspaces, functions in Python.
 
 peak_effort, rms_effort, ...      of the motor with the largest one
-peak_effort[N m]                  the same of the motors with this unit
 max m1_left_elbow/position        a statistic (peak, max, min, mean, rms) of a column
 cost.py:cost                      a function of (robot, motion) in a file beside the study
 """
