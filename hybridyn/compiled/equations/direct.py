@@ -42,7 +42,7 @@ from .expressions import (
 )
 from .guards import size_of, trusted, weighed
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
-from .request import DirectOptions
+from .request import DirectOptions, InverseOptions, ModuleOptions
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .stages import (
     BaseMotion,
@@ -186,19 +186,12 @@ class _Solved:
         return dot(self.Psi, self.u_dot(A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
-def write_direct(
-    name: str,
-    plan: Plan,
-    options: DirectOptions,
-    *,
-    motions: bool = False,
-) -> DirectModule:
+def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     """Write a module's direct model and cut it into its stages.
 
     Args:
         name: Prefix of the functions' names.
         options: Options of the direct model.
-        motions: Whether the third stage has the output "u_dot", the accelerations along its motions.
     """
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
@@ -218,8 +211,6 @@ def write_direct(
     s = np.concatenate([base.A, solved.y(base.A)])
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
     outputs[2] |= _accelerations_outwards(core, options, s, joints)
-    if motions:
-        outputs[2]["u_dot"] = pack(solved.u_dot(base.A))
     # Wrists.
     legs = _legs_on_paths(plan)
     wrists, guard = _add_wrists(core, plan, (q, v), base, s, inputs[3])
@@ -230,7 +221,7 @@ def write_direct(
     )  # fmt: skip
 
 
-def write_motion(name: str, plan: Plan, options: DirectOptions) -> list[Stage]:
+def write_motion(name: str, plan: Plan, options: ModuleOptions) -> DirectModule:
     """Write the accelerations of a module's joints from those along its motions, "u_dot".
 
     The stages are those of `write_direct` without its second one, with the same names.
@@ -253,10 +244,13 @@ def write_motion(name: str, plan: Plan, options: DirectOptions) -> list[Stage]:
     outputs = [_motion_outwards(core, plan, still), _accelerations_outwards(core, still, s, joints), {}]
     wrists, _ = _add_wrists(core, plan, (q, v), base, s, inputs[2])
     outputs[2] |= {"a_wrists": pack(list(wrists.values()))} if wrists else {}
-    return cut(name, inputs, outputs)
+    return DirectModule(
+        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
+        parts.v[joints], np.array(list(wrists), dtype=int), _legs_on_paths(plan), parts.tree_v[:0],
+    )  # fmt: skip
 
 
-def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str, ca.SX]:
+def _motion_outwards(core: Core, plan: Plan, options: ModuleOptions) -> dict[str, ca.SX]:
     """Return the platforms' motion for the legs, and twists and biases of carrying outputs, Eq. (38)."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
@@ -328,7 +322,7 @@ def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
 
 
 def _accelerations_outwards(
-    core: Core, options: DirectOptions, s: Expression, joints: list[int]
+    core: Core, options: ModuleOptions, s: Expression, joints: list[int]
 ) -> dict[str, ca.SX]:
     """Return accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
     out: dict[str, ca.SX] = {}
@@ -387,23 +381,29 @@ def _add_wrists(
     return out, guard
 
 
-def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Array]:
-    """Write the direct model of group n of a module, and return its stages and its legs' own numbers."""
+def write_direct_legs(
+    plan: Plan, n: int, options: DirectOptions | InverseOptions, *, motion: bool = False
+) -> tuple[list[Stage], Array]:
+    """Write the direct model of group n of a module, and return its stages and its legs' own numbers.
+
+    Args:
+        motion: Whether one stage computes the accelerations "a" alone.
+    """
     group = plan.parts.groups[n]
     leg, forced = group[0], group[0].among(options.motors)
     (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
     base = base_motion(options.base, options.velocity)
     p_column, platform = PlatformMotion.symbols(accelerations=False)
-    tau_column, given = symbols("tau", len(forced))
+    tau_column, efforts = symbols("tau", len(forced))
     delta_column, delta = symbols("delta", 6)
     tau = zeros(len(leg.v))
-    tau[forced] = given
+    tau[forced] = efforts
     written = write_leg(group, q, v, (base.V, base.A), platform, plan.scale, plan.leg_pivots[n])
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
     sums = leg_sums(written, tau, options.velocity, rotor)
     inputs = {"numbers": written.folding.symbol(), "q": q_column, "v": v_column, "platform": p_column}
     inputs |= base.V_column | ({"tau": tau_column} if forced else {})
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
-    follows = {"a": pack(leg_accelerations(written, delta))}
-    stages = cut("legs", [inputs, {"delta": delta_column}], [outputs, follows])
-    return stages, written.folding.table(len(group))
+    later, follows = {"delta": delta_column}, {"a": pack(leg_accelerations(written, delta))}
+    given, wanted = ([inputs | later], [follows]) if motion else ([inputs, later], [outputs, follows])
+    return cut("legs", given, wanted), written.folding.table(len(group))

@@ -43,21 +43,12 @@ def direct_inputs(request: Request, *, pushed: bool = False) -> list[tuple[str, 
     return inputs + request.parameter_inputs
 
 
-def write_direct_sweeps(
-    request: Request, w: Writer, *, motions: bool = False, pushed: bool = False
-) -> list[ModuleCalls]:
-    """Add the sweeps of the direct model to a program, and return the calls of each module.
-
-    Args:
-        request: The robot and its effects.
-        w: The program under construction.
-        motions: Whether the accelerations along the modules' motions are kept, as the port "u_dot".
-        pushed: As for `direct_program`.
-    """
+def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) -> None:
+    """Add the sweeps of the direct model to a program; `pushed` as for `direct_program`."""
     robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
-    sweeps = _Sweeps(request, w, moving_base(request, w, "base_acceleration"), motions, pushed)
+    sweeps = _Sweeps(request, w, moving_base(request, w, "base_acceleration"), pushed)
     modules: list[ModuleCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
@@ -65,14 +56,13 @@ def write_direct_sweeps(
         sweeps.inwards(calls)
     for calls in modules:
         sweeps.accelerate(calls)
-    return modules
 
 
 class _Sweeps:
     """Add the calls of the modules to the program, sweep by sweep."""
 
-    def __init__(self, request: Request, writer: Writer, root: Ports, motions: bool, pushed: bool) -> None:
-        self.request, self.w, self.root, self.motions, self.pushed = request, writer, root, motions, pushed
+    def __init__(self, request: Request, writer: Writer, root: Ports, pushed: bool) -> None:
+        self.request, self.w, self.root, self.pushed = request, writer, root, pushed
         self.efforts = Efforts(request, writer, pushed=pushed)
         self._code: dict[Any, DirectModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
@@ -114,7 +104,7 @@ class _Sweeps:
         key = (id(plan), options)
         if key not in self._code:
             name = f"module_{len(self._code)}"
-            self._code[key] = write_direct(name, plan, options, motions=self.motions)
+            self._code[key] = write_direct(name, plan, options)
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

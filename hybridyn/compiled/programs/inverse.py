@@ -44,24 +44,20 @@ def write_inverse_sweeps(request: Request, w: Writer, *, pushed: bool = False) -
     _write_sweeps(request, w, pushed=pushed)
 
 
-def write_balance(request: Request, w: Writer, *, motions: bool = False) -> list[ModuleCalls]:
+def write_balance(request: Request, w: Writer) -> list[ModuleCalls]:
     """Add the sweeps that compute what is left of the forces along each module's motions, zero for `ddm`.
 
-    The inputs are those of the direct model, and its accelerations. What is left is the port "Q".
-
-    Args:
-        request: The robot and its effects.
-        w: The program under construction.
-        motions: Whether the accelerations along the modules' motions are kept, as the port "u_dot".
+    The inputs are those of the direct model, and its accelerations. What is left is the port "Q"; the
+    accelerations along the motions are the port "u_dot".
     """
-    return _write_sweeps(request, w, balance=True, motions=motions)
+    return _write_sweeps(request, w, balance=True)
 
 
 def _write_sweeps(
-    request: Request, w: Writer, *, balance: bool = False, motions: bool = False, pushed: bool = False
+    request: Request, w: Writer, *, balance: bool = False, pushed: bool = False
 ) -> list[ModuleCalls]:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
-    sweeps = _Sweeps(request, w, moving_base(request, w, "a"), balance, motions, pushed)
+    sweeps = _Sweeps(request, w, moving_base(request, w, "a"), balance, pushed)
     modules: list[ModuleCalls] = []
     for k in range(len(request.robot.modules)):
         start = len(w.steps)
@@ -77,11 +73,8 @@ def _write_sweeps(
 class _Sweeps:
     """Add the calls of the modules to the program, sweep by sweep."""
 
-    def __init__(
-        self, request: Request, writer: Writer, root: Ports, balance: bool, motions: bool, pushed: bool
-    ) -> None:
-        self.request, self.w, self.root, self.balance = request, writer, root, balance
-        self.motions, self.pushed = motions, pushed
+    def __init__(self, request: Request, writer: Writer, root: Ports, balance: bool, pushed: bool) -> None:
+        self.request, self.w, self.root, self.balance, self.pushed = request, writer, root, balance, pushed
         self.efforts = Efforts(request, writer, motors=balance)
         self._code: dict[Any, InverseModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
@@ -118,7 +111,7 @@ class _Sweeps:
             pivots = None if balance else self._motor_pivots(k, options)
             name = f"module_{len(self._code)}"
             self._code[key] = write_inverse(
-                name, plan, options, pivots, balance=balance, motions=self.motions
+                name, plan, options, pivots, balance=balance, motions=self.balance
             )
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)

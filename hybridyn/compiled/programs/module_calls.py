@@ -90,7 +90,6 @@ class ModuleCalls:
         stages: Its stages.
         below: The module that carries it, None for a module on the robot's base.
         ports: Places by name, first those of the robot's base if it moves.
-        leg_calls: Calls of its legs.
         calls: Calls of the module in order, where they are asked for.
     """
 
@@ -102,12 +101,11 @@ class ModuleCalls:
     stages: Stages
     below: ModuleCalls | None
     ports: Ports
-    leg_calls: list[Call] = field(default_factory=list)
     calls: list[Call] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Provide positions, rates and parameters."""
-        self.ports |= self._coordinates([self.written])
+        self.ports |= self.coordinates([self.written])
         if self.request.plans[self.k].column is not None:
             index = self.request.parameter_index(self.k)
             self.ports["parameters"] = self.writer.from_given("parameters", index)
@@ -121,6 +119,12 @@ class ModuleCalls:
     def groups(self) -> tuple[tuple[Leg, ...], ...]:
         """Its groups of equal legs."""
         return self.request.plans[self.k].parts.groups
+
+    @property
+    def joints(self) -> Index:
+        """Indices of the freedoms of its core in the robot's v."""
+        own = self.request.plans[self.k].parts.v
+        return np.asarray(self.module.v_index[own[own >= 0]])
 
     def call(self, s: int) -> None:
         """Add the call of a stage."""
@@ -140,10 +144,9 @@ class ModuleCalls:
         """Add the call of a stage of equal legs, whose ports are those of their platform, and `more`."""
         i = f" {group[0].platform}"
         own = {name.removesuffix(i): x for name, x in self.ports.items() if name.endswith(i)}
-        legs.call(s, self.ports | self._coordinates(group) | own | more)
-        self.leg_calls.append(self.writer.last)
+        legs.call(s, self.ports | self.coordinates(group) | own | more)
 
-    def _coordinates(self, readers: Sequence[WrittenModule | Leg]) -> Ports:
+    def coordinates(self, readers: Sequence[WrittenModule | Leg]) -> Ports:
         """Return places of positions, rates and, if they are inputs, accelerations for equal readers."""
         w = self.writer
         q = self.module.q_index[np.array([reader.q for reader in readers])]

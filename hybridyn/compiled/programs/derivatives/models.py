@@ -8,26 +8,238 @@ them (`motor_motion`), and results are accelerations of the motors.
 Along motions that keep the loops closed this is the derivative of the direct model. Single columns, which
 open the loops, may differ from those of its program where a base that moves carries a module with closures in
 its core: there the program projects the base's forces by the closures, and r by rigid motion.
+
+An input changes the forces and outputs of its own group alone, and through them the wrench on the group's
+base and the motion of its outputs. All other groups respond to these, so that only the dense rows that are
+asked for grow with the square of the number of modules.
+
+Responses to a unit wrench on an output, and to unit accelerations and twists of it, are matrices for all
+lanes, column by column. Those to a wrench beta on an output, which what it carries requires there, are found
+outwards from the group of the output: groups inwards of it respond as to the wrench that it passes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
 
 import numpy as np
 
 from ....spatial import Index
 from ...code.rules import compacted
 from ...equations.request import Request
-from ...program import Call, Constants, Program, Shared, Target
+from ...program import Call, Constants, Each, Program, Shared, Target
 from ..direct import direct_inputs, write_direct_sweeps
 from ..inverse import inverse_inputs, write_balance, write_inverse_sweeps
+from ..module_calls import ModuleCalls
 from ..writer import Writer
-from .columns import changes_of_coordinates, collect, coordinates_of, coordinates_of_freedoms
-from .motor_motion import Motions
-from .relations import JOINED, Relations, groups_of
-from .results import Results, relations_of
+from .columns import (
+    Term,
+    add_terms,
+    by_columns,
+    changes_of_coordinates,
+    collect,
+    coordinates_of,
+    coordinates_of_freedoms,
+)
+from .motor_motion import Motions, MotorMotion
+from .relations import JOINED, Cause, Group, Place, Relations, groups_of
 from .sweeps import DENSE, Graph, Joiner, Reading, Sweep
+
+
+@dataclass
+class Responses:
+    """Responses of groups.
+
+    Attributes:
+        writer: The program under construction.
+        relations: Relations of each group, outwards.
+        to_motion: Motions of the groups on a place over its acceleration and twist.
+        to_wrench: Motions of groups over a wrench on a place: all but those that it carries alone.
+        motion: Acceleration of a place over a wrench on it.
+        own: Motions of each group over a wrench on its base, through the base's acceleration.
+        onwards: Accelerations of places over that wrench, for motions of the group that it causes.
+    """
+
+    writer: Writer
+    relations: Mapping[Group, Relations]
+    to_motion: dict[Place, dict[Group, Each]] = field(default_factory=dict)
+    to_wrench: dict[Place, dict[Group, Each]] = field(default_factory=dict)
+    motion: dict[Place, Each] = field(default_factory=dict)
+    own: dict[Group, Each] = field(default_factory=dict)
+    onwards: dict[Place, Each] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Add all responses."""
+        for group in reversed(list(self.relations)):
+            for place, children in group.children.items():
+                self.to_motion[place] = {}
+                for child in children:
+                    self._follow(place, child)
+        for group in self.relations:
+            self._settle(group)
+            for place in group.children:
+                self._to_wrench(group, place)
+
+    def _follow(self, place: Place, child: Group) -> None:
+        """Add the responses of a group and all that it carries to the motion of its base."""
+        x = self.relations[child]
+        first, count = x.moved
+        n = child.mobility
+        self.to_motion[place][child] = Each(x.motions.start + first * n, n)
+        for output in child.children:
+            A, V = (Each(end.start + first * end.size, end.size) for end in x.through[output])
+            for group, known in self.to_motion[output].items():
+                terms = [(by_columns(known, 0, A.size), A), (by_columns(known, A.size, V.size), V)]
+                self.to_motion[place][group] = self._product(count, terms, [], group.mobility)
+
+    def _to_wrench(self, group: Group, place: Place) -> None:
+        """Add the responses of all groups to a wrench on an output."""
+        x, at, n = self.relations[group], self.relations[group].wrench_at(place), group.mobility
+        out = {group: Each(x.motions.start + at * n, n)}
+        passed = None
+        if x.wrenches is not None:
+            passed = Each(x.wrenches.start + at * 6, 6)
+            for other, known in self.to_wrench[group.base].items():
+                if other not in group.subtree():
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], other.mobility)
+        if passed is not None and group in self.own:
+            out[group] = self._product(6, [(by_columns(self.own[group], 0, 6), passed)], [out[group]], n)
+        for output in group.children if not x.held else ():
+            A = x.through[output][0]
+            moved = Each(A.start + at * 6, 6)
+            if passed is not None:
+                moved = self._product(6, [(by_columns(self.onwards[output], 0, 6), passed)], [moved], 6)
+            if output == place:
+                self.motion[place] = moved
+            if output != place or len(group.children[place]) > 1:
+                for other, known in self.to_motion[output].items():
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], other.mobility)
+        self.to_wrench[place] = out
+
+    def _settle(self, group: Group) -> None:
+        """Add the responses of a group to the wrench on its base, which moves the base."""
+        x, below = self.relations[group], self.motion.get(group.base)
+        if below is None:
+            return
+        first = x.moved[0]
+        K = by_columns(x.motions, first, 6)
+        self.own[group] = self._product(6, [(K, below)], [], group.mobility)
+        for place in group.children:
+            over_A = by_columns(x.through[place][0], first, 6)
+            self.onwards[place] = self._product(6, [(over_A, below)], [], 6)
+
+    def _product(self, count: int, terms: Sequence[Term], more: list[Each], size: int) -> Each:
+        """Add a sum of products, for all lanes."""
+        out = self.writer.each(count, size)
+        add_terms(self.writer, count, size, terms, more, out)
+        return out
+
+
+def relations_of(
+    w: Writer,
+    groups: Sequence[Group],
+    steps: Sequence[Call],
+    motions: Motions,
+    *,
+    motors: bool,
+    held: bool = False,
+) -> dict[Group, Relations]:
+    """Add the relations of all groups, and return them outwards.
+
+    Args:
+        w: The program under construction.
+        groups: The groups, outwards.
+        steps: Calls that compute what is left of the forces.
+        motions: Nodes of the modules' motions.
+        motors: Whether the motors are the coordinates.
+        held: Whether accelerations are given, as `Relations`.
+    """
+    joiner = Joiner(w.kernels, w.handed)
+    out: dict[Group, Relations] = {}
+    robot = groups[0].modules[0].request.robot
+    given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
+    for group in reversed(groups):
+        own = group.modules
+        a, outputs = w.from_given("a", group.at.v), [group.output(place) for place in group.children]
+        u_dot = [calls.ports["u_dot"] for calls in own]
+        leaves = [w.from_given("q", group.at.q), w.from_given("v", group.at.v), *u_dot]
+        motion = Graph.between(motions.nodes(own), leaves, [a])
+        calls = {id(call) for member in group.modules for call in member.calls}
+        nodes = joiner.nodes(call for call in steps if id(call) in calls)
+        inputs = [*given, a, *group.moved(), *(W for *_, W in outputs)]
+        balance = Graph.between(nodes, inputs, group.results)
+        moving, parts = _runs(own), []
+        for run in moving if motors else ():
+            at = coordinates_of_freedoms(robot, {int(k) for calls in run for k in calls.module.v_index})
+            parts.append(MotorMotion(w, run, at, w.from_given("a", at.v)))
+        carried = {place: [out[child].H for child in children] for place, children in group.children.items()}
+        out[group] = Relations(w, group, (motion, balance), moving, a, carried, parts, held=held)
+    return dict(reversed(out.items()))
+
+
+def _runs(modules: Sequence[ModuleCalls]) -> list[list[ModuleCalls]]:
+    """Return each module with loops that moves, and between them those each of whose joints is a motion."""
+
+    def of(calls: ModuleCalls) -> int:
+        """Return the number of a module with loops; -1 of others."""
+        return -1 if calls.module.mobility == len(calls.module.v_index) else calls.k
+
+    moving = [calls for calls in modules if calls.module.mobility]
+    return [list(run) for _, run in groupby(moving, key=of)]
+
+
+class Results:
+    """Add the derivatives to the results: for each input the columns of each group."""
+
+    def __init__(self, w: Writer, widths: dict[str, int], relations: Mapping[Group, Relations]) -> None:
+        """Prepare the results.
+
+        Args:
+            w: The program under construction.
+            widths: Number of columns of each input.
+            relations: Relations of each group, outwards.
+        """
+        self._w, self._widths, self._relations = w, widths, relations
+        self._responses = Responses(w, relations)
+
+    def add(self, x: Relations, name: str, index: Index, reading: Reading) -> None:
+        """Add the columns of an input of a group: what it causes in all groups.
+
+        Args:
+            x: Relations of the group.
+            name: The input.
+            index: Indices of the columns in the user input.
+            reading: What reads the changes that the columns cause at given motions.
+        """
+        w, known, onwards = self._w, self._responses, list[Shared]()
+        if x.group in known.own:
+            onwards = [by_columns(known.onwards[place], 0, 6) for place in x.group.children]
+        cause = x.caused(reading, len(index), onwards)
+        for y in self._relations.values():
+            place = w.result(f"d_{name}", y.rows * self._widths[name] + index[:, None])
+            terms = self._terms(cause, y.group) if y.group.mobility else []
+            motions = [cause.motions] if y is x and cause.motions and y.group.mobility else []
+            more = [cause.more] if y is x and cause.more else []
+            mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
+            add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
+
+    def _terms(self, cause: Cause, group: Group) -> list[Term]:
+        """Return the motions of a group that a cause in another, or at its own base, brings about."""
+        responses = self._responses
+        for output, (A, V) in cause.outputs.items():
+            if A and group in responses.to_motion[output]:
+                known = responses.to_motion[output][group]
+                twist = [(by_columns(known, 6, V.size), V)] if V else []
+                return [(by_columns(known, 0, 6), A), *twist]
+        if cause.wrench is None:
+            return []
+        if cause.group is group:
+            found = responses.own.get(group)
+        else:
+            found = responses.to_wrench.get(cause.group.base, {}).get(group)
+        return [(by_columns(found, 0, 6), cause.wrench)] if found else []
 
 
 def inverse_derivatives(request: Request, *, order: Index | None = None) -> Program:
@@ -72,23 +284,11 @@ def motor_inverse_derivatives(request: Request) -> Program:
     outputs = [("tau", motors)] + [(f"d_{name}", motors * motors) for name in ("q", "v", "a")]
     w = Writer("idm_motor_jacobian", inverse_inputs(request), outputs, computed=("tau",))
     write_inverse_sweeps(request, w)
-    w.results["a"] = sum(size for _, size in outputs)  # no place: no call that writes there is made
     start = len(w.steps)
-    modules = write_direct_sweeps(request, w, motions=True)
-    efforts = [call for call in w.calls_from(start) if w.kernels[call.kernel].part == "effects"]
-    w.steps[start:] = efforts  # which the legs' kernels read; of the rest only derivatives are needed
-    balance = write_balance(request, w, motions=True)
+    balance = write_balance(request, w)
     steps = w.calls_from(start)
-    instead: dict[Shared, Shared] = {}
-    for of, calls in zip(modules, balance, strict=True):
-        both = ["u_dot", *(f"{x} {o}" for x in "AV" for o in np.flatnonzero(calls.options.carries))]
-        instead |= {of.ports[name]: calls.ports[name] for name in both}
-        of.ports["u_dot"] = calls.ports["u_dot"]
-    motions = Motions(w, instead)
-    for of in modules:
-        motions.evaluate(of)
     groups = [group for group in groups_of(request, balance) if group.mobility]
-    relations = relations_of(w, groups, modules, steps, motions, motors=True, held=True)
+    relations = relations_of(w, groups, steps, Motions(w, balance), motors=True, held=True)
     results = Results(w, dict.fromkeys(("q", "v", "a"), motors), relations)
     for x in relations.values():
         for name, index, reading in x.over_motors():
@@ -106,12 +306,12 @@ def direct_derivatives(request: Request, *, motors: bool = False) -> Program:
     widths = {name: rows if name in ("q", "v") else size for name, size in inputs}
     outputs = [("a", robot.nv)] + [(f"d_{name}", rows * width) for name, width in widths.items()]
     w = Writer("ddm_motor_jacobian" if motors else "ddm_jacobian", inputs, outputs, computed=("a",))
-    modules = write_direct_sweeps(request, w, motions=True)
+    write_direct_sweeps(request, w)
     start = len(w.steps)
     balance = write_balance(request, w)
     steps = w.calls_from(start)
     groups = [group for group in groups_of(request, balance) if group.mobility or not motors]
-    relations = relations_of(w, groups, modules, steps, Motions(w), motors=motors)
+    relations = relations_of(w, groups, steps, Motions(w, balance), motors=motors)
     results = Results(w, widths, relations)
     for x in relations.values():
         for name, index, reading in x.over_motors() if motors else _over_joints(x):

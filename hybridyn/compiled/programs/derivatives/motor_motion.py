@@ -10,7 +10,6 @@ a = Psi u_dot + a_0(q, v), and the rows of the motors marked m,
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -19,15 +18,13 @@ import numpy as np
 
 from ....errors import SingularityError
 from ....linkage.joints import NV
-from ....spatial import Index
 from ...equations.actuation import motor_pivots
-from ...equations.direct import write_motion
+from ...equations.direct import DirectModule, write_direct_legs, write_motion
 from ...equations.expressions import Expression, cross, dot, eye, pack, symbols
 from ...equations.guards import trusted
-from ...equations.stages import Stage
 from ...equations.static_elimination import Pivots, solve
-from ...program import Call, Constants, Each, Given, Own, Result, Shared, Source, Worst
-from ..module_calls import ModuleCalls, Stages
+from ...program import Constants, Each, Own, Shared, Source, Worst
+from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer
 from .columns import Coordinates, changes_of_coordinates, matrix
 from .sweeps import PART, Block, Graph, Joiner, Node, Sweep
@@ -36,67 +33,55 @@ from .sweeps import PART, Block, Graph, Joiner, Node, Sweep
 class Motions:
     """Provide the nodes of modules' motions, a = Psi u_dot + a_0; equal modules share their code."""
 
-    def __init__(self, writer: Writer, instead: dict[Shared, Shared] | None = None) -> None:
-        """Prepare the motions.
+    def __init__(self, w: Writer, modules: list[ModuleCalls]) -> None:
+        """Add the calls that compute the motion of platforms, which the legs read.
 
         Args:
-            writer: The program under construction.
-            instead: Places that are read instead of places of the direct model. Accelerations are then user
-                inputs, and the direct model is not evaluated; None where it is.
+            w: The program under construction.
+            modules: Calls of a balance of forces.
         """
-        self._writer, self._instead = writer, instead
-        self._code: dict[Any, list[Stage]] = {}
-        self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
+        self._w, self._written, self._legs = w, dict[Any, DirectModule](), dict[Any, Any]()
+        self._known: dict[int, tuple[DirectModule, Stages, Ports]] = {}
+        self._joiner = Joiner(w.kernels, w.handed, limit=0.0)
+        for calls in modules:
+            plan = calls.request.plans[calls.k]
+            key = ("motion", id(plan), calls.options)
+            if key not in self._written:
+                self._written[key] = write_motion(f"motion_{len(self._written)}", plan, calls.options)
+            written = self._written[key]
+            stages = Stages(w, key, written.stages, ["motion"] * 3)
+            ports = {name: x for name, x in calls.ports.items() if not name.startswith("platform ")}
+            stages.call(0, ports)
+            stages.call(1, ports)
+            self._known[calls.k] = written, stages, ports
 
     def nodes(self, modules: list[ModuleCalls]) -> list[Node]:
         """Return the nodes that lead from u_dot of connected modules to the accelerations."""
-        calls = [call for x in modules for call in self._calls(x)]
-        return self._joiner.nodes([self._moved(call) for call in calls])
+        start = len(self._w.steps)
+        for calls in modules:
+            self._add(calls)
+        made = self._w.calls_from(start)
+        del self._w.steps[start:]
+        return self._joiner.nodes(made)
 
-    def accelerations(self, index: Index) -> Source:
-        """Return the accelerations of some freedoms."""
-        return (
-            self._writer.result("a", index) if self._instead is None else self._writer.from_given("a", index)
-        )
-
-    def evaluate(self, calls: ModuleCalls) -> None:
-        """Add the calls that compute the motion of a module's platforms, which its legs read."""
-        w = self._writer
-        core = [self._moved(call) for call in self._calls(calls, core=True)]
-        for call in core:
-            scratch = [w.shared(x.index.size) if isinstance(x, Given) else x for x in call.targets]
-            w.steps.append(replace(call, targets=tuple(scratch)))
-
-    def _moved(self, call: Call) -> Call:
-        """Return a call that reads and writes other places instead of those of the direct model."""
-        if self._instead is None:
-            return call
-        w, instead = self._writer, self._instead
-
-        def moved(end: Any) -> Any:
-            """Return the place instead of a source or target."""
-            if isinstance(end, Result) and (end.index >= w.results["a"]).all():
-                return w.from_given("a", end.index - w.results["a"])
-            return instead.get(end, end) if isinstance(end, Shared) else end
-
-        return replace(call, sources=tuple(map(moved, call.sources)), targets=tuple(map(moved, call.targets)))
-
-    def _calls(self, calls: ModuleCalls, *, core: bool = False) -> list[Call]:
-        """Return the calls from u_dot to the accelerations, or those of the core; they are not made."""
-        w, plan = self._writer, calls.request.plans[calls.k]
-        key = ("motion", id(plan), calls.options)
-        if key not in self._code:
-            self._code[key] = write_motion(f"motion_{len(self._code)}", plan, calls.options)
-        stages, ports = Stages(w, key, self._code[key], ["motion"] * 3), dict(calls.ports)
-        start = len(w.steps)
+    def _add(self, calls: ModuleCalls) -> None:
+        """Add the calls from u_dot to the accelerations."""
+        w, plan, v_index = self._w, calls.request.plans[calls.k], calls.module.v_index
+        written, stages, ports = self._known[calls.k]
+        pairs = (("core", written.joints), ("legs", written.legs), ("wrists", written.wrists))
+        ports = ports | {f"a_{name}": w.from_given("a", v_index[own]) for name, own in pairs}
         stages.call(0, ports)
         stages.call(1, ports)
-        own = w.calls_from(start)
-        middle = len(w.steps)
+        for n, group in enumerate(calls.groups):
+            key = ("motion of legs", id(plan), n, calls.options)
+            if key not in self._legs:
+                self._legs[key] = write_direct_legs(plan, n, calls.options, motion=True)
+            code, table = self._legs[key]
+            own: Ports = {name: ports[f"{name} {group[0].platform}"] for name in ("platform", "delta")}
+            own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group)
+            own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
+            Stages(w, key, code, ["motion"], len(group)).call(0, ports | own)
         stages.call(2, ports)
-        wrists = w.calls_from(middle)
-        del w.steps[start:]
-        return own if core else [*own, *calls.leg_calls, *wrists]
 
 
 class MotorMotion:
@@ -125,7 +110,7 @@ class MotorMotion:
         if modules[0].module.mobility < len(modules[0].module.v_index):
             self.motors = modules[0].module.motor_index
         else:
-            along = [calls.module.v_index[calls.written.joints].tolist() for calls in modules]
+            along = [calls.joints.tolist() for calls in modules]
             self.motors = np.array([driven.index(k) for k in chain(*along)], dtype=int)
         n = len(self.motors)
         self._rows = [freedoms.index(driven[k]) for k in self.motors]

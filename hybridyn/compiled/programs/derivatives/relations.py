@@ -172,7 +172,7 @@ class Relations:
             writer: The program under construction.
             group: The group.
             graphs: What leads to its accelerations, and from these to the forces left.
-            runs: Calls of its modules that move in the direct model; each run has columns of its own.
+            runs: Calls of its modules that move; each run has columns of its own.
             a: Its accelerations, in the order of its freedoms.
             carried: For each output the wrenches over its motion, of all that it carries.
             parts: How each run follows its motors; none over joints.
@@ -221,7 +221,7 @@ class Relations:
             n, freedoms = calls.module.mobility, calls.module.v_index
             own = np.arange(first, first + n)
             if n == len(freedoms):  # each joint is a motion
-                out[own, [at.index(k) for k in freedoms[calls.written.joints].tolist()]] = True
+                out[own, [at.index(k) for k in calls.joints.tolist()]] = True
             else:
                 out[np.ix_(own, [at.index(k) for k in freedoms.tolist()])] = True
             first += n
