@@ -186,13 +186,8 @@ class _Solved:
         return dot(self.Psi, self.u_dot(A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
-def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
-    """Write a module's direct model and cut it into its stages.
-
-    Args:
-        name: Prefix of the functions' names.
-        options: Options of the direct model.
-    """
+def write_direct(plan: Plan, options: DirectOptions) -> DirectModule:
+    """Write a module's direct model and cut it into its stages."""
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
     (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
@@ -216,12 +211,12 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     wrists, guard = _add_wrists(core, plan, (q, v), base, s, inputs[3])
     outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
     return DirectModule(
-        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
+        cut(inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
         parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
     )  # fmt: skip
 
 
-def write_motion(name: str, plan: Plan, options: ModuleOptions) -> DirectModule:
+def write_motion(plan: Plan, options: ModuleOptions) -> DirectModule:
     """Write the accelerations of a module's joints from those along its motions, "u_dot".
 
     The stages are those of `write_direct` without its second one, with the same names.
@@ -245,7 +240,7 @@ def write_motion(name: str, plan: Plan, options: ModuleOptions) -> DirectModule:
     wrists, _ = _add_wrists(core, plan, (q, v), base, s, inputs[2])
     outputs[2] |= {"a_wrists": pack(list(wrists.values()))} if wrists else {}
     return DirectModule(
-        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
+        cut(inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
         parts.v[joints], np.array(list(wrists), dtype=int), _legs_on_paths(plan), parts.tree_v[:0],
     )  # fmt: skip
 
@@ -406,4 +401,4 @@ def write_direct_legs(
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
     later, follows = {"delta": delta_column}, {"a": pack(leg_accelerations(written, delta))}
     given, wanted = ([inputs | later], [follows]) if motion else ([inputs, later], [outputs, follows])
-    return cut("legs", given, wanted), written.folding.table(len(group))
+    return cut(given, wanted), written.folding.table(len(group))

@@ -80,7 +80,6 @@ class _RequiredForces:
 
 
 def write_inverse(
-    name: str,
     plan: Plan,
     options: InverseOptions,
     pivots: Pivots | None,
@@ -91,7 +90,6 @@ def write_inverse(
     """Write a module's inverse model and cut it into its stages.
 
     Args:
-        name: Prefix of the functions' names.
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
         balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,
@@ -127,7 +125,6 @@ def write_inverse(
         efforts["F_base"] = pack(_base_wrench(core, needed.b))
     along = {"u_dot": pack(_along_motions(core, plan, a))} if motions else {}
     stages = cut(
-        name,
         [motion | base.V_column | base.A_column, needed.received],
         [_motion_outwards(core, options) | along, efforts],
     )
@@ -295,7 +292,7 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
     inputs = {name: column for name, (column, _) in columns.items()} | base.V_column | base.A_column
     inputs |= {"laws": laws_column} if lawful else {}
     inputs |= {"numbers": written.folding.symbol(), "platform": p_column}
-    return cut("legs", [inputs], [outputs]), written.folding.table(len(group))
+    return cut([inputs], [outputs]), written.folding.table(len(group))
 
 
 def _moving(

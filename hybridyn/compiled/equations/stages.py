@@ -32,17 +32,12 @@ class Stage:
     function: ca.Function
 
 
-def cut(
-    name: str,
-    inputs: list[dict[str, ca.SX]],
-    outputs: list[dict[str, ca.SX]],
-) -> list[Stage]:
+def cut(inputs: list[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list[Stage]:
     """Cut a graph into stages.
 
     A stage computes whatever its inputs suffice for, also what only a later stage asks for.
 
     Args:
-        name: Prefix of the functions' names; stage s is `name`_s.
         inputs: For each stage the columns of symbols that are first known at it, by name.
         outputs: For each stage the columns that it must compute, by name.
 
@@ -76,7 +71,7 @@ def cut(
                 ins["from", t] = pack([symbol for symbol, _ in passed])
             elif passed and t > s:
                 outs["to", t] = pack([value for _, value in passed])
-        function = ca.Function(f"{name}_{s}", [*ins.values()], [*outs.values()])
+        function = ca.Function(f"stage_{s}", [*ins.values()], [*outs.values()])
         stages.append(Stage(tuple(ins), tuple(outs), function))
     return stages
 

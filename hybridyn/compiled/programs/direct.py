@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ...spatial import Array
-from ..equations.direct import LEG_SUMS, DirectModule, write_direct, write_direct_legs
+from ..equations.direct import LEG_SUMS, write_direct, write_direct_legs
 from ..equations.expressions import plain, upper
 from ..equations.parts import Leg
 from ..equations.request import Request, direct_options
 from ..equations.rigid import inertia_matrix
-from ..equations.stages import Stage
 from ..program import Program, Source
 from .module_calls import Efforts, ModuleCalls, Ports, Stages, moving_base, same_structure, unit_base
 from .writer import Writer
@@ -64,8 +62,6 @@ class _Sweeps:
     def __init__(self, request: Request, writer: Writer, root: Ports, pushed: bool) -> None:
         self.request, self.w, self.root, self.pushed = request, writer, root, pushed
         self.efforts = Efforts(request, writer, pushed=pushed)
-        self._code: dict[Any, DirectModule] = {}
-        self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
         self._legs: dict[int, list[tuple[tuple[Leg, ...], Stages, Source]]] = {}
 
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
@@ -101,14 +97,9 @@ class _Sweeps:
         plan, options = self.request.plans[k], direct_options(self.request, k)
         if self.pushed and k == 0:
             options = replace(options, motors=tuple(range(6)))
-        key = (id(plan), options)
-        if key not in self._code:
-            name = f"module_{len(self._code)}"
-            self._code[key] = write_direct(name, plan, options)
-        written, parent = self._code[key], self.request.robot.modules[k].parent
-        stages = Stages(self.w, key, written.stages, PARTS)
-        below = modules[parent] if parent >= 0 else None
-        return ModuleCalls(self.request, self.w, k, options, written, stages, below, dict(self.root))
+        key = ("ddm", id(plan), options)
+        written = self.w.once(key, write_direct, plan, options)
+        return ModuleCalls.begun(self.request, self.w, k, options, written, key, PARTS, modules, self.root)
 
     def _own(self, calls: ModuleCalls, o: int) -> Array:
         """Return an output's own inertia, the start of its articulated inertia; zero if it is an argument."""
@@ -119,12 +110,10 @@ class _Sweeps:
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> tuple[tuple[Leg, ...], Stages, Source]:
         """Add the inertias and biases of a group of legs, summed by platform; return it and its numbers."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
-        key = (id(plan), n, options.base is None, options.velocity, options.rotor)
-        if key not in self._leg_code:
-            self._leg_code[key] = write_direct_legs(plan, n, options)
-        stages, table = self._leg_code[key]
+        key = ("ddm of legs", id(plan), n, options.base is None, options.velocity, options.rotor)
+        stages, table = self.w.once(key, write_direct_legs, plan, n, options)
         numbers = self.w.numbers(table, plan.column)
-        legs = Stages(self.w, ("legs", key), stages, LEG_PARTS, len(group))
+        legs = Stages(self.w, key, stages, LEG_PARTS, len(group))
         more: Ports = {"numbers": numbers}
         if forced := group[0].among(options.motors):
             more["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ...spatial import Array
 from ..equations.actuation import motor_pivots
-from ..equations.inverse import LEG_WRENCHES, InverseModule, write_inverse, write_inverse_legs
+from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
 from ..equations.request import InverseOptions, Request, balance_options, inverse_options
-from ..equations.stages import Stage
 from ..equations.static_elimination import Pivots
 from ..program import Program, Shared
 from .module_calls import Efforts, ModuleCalls, Ports, Stages, moving_base, same_structure, unit_base
@@ -76,9 +72,6 @@ class _Sweeps:
     def __init__(self, request: Request, writer: Writer, root: Ports, balance: bool, pushed: bool) -> None:
         self.request, self.w, self.root, self.balance, self.pushed = request, writer, root, balance, pushed
         self.efforts = Efforts(request, writer, motors=balance)
-        self._code: dict[Any, InverseModule] = {}
-        self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
-        self._pivots: dict[Any, Pivots | None] = {}
 
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Add the motion outwards, and the legs' forces."""
@@ -106,39 +99,29 @@ class _Sweeps:
         balance = self.balance or (self.pushed and k == 0)
         plan = self.request.plans[k]
         options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
-        key = (id(plan), options, balance)
-        if key not in self._code:
-            pivots = None if balance else self._motor_pivots(k, options)
-            name = f"module_{len(self._code)}"
-            self._code[key] = write_inverse(
-                name, plan, options, pivots, balance=balance, motions=self.balance
-            )
-        written, parent = self._code[key], self.request.robot.modules[k].parent
-        stages = Stages(self.w, key, written.stages, PARTS)
-        below = modules[parent] if parent >= 0 else None
-        return ModuleCalls(self.request, self.w, k, options, written, stages, below, dict(self.root))
+        key = ("idm", id(plan), options, balance)
+        pivots = None if balance else self._motor_pivots(k, options)
+        flags = {"balance": balance, "motions": self.balance}
+        written = self.w.once(key, write_inverse, plan, options, pivots, **flags)
+        return ModuleCalls.begun(self.request, self.w, k, options, written, key, PARTS, modules, self.root)
 
     def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
         plan, motors = self.request.constant_plans[k], tuple(options.motors[i] for i in options.moving)
-        key = (id(plan), motors)
-        if key not in self._pivots:
-            positions = self.request.positions(self.request.robot.modules[k])
-            self._pivots[key] = motor_pivots(plan, positions, motors)
-        return self._pivots[key]
+        positions = self.request.positions(self.request.robot.modules[k])
+        return self.w.once(("pivots", id(plan), motors), motor_pivots, plan, positions, motors)
 
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> None:
         """Add the forces of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         lawful, driven = group[0].among(options.laws), group[0].among(options.motors)
-        key = (id(plan), n, options.base, options.velocity, options.rotor, tuple(lawful), tuple(driven))
-        if key not in self._leg_code:
-            self._leg_code[key] = write_inverse_legs(plan, n, options)
-        stages, table = self._leg_code[key]
+        more_of = options.velocity, options.rotor, tuple(lawful), tuple(driven)
+        key = ("idm of legs", id(plan), n, options.base, *more_of)
+        stages, table = self.w.once(key, write_inverse_legs, plan, n, options)
         more: Ports = {"numbers": self.w.numbers(table, plan.column)}
         if lawful:
             more["laws"] = self.efforts.of(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
         if driven:
             each = more["motors"] = self.w.each(len(group), 6 * len(driven))
             calls.ports[f"motors {n}"] = Shared(each.start, each.size * len(group))
-        calls.call_legs(group, Stages(self.w, ("legs", key), stages, ["legs"], len(group)), 0, more)
+        calls.call_legs(group, Stages(self.w, key, stages, ["legs"], len(group)), 0, more)

@@ -110,6 +110,17 @@ class ModuleCalls:
             index = self.request.parameter_index(self.k)
             self.ports["parameters"] = self.writer.from_given("parameters", index)
 
+    @classmethod
+    def begun(
+        cls, request: Request, w: Writer, k: int, options: Any, written: Any, key: Any, parts: list[str],
+        modules: list[ModuleCalls], root: Ports,
+    ) -> ModuleCalls:  # fmt: skip
+        """Return the still empty calls of module k, after those of some modules; `key` is its code's."""
+        parent, stages = request.robot.modules[k].parent, Stages(w, key, written.stages, parts)
+        return cls(
+            request, w, k, options, written, stages, modules[parent] if parent >= 0 else None, {**root}
+        )
+
     @cached_property
     def module(self) -> Module:
         """The module."""

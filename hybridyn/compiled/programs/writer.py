@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -26,6 +26,8 @@ from ..program import (
     Target,
     stored,
 )
+
+Made = TypeVar("Made")
 
 
 class Writer:
@@ -54,6 +56,7 @@ class Writer:
         self.steps: list[Start | Call] = []
         self.handed: set[Shared | Own] = set()
         self._number: dict[Any, int] = {}
+        self._made: dict[Any, Any] = {}
         self._shared = self._own = 0
 
     def numbers(self, values: Array, parameters: ca.SX | None) -> Source:
@@ -71,6 +74,12 @@ class Writer:
         source = self.from_given("parameters", np.arange(parameters.numel()))
         self.call(kernel, 1, [source], [Shared(place.start, values.size)])
         return place
+
+    def once(self, key: Any, make: Callable[..., Made], *given: Any, **more: Any) -> Made:
+        """Return what is made of some arguments; equal keys share it."""
+        if key not in self._made:
+            self._made[key] = make(*given, **more)
+        return cast("Made", self._made[key])
 
     def kernel(self, key: Any, function: ca.Function | Callable[[], ca.Function], part: str) -> int:
         """Return the index of a kernel; equal keys share one kernel, which the first one makes."""

@@ -11,7 +11,6 @@ a = Psi u_dot + a_0(q, v), and the rows of the motors marked m,
 from __future__ import annotations
 
 from itertools import chain
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -40,15 +39,13 @@ class Motions:
             w: The program under construction.
             modules: Calls of a balance of forces.
         """
-        self._w, self._written, self._legs = w, dict[Any, DirectModule](), dict[Any, Any]()
+        self._w = w
         self._known: dict[int, tuple[DirectModule, Stages, Ports]] = {}
         self._joiner = Joiner(w.kernels, w.handed, limit=0.0)
         for calls in modules:
             plan = calls.request.plans[calls.k]
             key = ("motion", id(plan), calls.options)
-            if key not in self._written:
-                self._written[key] = write_motion(f"motion_{len(self._written)}", plan, calls.options)
-            written = self._written[key]
+            written = w.once(key, write_motion, plan, calls.options)
             stages = Stages(w, key, written.stages, ["motion"] * 3)
             ports = {name: x for name, x in calls.ports.items() if not name.startswith("platform ")}
             stages.call(0, ports)
@@ -74,9 +71,7 @@ class Motions:
         stages.call(1, ports)
         for n, group in enumerate(calls.groups):
             key = ("motion of legs", id(plan), n, calls.options)
-            if key not in self._legs:
-                self._legs[key] = write_direct_legs(plan, n, calls.options, motion=True)
-            code, table = self._legs[key]
+            code, table = w.once(key, write_direct_legs, plan, n, calls.options, motion=True)
             own: Ports = {name: ports[f"{name} {group[0].platform}"] for name in ("platform", "delta")}
             own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group)
             own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
