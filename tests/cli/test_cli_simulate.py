@@ -79,9 +79,6 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
     assert len(efforts["time"]) == 13
     assert efforts["m1_left_drive/effort"] == pytest.approx(0.5, abs=EFFORTS)
     assert efforts["m1_right_drive/effort"] == pytest.approx(0.0, abs=EFFORTS)
-    if ending == "parquet":
-        remarks = needs("io").read_parquet_metadata(target)["hybridyn"]
-        assert "effects on: gravity, inertia, leg_inertia, velocity\nengine: " in remarks
     run("ddm", ROOT / "urdf/five_bar.urdf.xacro", target, "-q")
 
 
