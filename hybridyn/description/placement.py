@@ -115,9 +115,10 @@ def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array
         return placement_from(np.eye(3), joint.axis * at[0])
     if joint.kind in ("spherical", "floating"):
         return free_pose(((0.0,) * 3 + at)[-7:])
-    if joint.kind == "planar":
-        return placement_from(turn_about(joint.axis, angle_of(at[2:])), np.array([at[0], at[1], 0.0]))
-    return placement_from(turn_about(joint.axis, angle_of(at)), np.zeros(3))
+    place, turn = ((*at[:2], 0.0), at[2:]) if joint.kind == "planar" else ((0.0,) * 3, at)
+    angle = angle_of(turn)
+    rotation = rotation_from_axis_angle(joint.axis, np.cos(angle), np.sin(angle))
+    return placement_from(rotation, np.array(place))
 
 
 def angle_of(at: tuple[float, ...]) -> float:
@@ -128,11 +129,6 @@ def angle_of(at: tuple[float, ...]) -> float:
 def free_pose(at: tuple[float, ...]) -> Array:
     """Return the pose of a free body from position [m] and quaternion x, y, z, w, shape (4, 4)."""
     return placement_from(rotation_from_quaternion(*at[3:7]), np.array(at[:3]))
-
-
-def turn_about(axis: Array, angle: float) -> Array:
-    """Return the rotation about a unit axis (3,) by an angle [rad], shape (3, 3)."""
-    return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))
 
 
 def relative(pose_a: Array, pose_b: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..loop_signs import note_mimic_plugins, refuse_unread_loops
 from ..names import did_you_mean, listed
-from ..records import FREEDOMS, Array, Joint, JointKind, Link, MotorStatement, RobotFile
+from ..records import FREEDOMS, Array, Joint, JointKind, Link, MotorStatement, RobotFile, massless
 from .loops import CLOSURE_READERS, pose_of, read_coupling, read_gazebo_joints, read_mimic
 from .xml_node import Node, axis_of
 
@@ -48,8 +48,9 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     nodes = root.children("joint")
     robot.joints += [_read_joint(node, robot) for node in nodes]
     independent = {node.text("name") for node in nodes if node.flag("independent", True)}
-    if any(joint.parent == "world" for joint in robot.joints):
-        _add_world(robot)
+    if any(joint.parent == "world" for joint in robot.joints) and all(x.name != "world" for x in robot.links):
+        robot.links.insert(0, massless("world"))
+        robot.notes.append("joints stand on a link 'world' that the file does not state: it is added")
     for node in root.children(*CLOSURE_READERS):
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
@@ -73,18 +74,11 @@ def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
 
 
-def _add_world(robot: RobotFile) -> None:
-    """Add the link "world", on which joints stand, unless the file states it; Drake and Gazebo do so, too."""
-    if all(link.name != "world" for link in robot.links):
-        robot.links.insert(0, Link("world", 0.0, np.zeros(3), np.zeros((3, 3))))
-        robot.notes.append("joints stand on a link 'world' that the file does not state: it is added")
-
-
 def _read_link(node: Node, notes: list[str]) -> Link:
     node.refuse_misspelt(["name"], ["inertial"])
     name, inertial = node.text("name"), node.child("inertial")
     if inertial is None:
-        return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), node.line)
+        return massless(name, node.line)
     inertial.refuse_misspelt([], ["origin", "mass", "inertia"])
     origin = pose_of(inertial.child("origin"))
     mass, tensor = inertial.required_child("mass").number("value"), inertial.child("inertia")

@@ -161,9 +161,7 @@ class Node(NamedTuple):
     def where(self) -> str:
         """Place of the element in words: its line, and the file if that is not `file`."""
         file, line = self.place
-        if file == self.file:
-            return f"line {line}" if line else file
-        return f"{file}:{line}"
+        return f"{file}:{line}" if file != self.file else f"line {line}" if line else file
 
     @property
     def label(self) -> str:
