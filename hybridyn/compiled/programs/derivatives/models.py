@@ -158,7 +158,6 @@ def relations_of(
     """
     joiner = Joiner(w.kernels, w.handed)
     out: dict[Group, Relations] = {}
-    robot = groups[0].modules[0].request.robot
     given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
     for group in reversed(groups):
         own = group.modules
@@ -172,7 +171,9 @@ def relations_of(
         balance = Graph.between(nodes, inputs, group.results)
         moving, parts = _runs(own), []
         for run in moving if motors else ():
-            at = coordinates_of_freedoms(robot, {int(k) for calls in run for k in calls.module.v_index})
+            at = coordinates_of_freedoms(
+                run[0].request.robot, {int(k) for calls in run for k in calls.module.v_index}
+            )
             parts.append(MotorMotion(w, run, at, w.from_given("a", at.v)))
         carried = {place: [out[child].H for child in children] for place, children in group.children.items()}
         out[group] = Relations(w, group, (motion, balance), moving, a, carried, parts, held=held)
