@@ -212,7 +212,10 @@ def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], 
         ),
         motors=tuple(joints[name] for name in d.motors),
         home={joints[name]: x for name, x in d.home.items()},
-        effects=tuple((name, _renamed(numbers, joints | links)) for name, numbers in d.effects),
+        effects=tuple(
+            (name, _renamed(numbers, links if name == "ground_contact" else joints))
+            for name, numbers in d.effects
+        ),
     )
 
 

@@ -206,3 +206,23 @@ def test_loops_that_cannot_be_closed_are_refused(tmp_path: Path, capsys: pytest.
     says = ["no posture near home closes it with the motors where they are", mend]
     call(capsys, "convert", file, "-o", out, status=1, says=says)
     assert not out.exists()
+
+
+@pytest.mark.parametrize("ending", ["sdf", "usda"])
+def test_springs_follow_the_new_names_of_their_joints(ending: str, tmp_path: Path) -> None:
+    """A link and a joint have one name, which these formats do not allow; the spring was the link's."""
+    written = tmp_path / "out" / f"r.{ending}"
+    needs_reader(written)
+    written.parent.mkdir()
+    path = save(
+        tmp_path,
+        '<robot name="r"><link name="base"/>'
+        '<joint name="a" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+        '<link name="a"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>',
+    )
+    robot = build_robot(replace(read(path), effects=(("spring", {"stiffness": {"a": 5.0}}),)))
+    convert(robot, written)
+    (spring,) = read(written).springs
+    assert (spring.name, spring.stiffness) == (read(written).joints[0].name, pytest.approx(5.0, rel=SINGLE))

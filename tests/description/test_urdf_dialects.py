@@ -330,6 +330,14 @@ def test_wrong_words_about_closing_frames(tmp_path: Path, said: str, message: st
             "unknown frame 'tool'",
         ),
         (
+            GAZEBO.format(
+                "revolute",
+                "0 0 0",
+                "<axis><xyz>0 0 1</xyz><use_parent_model_frame>no</use_parent_model_frame></axis>",
+            ),
+            "text 'no' instead of true or false",
+        ),
+        (
             GAZEBO.format("revolute", "0 0 0", AXIS).replace("<gazebo>", '<gazebo reference="rocker">'),
             "an SDF joint inside <gazebo>",
         ),

@@ -17,6 +17,7 @@ from ..closure_forms import FORMS, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, RobotFile
+from ..sdf.elements import flag
 from .xml_node import Node, axis_of, origin_of, unit
 
 POSE = ("xyz", "rpy", "quat_xyzw")
@@ -220,11 +221,10 @@ def _link(node: Node, poses: Mapping[str, Array]) -> str:
 
 def _direction(node: Node, at: Array, poses: Mapping[str, Array]) -> Array:
     """Return the unit axis in the joint's frame, shape (3,)."""
-    xyz, in_model = node.child("xyz"), node.child("use_parent_model_frame")
-    value, frame = np.array([0.0, 0.0, 1.0]), ""
+    xyz, value, frame = node.child("xyz"), np.array([0.0, 0.0, 1.0]), ""
     if xyz is not None:
         value, frame = unit(xyz, xyz.numbers("", 3), "<xyz>0 0 1</xyz>"), xyz.xml.get("expressed_in", "")
-    if in_model is not None and in_model.content().lower() not in ("", "0", "false"):
+    if flag(node, "use_parent_model_frame"):
         frame = MODEL
     return at[:3, :3].T @ _frame(node, frame, poses)[:3, :3] @ value if frame else value
 
