@@ -55,7 +55,7 @@ def _one(
             hint = did_you_mean(name, robot.motors)
             refuse((name not in robot.motors, f"--weights: there is no motor '{name}'{hint}"))
         if loads:  # the report names the limits
-            on = on.only([name for name in on.names if name != "limits"])
+            on = on.without("limits")
         idle = {*DEFAULT, *FROM_FILES, "limits"} - {*stated_names(robot)}
         loaded = layout.wrenches or not {*on.names} <= idle or has_mass(robot.description)
         if robot.motors and not loaded and (on.names or not outputs):

@@ -71,9 +71,7 @@ def run(
         if robot is not None:
             above = [line for told in (*_head(robot), *branch(robot)) for line in _wrapped(told, width, "")]
             click.echo("\n".join([*above, "", *lines(tree, width)]))
-            click.echo(
-                "\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor\n"
-            )
+            click.echo(f"\n{LETTERS}\n")
         counts = Counter[str](finding.severity for finding in found)
         parts = [counted(counts[level], level) for level in SEVERITIES if counts[level]]
         tally = f"{load.robot}: {', '.join(parts) or 'nothing looks wrong'}"

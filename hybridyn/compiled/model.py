@@ -21,6 +21,7 @@ from .library.building import best_lanes
 from .library.cache import Built
 from .library.calls import Calls, Library, Numbers
 from .library.current import Current, Replacement
+from .library.direct_calls import refuse
 from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
 from .programs.general import (
@@ -32,7 +33,6 @@ from .programs.general import (
     named,
     reasons,
 )
-from .programs.postures import refuse
 from .programs.sources import library_of, write_programs
 
 if TYPE_CHECKING:

@@ -343,7 +343,7 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
     """Write a robot as MJCF.
 
     Raises:
-        ModelError: The robot is too deep for nested bodies, or names would occur twice.
+        ModelError: The robot is too deep for nested bodies.
     """
     d = request.description
     root, notes = ET.Element("mujoco", model=d.name), list[str]()

@@ -24,6 +24,7 @@ from ..linkage.closures import residual_of
 from .parts import FULL, in_parts
 from .request import (
     FORCES,
+    FREED,
     Content,
     Losses,
     Request,
@@ -129,9 +130,7 @@ def write_sdf(request: Request, losses: Losses) -> Written:
     parts = in_parts(d, losses, ("planar",), behind)
     for joint in d.joints:
         if joint.kind == "floating":
-            losses.add(
-                "floating joints have the name of their link and _free, and start at the world", joint.name
-            )
+            losses.add(FREED, joint.name)
         add_of_several(joint, losses, forces=FORCES[1:] if joint.kind == "planar" else FORCES)
     d = counted_from_home(parts, Losses())
     poses, above = poses_at(d, {}), {joint.child: joint for joint in d.joints}

@@ -90,6 +90,10 @@ class Effects:
             kept(self.limits), kept(self.base), tuple(name for name in self.names if name in names),
         )  # fmt: skip
 
+    def without(self, *names: str) -> Effects:
+        """Return the effects but for some names."""
+        return self.only([name for name in self.names if name not in names])
+
     def leg_forces(self, s: ModuleState, *, bias: bool = False) -> tuple[Array, Array]:
         """Compute F_b, shape (T, 6), and H, shape (T, n), of a module's legs; p and h if `bias`."""
         if self.leg_inertia is None:

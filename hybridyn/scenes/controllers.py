@@ -138,8 +138,7 @@ class ComputedTorque(Pd):
             ModelError: Unknown motors or effects, or negative gains.
         """
         super().__init__(robot, reference, kp, kd)
-        on = choose(robot, effects)
-        self._on = on.only([name for name in on.names if name != "limits"])
+        self._on = choose(robot, effects).without("limits")
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""

@@ -12,7 +12,7 @@ import numpy as np
 from ...spatial import Array, Index
 from .cache import Built
 from .calls import pool
-from .direct_calls import DOUBLE, REFUSED, function_of, knows_arrays
+from .direct_calls import DOUBLE, function_of, knows_arrays, refuse
 
 #: Arrays of three kinds for each row: q, v, a; or what is prescribed with its rates and accelerations.
 Rows = tuple[Array, Array, Array]
@@ -115,7 +115,7 @@ class ClosedRows(ClosedDesigns):
     def __init__(self, built: Built) -> None:
         held = ctypes.PyDLL(str(built.path))
         super().__init__(built, held)
-        self.from_motors: Callable[..., int] = _refuse
+        self.from_motors: Callable[..., int] = refuse
         self.close_row: int | None = None
         motors = hasattr(held, "close_call")
         if motors and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
@@ -126,7 +126,7 @@ class ClosedRows(ClosedDesigns):
 
     def keep(self, at: Place) -> None:
         """Keep a posture from which `from_motors` starts if it is given as the last one."""
-        if self.from_motors is not _refuse:
+        if self.from_motors is not refuse:
             self._keep(at.q.ctypes.data, at.p.ctypes.data, at.g.ctypes.data)
 
     def follow(self, at: Place, given: Rows, out: Rows, guess: bool) -> int:
@@ -142,8 +142,3 @@ class ClosedRows(ClosedDesigns):
         room = q[None], v[None], a[None]
         found = self.close(np.zeros((1, 0)), (at.q, at.p, at.g), given, room, guess=guess, strict=True)
         return int(found[0])
-
-
-def _refuse(*_: object) -> int:
-    """Refuse every row; stands for the C call of a library that closes no rows from motors."""
-    return REFUSED

@@ -28,6 +28,11 @@ ANSWERS = (0, REFUSED, 2)
 CONVERTED = "fiu"
 
 
+def refuse(*_: object) -> int:
+    """Refuse every single call; stands for a C call that there is not."""
+    return REFUSED
+
+
 def readable(*given: Any) -> tuple[Array, ...] | None:
     """Return numbers as contiguous arrays in double precision, which C reads.
 

@@ -21,8 +21,7 @@ from ..library.building import best_lanes
 from ..library.cache import Built
 from ..library.calls import Library, Numbers
 from ..library.closed_rows import ClosedRows
-from ..library.direct_calls import DOUBLE, REFUSED, function_of, readable
-from .postures import refuse
+from ..library.direct_calls import DOUBLE, REFUSED, function_of, readable, refuse
 from .quantities.calls import Quantities
 from .quantities.engine import artifact_of
 from .sources import Artifact, library_key, robot_key
@@ -87,8 +86,7 @@ def closing_of_motors(robot: HybridRobot) -> Built | None:
 
 def same_without_limits(robot: HybridRobot, first: Effects, second: Effects) -> bool:
     """Return whether two choices of effects give the same inverse model, limits apart."""
-    both = (on.only([name for name in on.names if name != "limits"]) for on in (first, second))
-    one, other = (robot_key(robot, on) for on in both)
+    one, other = (robot_key(robot, on.without("limits")) for on in (first, second))
     return one == other
 
 

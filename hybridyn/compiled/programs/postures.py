@@ -16,7 +16,7 @@ from ...structure.given import by_name, motors_by_name
 from ...structure.robot import HybridRobot
 from ..library.closed_rows import ClosedRows
 from ..library.current import Current
-from ..library.direct_calls import REFUSED, readable
+from ..library.direct_calls import readable, refuse
 from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
 from .designs import DesignsInSlots
@@ -189,8 +189,3 @@ class Postures:
         self.hand_over("assemble", assembler.recomputed - before)
         self.say_of_table("assemble", assembler.recomputed - before, requests.samples)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
-
-
-def refuse(*_: object) -> int:
-    """Refuse every single call; stands for the fast C call of a program that has none."""
-    return REFUSED

@@ -230,7 +230,7 @@ def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
     """Count the operations of a model without building code; effects of time and of contact count nothing."""
     from ...compiled.programs.whole_robot import programs
 
-    on = without(effects, [unit.name for unit in (*effects.links, *filter(None, [effects.base]))])
+    on = effects.without(*(unit.name for unit in (*effects.links, *filter(None, [effects.base]))))
     program = programs(robot, on, models=(model,))[model]
     calls = (step for step in program.steps if isinstance(step, Call))
     return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)
@@ -453,11 +453,6 @@ class Measured:
         )  # fmt: skip
 
 
-def without(effects: Effects, gone: Sequence[str]) -> Effects:
-    """Return effects without some of them."""
-    return effects.only([name for name in effects.names if name not in gone])
-
-
 def spared(worth: Sequence[Worth], target: float, error: Callable[[list[str]], float]) -> list[str]:
     """Return the effects that an error allows to leave out, the least important first.
 
@@ -484,16 +479,16 @@ def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
     def error(gone: Sequence[str]) -> float:
         """Return the error without some effects, infinite for a motion without mass."""
         try:
-            return run.errors(solver(quantity, robot, without(on, gone)))[0]
+            return run.errors(solver(quantity, robot, on.without(*gone)))[0]
         except HybridynError:
             return float("inf")
 
     for name in (name for name in on.names if name not in KEPT):
-        share = 1.0 - operations(robot, without(on, [name]), quantity) / every
+        share = 1.0 - operations(robot, on.without(name), quantity) / every
         worth.append(Worth(name, error([name]), share, computed=True))
         yield worth[-1]
     if gone := spared(worth, target, error):
-        left = without(on, gone)
+        left = on.without(*gone)
         method = Method(IN_C, quantity, partial(set_up, quantity, left, "float64"), batches=True)
         names = listed([name.replace("_", " ") for name in gone])
         what, lines = f"drop {names} and compute in C", model_fragment(left.names, "compiled", quantity)

@@ -29,7 +29,7 @@ from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.methods import written
-from .models import Trajectory, operations, requested, spared, without
+from .models import Trajectory, operations, requested, spared
 from .points import ADVISED, SECOND, SECONDS, SLOWER, Point, Progress, Step, Study, Use, Worth, cheapest, fill
 
 #: Fixed steps relative to the mean step of the scene's own solver.
@@ -367,7 +367,7 @@ def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterat
         )
     for name in (name for name in DROPPABLE if name in every.names):
         computed = name in on.names
-        other = without(on, [name]) if computed else every.only([*on.names, name])
+        other = on.without(name) if computed else every.only([*on.names, name])
         share = operations(robot, other, "ddm") / whole - 1.0
         try:
             change = errors(robot, run(2.0 * limit, effects=other)[0], exact)["error"]

@@ -276,8 +276,7 @@ class Designer:
 
 def effects_of(robot: HybridRobot, task: TaskTable) -> Effects:
     """Return the effects of a task; limits are none, since margins say more."""
-    chosen = choose(robot, task.effects)
-    return chosen.only([effect for effect in chosen.names if effect != "limits"])
+    return choose(robot, task.effects).without("limits")
 
 
 def status_of(error: Exception) -> str:
