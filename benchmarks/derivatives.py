@@ -34,8 +34,8 @@ from hybridyn.studies.compare.methods import MODELS, Model, Setting, grid, writt
 from tests.oracle import Oracle
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
-#: Names of our calls: with new arrays, and with arrays that are filled again, as Pinocchio's data are.
-OURS, GIVEN = "hybridyn, compiled", "hybridyn, compiled, given arrays"
+#: Name of our calls.
+OURS = "hybridyn, compiled"
 #: What follows the name of a model whose derivatives are over the motors.
 MOTORS = " over motors"
 #: Largest error of hybridyn's derivatives.
@@ -151,13 +151,8 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
         whole, sparse = (total(derive.program, part) / own for part in ("", DENSE))
         count = f"{whole:.3g} times the model's operations, {sparse:.3g} without dense products"
         row = Row(case, words, OURS, count, error=error)
-        one, many = derive.allocate(), derive.allocate(batch)
-        for name, options in ((OURS, ({}, {})), (GIVEN, ({"out": one}, {"out": many}))):
-            named = row._replace(method=name)
-            candidates.append(Candidate(named, 1, partial(derive, q, v, x, **options[0])))
-            candidates.append(
-                Candidate(named._replace(batch=batch), batch, partial(derive, *given, **options[1]))
-            )
+        candidates.append(Candidate(row, 1, partial(derive, q, v, x)))
+        candidates.append(Candidate(row._replace(batch=batch), batch, partial(derive, *given)))
     try:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):
             row = Row(case, what, name, written(setting), error=reference.off(blocks))

@@ -18,7 +18,7 @@ from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
 
 try:
-    from .programs.derivatives.evaluation import Derivatives, Jacobians, check_known
+    from .programs.derivatives.evaluation import Derivatives, Jacobians
     from .programs.sources import kept, robot_key
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
@@ -112,8 +112,7 @@ def prepared(
         SingularityError: As `Derivatives`.
         CompileError: As `Derivatives`.
     """
-    check_known(coordinates)
-    asked = model, coordinates
+    asked = model, str(coordinates)
     latest = _latest.get(asked) if effects is None else None
     if latest and latest.robot is robot:
         return latest

@@ -119,7 +119,6 @@ def test_batches_and_casadi(robot: hybridyn.HybridRobot, model: str, coordinates
     q, v, a, tau = random_states(robot, 3)
     given = {"q": q, "v": v} | ({"a": a} if model == "idm" else {"tau": tau})
     derive = Derivatives(robot, model, coordinates=coordinates)
-    assert_filled(derive, *given.values())
     many, one = derive(*given.values()), {name: x[1] for name, x in given.items()}
     assert many["q"].shape[:2] == (3, len(robot.motors))
     same_bits(derive(*one.values()), {name: block[1] for name, block in many.items()})
@@ -151,41 +150,12 @@ def test_while_the_compiler_takes_long_casadi_computes(
     states = random_states(robot, 3)[:3]
     assert found.library is None
     assert "the C compiler takes about" in caplog.text
-    room = found.allocate(3)
-    meanwhile = {name: block.copy() for name, block in found(*states, out=room).items()}
+    meanwhile = found(*states)
     found.wait_until_compiled()
     assert found.library is not None
     assert "the C compiler has done 1 of" in caplog.text
-    for name, block in found(*states, out=room).items():
-        assert block is room[name]
+    for name, block in found(*states).items():
         assert np.abs(block - meanwhile[name]).max() <= EXACT * np.abs(block).max()
-
-
-def test_calls_fill_arrays(interpreted: None) -> None:
-    robot = hybridyn.load("five_bar")
-    q, v, a, _ = random_states(robot, 2)
-    derive = Derivatives(robot, "idm")
-    assert_filled(derive, q, v, a)
-    assert derive(q[:0], v[:0], a[:0], out=derive.allocate(0))["q"].shape[0] == 0
-    for call, words in (
-        (
-            lambda: derive(q, v, a, out=derive.allocate()),
-            "out is for a single sample, the arguments are 2 rows",
-        ),
-        (lambda: derive.allocate(-1), "samples must not be negative; -1 were given"),
-        (lambda: derive(q, v, a, out=derive(q, v, a)), "what `allocate` of the same derivatives returned"),
-    ):
-        refused(call, hybridyn.TrajectoryError, words)
-
-
-def assert_filled(derive: Derivatives, *given: np.ndarray) -> None:
-    """Check that calls with `out` fill and return it, with the same numbers."""
-    for samples, arrays in ((None, [x[0] for x in given]), (len(given[0]), given)):
-        out = derive.allocate(samples)
-        places = {name: block.ctypes.data for name, block in out.items()}
-        assert derive(*arrays, out=out) is out
-        assert {name: block.ctypes.data for name, block in out.items()} == places
-        same_bits(out, derive(*arrays))
 
 
 @pytest.mark.parametrize(

@@ -71,20 +71,17 @@ class Library:
             lift, ddm = self.programs["lift"], self.programs["ddm"]
             self.steps = Steps(held, lift.outputs, dict(ddm.inputs)["tau"])
 
-    def batch(
-        self, name: str, *inputs: ArrayLike, threads: int = 1, outs: tuple[Numbers, ...] | None = None
-    ) -> tuple[tuple[Numbers, ...], Numbers]:
+    def batch(self, name: str, *inputs: ArrayLike, threads: int = 1) -> tuple[tuple[Numbers, ...], Numbers]:
         """Run a program for many samples.
 
         Args:
             inputs: Its inputs, shapes (T, n).
             threads: Number of threads.
-            outs: Arrays to be filled with the outputs; None allocates them.
 
         Returns:
             Its outputs, shapes (T, n), and the samples' guards, shape (T,).
         """
-        return self.programs[name].batch(inputs, threads, outs)
+        return self.programs[name].batch(inputs, threads)
 
 
 class Calls:
@@ -125,15 +122,12 @@ class Calls:
         """Split an array of all outputs."""
         return tuple(out[at : at + size] for _, size, at in stored(self.outputs))
 
-    def batch(
-        self, inputs: Any, threads: int, outs: tuple[Numbers, ...] | None = None
-    ) -> tuple[tuple[Numbers, ...], Numbers]:
+    def batch(self, inputs: Any, threads: int) -> tuple[tuple[Numbers, ...], Numbers]:
         """Run many samples.
 
         Args:
             inputs: Inputs, shapes (T, n).
             threads: Number of threads.
-            outs: Contiguous arrays to be filled with the outputs, shapes (T, n); None allocates them.
 
         Returns:
             Outputs, shapes (T, n), and guards, shape (T,).
@@ -143,12 +137,12 @@ class Calls:
         for array, (name, size) in zip(arrays, self.inputs, strict=True):
             if array.shape != (samples, size):
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
-        if samples == 1 and self.at_once is not None and outs is None:  # the same bits, without unused lanes
+        if samples == 1 and self.at_once is not None:  # the same bits, without unused lanes
             rows, out = [array[0] for array in arrays], np.empty(self.size, self.dtype)
             guard = np.empty(1, self.dtype)
             if self.at_once(*rows, out, guard) == 0:
                 return tuple(part[None] for part in self.split(out)), guard
-        outs = outs or tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
+        outs = tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
         guard = np.empty(samples, self.dtype)
         pointers = [(ctypes.c_void_p * len(x))(*map(_address, x)) for x in (arrays, outs)]
         guard_at = _address(guard)

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from copy import copy
 from functools import cache, cached_property, partial
-from itertools import pairwise
+from math import prod
 from typing import ClassVar
 
 import casadi as ca
@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from ....description.names import counted
 from ....effects.choice import Choice, Effects, choose
 from ....errors import AT_SAMPLE, CompileError, HybridynError, ModelError, SingularityError, TrajectoryError
-from ....linkage.joints import NV
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
@@ -31,24 +30,12 @@ from ...library.building import best_lanes, find_compiler
 from ...library.cache import Built, known
 from ...library.calls import Library, loaded
 from ...library.current import Replacement, receive, run_in_turn
+from ...library.direct_calls import refuse
 from ...program import Program
 from ..general import GENERAL, as_batches, general, named
 from ..sources import Artifact, robot_key
 from ..whole_robot import function_of
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
-
-#: Known coordinates of derivatives.
-COORDINATES = ("joints", "motors")
-
-
-def check_known(coordinates: object) -> None:
-    """Refuse coordinates that are unknown.
-
-    Raises:
-        ModelError: They are.
-    """
-    if not isinstance(coordinates, str) or coordinates not in COORDINATES:
-        raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
 
 
 def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
@@ -56,25 +43,23 @@ def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
 
     Raises:
         ModelError: They are unknown; the base has a prescribed motion, and the model is direct; or they are
-            "motors", and the base is not fixed, or a module has not as many motors with one freedom as
-            freedoms or one that its loops lock.
+            "motors", and the base is not fixed, or a module has not as many motors as freedoms or one that
+            its loops lock.
     """
-    check_known(coordinates)
+    if coordinates not in ("joints", "motors"):
+        raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
+    if model == "ddm" and robot.base == "moving":
+        raise ModelError(
+            "derivatives of 'ddm' need a base that is fixed or floating; the motion of this one is "
+            "prescribed. Differentiate 'idm', or load the robot with base='floating'"
+        )
     if coordinates == "joints":
-        if model == "ddm" and robot.base == "moving":
-            raise ModelError(
-                "derivatives of 'ddm' need a base that is fixed or floating; the motion of this one is "
-                "prescribed. Differentiate 'idm', or load the robot with base='floating'"
-            )
         return
     mend = "Use coordinates='joints'"
     if robot.base != "fixed":
         raise ModelError(f"derivatives over motors need a fixed base; this one is '{robot.base}'. {mend}")
     for module in robot.modules:
         motors = [robot.motors[i] for i in module.motor_index]
-        several = [name for name in motors if NV[robot.kinds[robot.joint_index[name]]] > 1]
-        if several:
-            raise ModelError(f"motor '{several[0]}' has several freedoms and is no coordinate. {mend}")
         locked = [name for i, name in enumerate(motors) if i not in module.moving_motors]
         if locked:
             raise ModelError(
@@ -161,39 +146,37 @@ class Derivatives:
         self.robot, self._model = robot, model
         self._motors = coordinates == "motors"
         self._replacement: Replacement | None = None
+        self._at_once: Callable[..., int] = refuse
+        self.library: Library | None = None
         with as_compile_error(robot):
-            self.library = self._built()
+            self._find_library()
             about = self.program if self.library is None else self.library.programs[self._name]
         self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
-        motors = len(robot.motors)
-        self._widths = {
-            name: motors if self._motors else robot.nv if name == "q" else size
-            for name, size in self._inputs.items()
-        }
-        values, *ends = np.cumsum(list(self._outputs.values())).tolist()
-        self._rows, self._values = motors if self._motors else values, values
-        self._size = [values, *ends][-1]
-        starts = pairwise([values, *ends])
-        pairs = zip(self._widths.items(), starts, strict=True)
-        self._blocks = [(name, slice(a, b), (self._rows, width)) for (name, width), (a, b) in pairs]
-        self._at_once = None if self.library is None else self.library.programs[self._name].at_once
+        motors, (values, *_) = len(robot.motors), self._outputs.values()
+        rows = motors if self._motors else values
+        widths = [motors if self._motors else robot.nv if x == "q" else n for x, n in self._inputs.items()]
+        shapes = [(rows, width) for width in widths]
+        ends = np.cumsum([values, *map(prod, shapes)]).tolist()
+        self._size = ends[-1]
+        self._blocks = [*zip(self._inputs, map(slice, ends, ends[1:]), shapes, strict=True)]
 
     @property
     def _name(self) -> str:
         """Name of the program."""
         return f"{self._model}_motor_jacobian" if self._motors else f"{self._model}_jacobian"
 
-    def _built(self) -> Library | None:
-        """Return the library from the cache, or build it; None without a compiler, or while it takes long."""
+    def _find_library(self) -> None:
+        """Use the library from the cache, or build it; not without a compiler, or while it takes long."""
         try:
             find_compiler()
         except CompileError:
-            return None
+            return
         self._scalar = Scalar("float64", best_lanes())
         self._key = f"{self._name} {robot_key(self.robot, self._effects)} {self._scalar!r}"
         artifact = self._artifact()
         if known(self._key) is not None or (seconds := _seconds_of(artifact.write())) <= self.patience:
-            return loaded(artifact.built)
+            self._use(loaded(artifact.built))
+            return
         log.warning(
             "robot '%s': the C compiler takes about %.0f s for '%s'; CasADi computes it meanwhile, slowly",
             self.robot.description.name, seconds, self._name,
@@ -201,7 +184,6 @@ class Derivatives:
         asked = copy(self)
         vars(asked).pop("program", None)
         self._replacement = Replacement(build_asked, asked, lambda: known(self._key), self._use)
-        return None
 
     def _artifact(self) -> Artifact:
         """Return the library, which may be in the cache."""
@@ -210,7 +192,7 @@ class Derivatives:
 
     def _use(self, library: Library) -> None:
         """Use a library from now on."""
-        self.library, self._at_once = library, library.programs[self._name].at_once
+        self.library, self._at_once = library, library.programs[self._name].at_once or refuse
 
     def wait_until_compiled(self) -> None:
         """Wait until another process has built the library, if there is one."""
@@ -257,107 +239,49 @@ class Derivatives:
         with as_compile_error(self.robot):
             return function_of(self.program)
 
-    def allocate(self, samples: int | None = None) -> Jacobians:
-        """Return arrays for the argument `out` of calls, of one sample or of many.
-
-        Args:
-            samples: Number of samples; None for arrays without that dimension.
-
-        Raises:
-            TrajectoryError: The number of samples is negative.
-        """
-        if samples is None:
-            flat = np.zeros(self._size)
-            return _Allocated(self, self._split(flat), (flat,))
-        if samples < 0:
-            raise TrajectoryError(f"samples must not be negative; {samples} were given")
-        outs = [np.zeros((samples, self._rows * width)) for width in self._widths.values()]
-        value = np.zeros((samples, self._values))
-        pairs = zip(self._widths.items(), outs, strict=True)
-        blocks = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs}
-        return _Allocated(self, blocks, (value, *outs))
-
-    def __call__(self, *given: ArrayLike, out: Jacobians | None = None) -> Jacobians:
+    def __call__(self, *given: ArrayLike) -> Jacobians:
         """Evaluate at one sample or many.
 
         Args:
             given: The model's arguments, shapes (n,) or (T, n).
-            out: Arrays of `allocate`, which are filled and returned; None returns new arrays.
 
         Raises:
-            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite; or
-                `out` is not from `allocate`, or for another number of samples.
+            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite.
             HybridynError: The loops are open or rank is lost at a state (errors of the general path).
             SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
         """
-        if out is None:
-            if self._at_once is not None:
-                flat = np.empty(self._size)
-                if self._at_once(*given, flat) == 0:
-                    return self._split(flat)
-            return self._checked(given, None)
-        if not isinstance(out, _Allocated) or out.owner is not self:
-            raise TrajectoryError("out must be what `allocate` of the same derivatives returned")
-        if self._at_once is not None and self._at_once(*given, out.arrays[0]) == 0:
-            return out
-        return self._checked(given, out)
+        flat = np.empty(self._size)
+        if self._at_once(*given, flat) == 0:
+            return {name: flat[at].reshape(shape) for name, at, shape in self._blocks}
+        if len(given) != len(self._inputs):
+            raise TrajectoryError(f"expected the arrays {', '.join(self._inputs)}; {len(given)} were given")
+        arguments = named(self.robot, dict(zip(self._inputs, given, strict=True)))
+        arrays = as_batches(arguments, self._inputs)
+        (values, *found), guard = self._run(arrays)
+        self._check_doubtful(arrays, values, guard)
+        samples = () if np.ndim(arguments["q"]) == 1 else (len(values),)
+        pairs = zip(self._blocks, found, strict=True)
+        return {name: block.reshape(*samples, *shape) for (name, _, shape), block in pairs}
 
-    def _split(self, flat: Array) -> Jacobians:
-        """Return the blocks of one sample's outputs."""
-        return {name: flat[at].reshape(shape) for name, at, shape in self._blocks}
-
-    def _checked(self, given: tuple[ArrayLike, ...], filled: _Allocated | None) -> Jacobians:
-        """Check the arguments and evaluate."""
-        wanted = self._inputs
-        if len(given) != len(wanted):
-            raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
-        arguments = named(self.robot, dict(zip(wanted, given, strict=True)))
-        arrays = as_batches(arguments, wanted)
-        samples, single = len(arrays["q"]), np.ndim(arguments["q"]) == 1
-        wanted_samples = None if single else samples
-        if filled is not None and filled.samples != wanted_samples:
-            sizes = [
-                "a single sample" if x is None else f"{x} rows" for x in (filled.samples, wanted_samples)
-            ]
-            raise TrajectoryError(f"out is for {sizes[0]}, the arguments are {sizes[1]}")
-        (value, *flat), guard = self._run(arrays, None if filled is None or single else filled.arrays)
-        doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
-        if len(doubtful):
-            self._check_doubtful(arrays, value, guard, doubtful.tolist())
-        pairs_out = zip(self._widths.items(), flat, strict=True)
-        out = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs_out}
-        out = {name: block[0] for name, block in out.items()} if single else out
-        if filled is None:
-            return out
-        for name, block in filled.items():
-            if not np.may_share_memory(block, out[name]):
-                block[...] = out[name]
-        return filled
-
-    def _run(
-        self, arrays: dict[str, Array], outs: tuple[Array, ...] | None
-    ) -> tuple[tuple[Array, ...], Array]:
+    def _run(self, arrays: dict[str, Array]) -> tuple[tuple[Array, ...], Array]:
         """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
-        samples = len(arrays["q"])
-        rows = list(arrays.values())
-        if (library := self.library) is not None:
-            return library.batch(self._name, *rows, outs=outs)
-        new = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
-        for t in range(samples):
-            for out, found in zip(new, self._flat.call([x[t] for x in rows]), strict=True):
+        if self.library is not None:
+            return self.library.batch(self._name, *arrays.values())
+        new = [np.empty((len(arrays["q"]), size)) for size in (*self._outputs.values(), 1)]
+        for t, row in enumerate(zip(*arrays.values(), strict=True)):
+            for out, found in zip(new, self._flat.call([*row]), strict=True):
                 out[t] = np.array(found).ravel()
-        return new[:-1], new[-1][:, 0]
+        return tuple(new[:-1]), new[-1][:, 0]
 
-    def _check_doubtful(
-        self, arrays: dict[str, Array], values: Array, guard: Array, doubtful: list[int]
-    ) -> None:
+    def _check_doubtful(self, arrays: dict[str, Array], values: Array, guard: Array) -> None:
         """Compare samples whose guard is above its limit with the general path.
 
         Raises:
             HybridynError: The general path cannot compute them either, the model differs from it there, or
                 the pivots are so small that derivatives may have lost their digits.
         """
-        wanted = general(self.robot, self._effects, self._model, arrays)
+        doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT)).tolist()
+        wanted = general(self.robot, self._effects, self._model, arrays) if doubtful else values
         for t in doubtful:
             differs = np.abs(values[t] - wanted[t]).max(initial=0.0) / np.abs(wanted[t]).max(initial=1e-300)
             off = np.maximum(differs, DERIVATIVE_ROUNDED * guard[t])  # nan, if one is
@@ -383,21 +307,3 @@ def _seconds_of(source: Source) -> float:
     """Return about how long the C compiler takes on all cores [s]: the longest file, or its share of all."""
     statements = [unit.count("\n") for unit in source.units]
     return max(max(statements), sum(statements) / (os.cpu_count() or 1)) / STATEMENTS_A_SECOND
-
-
-class _Allocated(Jacobians):
-    """Blocks that calls fill.
-
-    Attributes:
-        owner: The derivatives that they belong to.
-        arrays: The arrays that hold them: all outputs of one sample, or those of all samples.
-    """
-
-    def __init__(self, owner: Derivatives, blocks: Jacobians, arrays: tuple[Array, ...]) -> None:
-        super().__init__(blocks)
-        self.owner, self.arrays = owner, arrays
-
-    @property
-    def samples(self) -> int | None:
-        """Number of samples; None for one sample without that dimension."""
-        return len(self.arrays[0]) if len(self.arrays) > 1 else None
