@@ -8,13 +8,13 @@ b - a are one operation. All of that is exact in floating point.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
 Reference = int
 
-SYMMETRIC = ("add", "fmin", "fmax", "hypot", "eq", "ne", "and", "or")
+SYMMETRIC = ("add", "mul", "fmin", "fmax", "hypot", "eq", "ne", "and", "or")
 ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign")
 EVEN = ("cos", "cosh", "fabs")
 ONE = ("sqrt", "acos", "exp", "log", "log1p", "expm1", "acosh", "floor", "ceil", "not")
@@ -67,6 +67,10 @@ class Graph:
             self.nodes.append(node)
         return self._known[node] + 1
 
+    def again(self, node: Node) -> Reference:
+        """Return the reference of a node of another graph, whose arguments are references here."""
+        return self.node(node.name, *node.arguments, value=node.value)
+
     def constant(self, value: float) -> Reference:
         """Return the reference of a constant.
 
@@ -77,61 +81,43 @@ class Graph:
             raise ValueError("a kernel has a constant that is NaN")
         return self.node("constant", value=value) if value >= 0 else -self.node("constant", value=-value)
 
-    def value(self, x: Reference) -> float | None:
-        """Return the value of a constant, or None for anything else."""
-        node = self.nodes[abs(x) - 1]
-        if node.name != "constant":
-            return None
-        return node.value if x > 0 else -node.value
-
     def add(self, a: Reference, b: Reference) -> Reference:
         """Return a + b."""
-        if self.value(a) == 0.0:
-            return b
-        if self.value(b) == 0.0:
-            return a
         if a < 0 and b < 0:
-            return -self.add(-a, -b)
-        if a < 0 or b < 0:
-            first, second = (b, -a) if a < 0 else (a, -b)
-            if first == second:
-                return self.constant(0.0)
-            return self.node("sub", first, second) if first < second else -self.node("sub", second, first)
-        return self.node("add", a, b)
+            return -self.node("add", -a, -b)
+        if a > 0 and b > 0:
+            return self.node("add", a, b)
+        first, second = (b, -a) if a < 0 else (a, -b)
+        return self.node("sub", first, second) if first < second else -self.node("sub", second, first)
 
-    def product(self, a: Reference, b: Reference) -> Reference:
-        """Return a b."""
-        sign = 1 if (a > 0) == (b > 0) else -1
-        first, second = sorted((abs(a), abs(b)))
-        for x, y in ((first, second), (second, first)):
-            if self.value(x) == 1.0:
-                return sign * y
-        if self.value(first) == 0.0 or self.value(second) == 0.0:
-            return self.constant(0.0)
-        return sign * self.node("mul", first, second)
-
-    def quotient(self, a: Reference, b: Reference) -> Reference:
-        """Return a / b."""
-        sign = 1 if (a > 0) == (b > 0) else -1
-        if self.value(abs(b)) == 1.0:
-            return sign * abs(a)
-        return sign * self.node("div", abs(a), abs(b))
+    def product(self, a: Reference, b: Reference, name: str = "mul") -> Reference:
+        """Return a b, or what "div" or "choose" make of both: its sign is that of a b."""
+        return self.node(name, abs(a), abs(b)) * (1 if (a > 0) == (b > 0) else -1)
 
     def plain(self, x: Reference) -> Reference:
         """Return a positive reference to x, as functions and outputs need it."""
         return x if x > 0 else self.node("neg", -x)
 
-    def function(self, name: str, x: Reference) -> Reference:
-        """Return the reference of a function of one number."""
+    def function(self, name: str, x: list[Reference]) -> Reference:
+        """Return the reference of a function."""
         if name in EVEN:
-            return self.node(name, abs(x))
+            return self.node(name, abs(x[0]))
         if name in ODD:
-            return self.node(name, abs(x)) * (1 if x > 0 else -1)
-        return self.node(name, self.plain(x))
+            return self.node(name, abs(x[0])) * (1 if x[0] > 0 else -1)
+        return self.node(name, *map(self.plain, x))
 
-    def choose(self, condition: Reference, x: Reference) -> Reference:
-        """Return x where a condition holds, else zero."""
-        return self.node("choose", self.plain(condition), abs(x)) * (1 if x > 0 else -1)
+    def rebuilt(self, rule: Callable[[Graph, int, Node], Reference]) -> Graph:
+        """Return the graph of what a rule adds for each node, given its index, with arguments in it."""
+        out, place = Graph(self.sizes), [0]
+
+        def moved(x: Reference) -> Reference:
+            return place[abs(x)] * (1 if x > 0 else -1)
+
+        for i, node in enumerate(self.nodes):
+            inner = node.arguments if node.name == "input" else tuple(map(moved, node.arguments))
+            place.append(rule(out, i, replace(node, arguments=inner)))
+        out.outputs = [[out.plain(moved(x)) for x in output] for output in self.outputs]
+        return out
 
     def used(self) -> Graph:
         """Return the graph without operations that no output depends on."""
@@ -143,19 +129,7 @@ class Graph:
             if needed[i] and self.nodes[i].name != "input":
                 for x in self.nodes[i].arguments:
                     needed[abs(x) - 1] = True
-        out = Graph(self.sizes)
-        place: dict[int, int] = {}
-
-        def moved(x: Reference) -> Reference:
-            return place[abs(x)] * (1 if x > 0 else -1)
-
-        for i, node in enumerate(self.nodes):
-            if needed[i]:
-                arguments = node.arguments if node.name == "input" else tuple(map(moved, node.arguments))
-                out.nodes.append(Node(node.name, arguments, node.value))
-                place[i + 1] = len(out.nodes)
-        out.outputs = [[moved(x) for x in output] for output in self.outputs]
-        return out
+        return self.rebuilt(lambda out, i, node: out.again(node) if needed[i] else 0)
 
 
 def graph_of(function: ca.Function) -> Graph:
@@ -192,25 +166,22 @@ def _operation(graph: Graph, name: str, code: int, x: list[Reference]) -> Refere
     """Return the reference of a CasADi instruction."""
     if code in _ARITHMETIC:
         return _ARITHMETIC[code](graph, x)
-    for known in (*ONE, *ODD, *EVEN):
-        if code == getattr(ca, f"OP_{known.upper()}", None):
-            return graph.function(known, x[0])
-    for known in TWO:
-        if code == getattr(ca, f"OP_{known.upper()}"):
-            return graph.node(known, *(graph.plain(y) for y in x))
-    raise ValueError(f"{name}: instruction {code} of CasADi cannot be printed")
+    if code not in _FUNCTIONS:
+        raise ValueError(f"{name}: instruction {code} of CasADi cannot be printed")
+    return graph.function(_FUNCTIONS[code], x)
 
 
+_FUNCTIONS = {getattr(ca, f"OP_{name.upper()}"): name for name in (*ONE, *ODD, *EVEN, *TWO)}
 _ARITHMETIC: dict[int, Callable[[Graph, list[Reference]], Reference]] = {
     ca.OP_ASSIGN: lambda g, x: x[0],
     ca.OP_ADD: lambda g, x: g.add(x[0], x[1]),
     ca.OP_SUB: lambda g, x: g.add(x[0], -x[1]),
     ca.OP_MUL: lambda g, x: g.product(x[0], x[1]),
-    ca.OP_DIV: lambda g, x: g.quotient(x[0], x[1]),
+    ca.OP_DIV: lambda g, x: g.product(x[0], x[1], "div"),
     ca.OP_NEG: lambda g, x: -x[0],
     ca.OP_SQ: lambda g, x: g.product(x[0], x[0]),
     ca.OP_TWICE: lambda g, x: g.add(x[0], x[0]),
-    ca.OP_INV: lambda g, x: g.quotient(g.constant(1.0), x[0]),
-    ca.OP_IF_ELSE_ZERO: lambda g, x: g.choose(x[0], x[1]),
-    ca.OP_CONSTPOW: lambda g, x: g.node("pow", g.plain(x[0]), g.plain(x[1])),
+    ca.OP_INV: lambda g, x: g.product(g.constant(1.0), x[0], "div"),
+    ca.OP_IF_ELSE_ZERO: lambda g, x: g.product(g.plain(x[0]), x[1], "choose"),
+    ca.OP_CONSTPOW: lambda g, x: g.function("pow", x),
 }

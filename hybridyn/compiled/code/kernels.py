@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
+from itertools import chain
 
 import casadi as ca
 
-from ...spatial import Array
 from ..program import Kernel
 from .graph import TRUTH, Graph, Node, Reference, graph_of
 
@@ -34,8 +34,7 @@ def fused(graph: Graph) -> Graph:
         Graph of the same values up to rounding. "fma" has arguments (a, b, c) for a b + c, where a carries
         the sign of the product and c its own.
     """
-    uses = _uses(graph)
-    partner = _choices(graph, uses)
+    partner = _choices(graph)
     out = Graph(graph.sizes, outputs=graph.outputs)
     for i, node in enumerate(graph.nodes):
         if i not in partner:
@@ -47,26 +46,17 @@ def fused(graph: Graph) -> Graph:
     return out.used()
 
 
-def _uses(graph: Graph) -> list[list[int]]:
-    """Return for each node the nodes that read it; -1 stands for an output."""
-    uses: list[list[int]] = [[] for _ in graph.nodes]
-    for i, node in enumerate(graph.nodes):
-        if node.name != "input":
-            for x in node.arguments:
-                uses[abs(x) - 1].append(i)
-    for output in graph.outputs:
-        for x in output:
-            uses[abs(x) - 1].append(-1)
-    return uses
-
-
-def _choices(graph: Graph, uses: list[list[int]]) -> dict[int, tuple[Reference, Reference]]:
+def _choices(graph: Graph) -> dict[int, tuple[Reference, Reference]]:
     """Choose for each sum the product that is fused into it: (product, rest) by node."""
+    uses: list[list[int]] = [[] for _ in graph.nodes]  # the nodes that read each; -1 stands for an output
+    for i, node in enumerate(graph.nodes):
+        for x in node.arguments if node.name != "input" else ():
+            uses[abs(x) - 1].append(i)
+    for x in chain.from_iterable(graph.outputs):
+        uses[abs(x) - 1].append(-1)
     taken: dict[int, tuple[Reference, Reference]] = {}
     for i in reversed(range(len(graph.nodes))):  # of a sum's two products the later one is fused
-        if graph.nodes[i].name != "mul":
-            continue
-        readers = uses[i]
+        readers = uses[i] if graph.nodes[i].name == "mul" else [-1]
         if all(j >= 0 and j not in taken and graph.nodes[j].name in ("add", "sub") for j in readers):
             pairs = {j: _split(graph.nodes[j], i) for j in readers}
             if all(abs(rest) != i + 1 for _, rest in pairs.values()):
@@ -76,9 +66,7 @@ def _choices(graph: Graph, uses: list[list[int]]) -> dict[int, tuple[Reference, 
 
 def _split(node: Node, product: int) -> tuple[Reference, Reference]:
     """Return the product and the other term of a sum, both with their signs."""
-    first, second = node.arguments
-    if node.name == "sub":
-        second = -second
+    first, second = node.arguments[0], node.arguments[1] * (-1 if node.name == "sub" else 1)
     return (first, second) if abs(first) == product + 1 else (second, first)
 
 
@@ -90,24 +78,17 @@ def operations_of(function: ca.Function) -> Graph:
 def shared_quotients(graph: Graph) -> Graph:
     """Return a graph in which no divisor that is a constant, or that divides twice, divides at run time."""
     divisors = Counter(node.arguments[1] for node in graph.nodes if node.name == "div")
-    out, place = Graph(graph.sizes), [0]
 
-    def moved(x: Reference) -> Reference:
-        return place[abs(x)] * (1 if x > 0 else -1)
+    def rule(out: Graph, i: int, node: Node) -> Reference:
+        """Return what becomes of an operation."""
+        if node.name == "div":
+            x, divisor = node.arguments
+            constant = out.nodes[divisor - 1].name == "constant"
+            if constant or divisors[graph.nodes[i].arguments[1]] > 1:
+                return out.product(x, out.product(out.constant(1.0), divisor, "div"))
+        return out.again(node)
 
-    for node in graph.nodes:
-        if node.name == "input":
-            place.append(out.node(node.name, *node.arguments))
-        elif node.name != "div":
-            place.append(out.node(node.name, *map(moved, node.arguments), value=node.value))
-        else:
-            x, divisor = map(moved, node.arguments)
-            if divisors[node.arguments[1]] > 1 or out.value(divisor):
-                place.append(out.product(x, out.quotient(out.constant(1.0), divisor)))
-            else:
-                place.append(out.quotient(x, divisor))
-    out.outputs = [[out.plain(moved(x)) for x in output] for output in graph.outputs]
-    return out.used()
+    return graph.rebuilt(rule).used()
 
 
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
@@ -134,23 +115,19 @@ def kernel_text(graph: Graph, sums: Collection[int] = ()) -> str:
         for k, x in enumerate(output):
             sign = "+=" if i in sums else "="
             written.setdefault(x - 1, []).append(f"    y{i}[{k}] {sign} {{}};")
-    unused = [f"    (void)x{i};" for i, size in enumerate(graph.sizes) if not _reads(graph, i)]
+    reads = {node.arguments[0] for node in graph.nodes if node.name == "input"}
+    unused = [f"    (void)x{i};" for i, _ in enumerate(graph.sizes) if i not in reads]
     unused += [f"    (void)y{i};" for i, output in enumerate(graph.outputs) if not output]
     lines = [f"({', '.join(arguments)}) {{", *unused]
     lines += _statements(graph, written)
     return "\n".join([*lines, "}"])
 
 
-def _reads(graph: Graph, argument: int) -> bool:
-    """Return whether any operation reads an input."""
-    return any(node.name == "input" and node.arguments[0] == argument for node in graph.nodes)
-
-
 def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
     """Return the statements; each output is written as soon as it is computed."""
     lines: list[str] = []
     names: list[str] = []
-    both = _sines(graph)
+    first: dict[int, int] = {}  # the first node that reads the argument of a sine or cosine
     for i, node in enumerate(graph.nodes):
         name = f"t{i}"
         if node.name == "input":
@@ -158,12 +135,11 @@ def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
         elif node.name == "constant":
             name = f"C({literal(node.value)})"
         elif node.name in ("sin", "cos"):
-            first = both[node.arguments[0]]
-            name = f"{node.name[0]}{first}"
-            if first == i:
-                x = names[node.arguments[0] - 1]
+            x = node.arguments[0]
+            name = f"{node.name[0]}{first.setdefault(x, i)}"
+            if first[x] == i:
                 lines.append(f"    V s{i}, c{i};")
-                lines.append(f"    SINCOS({x}, &s{i}, &c{i});")
+                lines.append(f"    SINCOS({names[x - 1]}, &s{i}, &c{i});")
         else:
             kind = "M" if node.name in TRUTH else "V"
             lines.append(f"    const {kind} {name} = {_expression(graph, node, names)};")
@@ -173,47 +149,27 @@ def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
     return lines
 
 
-def _sines(graph: Graph) -> dict[int, int]:
-    """Return for each argument of a sine or cosine the first node that reads it."""
-    first: dict[int, int] = {}
-    for i, node in enumerate(graph.nodes):
-        if node.name in ("sin", "cos"):
-            first.setdefault(node.arguments[0], i)
-    return first
-
-
 def _expression(graph: Graph, node: Node, names: list[str]) -> str:
     """Return the right-hand side of an operation."""
 
-    def number(x: int) -> str:
-        truth = graph.nodes[abs(x) - 1].name in TRUTH
-        return f"NUMBER({names[abs(x) - 1]})" if truth else names[abs(x) - 1]
-
-    def truth(x: int) -> str:
-        known = graph.nodes[abs(x) - 1].name in TRUTH
-        return names[abs(x) - 1] if known else f"TRUE({names[abs(x) - 1]})"
+    def read(x: Reference, truth: bool = False) -> str:
+        """Return the name of an argument, as a number or as true or false."""
+        name, known = names[abs(x) - 1], graph.nodes[abs(x) - 1].name in TRUTH
+        return name if known is truth else f"{'TRUE' if truth else 'NUMBER'}({name})"
 
     x = node.arguments
     if node.name in INFIX:
-        return f"{number(x[0])} {INFIX[node.name]} {number(x[1])}"
+        return f"{read(x[0])} {INFIX[node.name]} {read(x[1])}"
     if node.name == "neg":
-        return f"-{number(x[0])}"
+        return f"-{read(x[0])}"
     if node.name == "fma":
-        return f"{FUSED[x[0] > 0, x[2] > 0]}({number(x[0])}, {number(x[1])}, {number(x[2])})"
+        return f"{FUSED[x[0] > 0, x[2] > 0]}({', '.join(map(read, x))})"
     if node.name == "choose":
-        return f"CHOOSE({truth(x[0])}, {number(x[1])})"
-    if node.name in ("not", "and", "or"):
-        return f"{node.name.upper()}({', '.join(map(truth, x))})"
-    return f"{node.name.upper()}({', '.join(map(number, x))})"
+        return f"CHOOSE({read(x[0], True)}, {read(x[1])})"
+    truth = node.name in ("not", "and", "or")
+    return f"{node.name.upper()}({', '.join(read(y, truth) for y in x)})"
 
 
 def literal(value: float) -> str:
     """Return a finite number or an infinity as an exact C literal."""
-    if value in (float("inf"), float("-inf")):
-        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
-    return repr(float(value))
-
-
-def table(values: Array) -> str:
-    """Return numbers as the content of a C initialiser."""
-    return ", ".join(literal(x) for x in values.ravel().tolist())
+    return repr(float(value)).replace("inf", "HUGE_VAL")
