@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..compiled.library.laws import Law, Pieces
-from ..compiled.programs.control import TorquePrograms, closing_of_motors, same_without_limits
+from ..compiled.programs.control import closing_of_motors, same_without_limits, torque_programs
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..effects.choice import Choice, choose
@@ -168,8 +168,8 @@ class ComputedTorque(Pd):
         except HybridynError as error:
             log.warning("computed torque is evaluated in Python, which takes longer: %s", error)
             return None
-        self._programs = TorquePrograms(models.library.built, closing)  # the law holds their addresses
-        return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), self._programs.at)
+        programs = torque_programs(models.library, closing)
+        return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), programs)
 
 
 def constant(robot: HybridRobot, numbers: Mapping[str, float], what: str = "efforts") -> Array:

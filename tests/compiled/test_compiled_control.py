@@ -182,7 +182,7 @@ def test_models_that_c_does_not_step_make_two_calls() -> None:
 
 @pytest.mark.slow
 def test_robots_that_differ_in_their_loops_alone_take_turns() -> None:
-    """Racks with other offsets have the same inverse model, and one library of the step."""
+    """Racks with other offsets: each step closes the loops of its own robot."""
 
     def slide(name: str, child: str) -> Joint:
         return Joint(name, "prismatic", "base", child, np.eye(4), np.array([1.0, 0.0, 0.0]))
@@ -193,8 +193,6 @@ def test_robots_that_differ_in_their_loops_alone_take_turns() -> None:
     both = [hybridyn.compile(robot) for robot in robots]
     motor, still = np.array([0.1]), np.zeros(1)
     last = [compiled.idm_from_motors(motor)[1] for compiled in both]
-    controls = [compiled._known_control[1] for compiled in both]
-    assert len({control.library.built.path for control in controls}) == 1
     for compiled, q, offset in zip(both, last, (0.0, 0.2), strict=True):
         out = np.empty(2 + 2 * 2 + 1)
         assert compiled._control_at_once(q, motor + 0.01, still, still, out) == 0

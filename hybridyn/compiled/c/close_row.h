@@ -24,7 +24,7 @@ static int kept_at(const S *q) {
 
 /* Close a row from (last q, positions, rates, accelerations of the motors) into q, v, a; 0 where it is certain, 1 where
    the arrays are others. From another posture than the last call gave, Newton's method must reach the row by itself. */
-EXPORT int close_row(const Array *const *a, S *result) {
+static int close_row(const Array *const *a, S *result) {
     static const int motors[NG] = {MOTORS};
     S *const given[3] = {motion.settle.row.g, motion.settle.row.g_dot, motion.settle.row.g_ddot};
     const S *last = numbers(a[0], NQ);
@@ -51,4 +51,15 @@ EXPORT const void *close_call(const void *self, const Array *const *a, Long coun
     (void)self;
     S *result = count == 5 ? numbers(a[4], NQ + 2 * NV) : 0;
     return answered(result ? close_row(a, result) : 1);
+}
+
+/* The efforts of a control step: the arrays of `close_row`, then room for q, v, a and the efforts. Answers 0; 1 where the
+   loops are not closed; 2 where they are, and the efforts are not certain. `self`: the address of "idm_single_at". */
+EXPORT const void *control_call(const Array *self, const Array *const *a, Long count) {
+    int (*idm)(const S *const *, S *);
+    memcpy(&idm, self->data, sizeof(idm));
+    S *result = count == 5 ? numbers(a[4], NQ + 2 * NV + NG) : 0;
+    if (!result || close_row(a, result)) return answered(1);
+    const S *in[3] = {result, result + NQ, result + NQ + NV};
+    return answered(idm(in, result + NQ + 2 * NV));
 }

@@ -4,7 +4,6 @@
 #undef AND
 #undef OR
 #undef NOT
-#undef TRUE
 #define W 1
 #define V S
 #define M int

@@ -89,6 +89,7 @@ class Calls:
 
     Attributes:
         block: Number of samples that a thread takes at once.
+        address: Address of the function for one sample and other C; 0 where there is none.
     """
 
     def __init__(
@@ -115,6 +116,8 @@ class Calls:
         self._memory = threading.local()
         self.trusted = GUARD_LIMIT
         self.at_once: Callable[..., int] | None = None
+        single = getattr(held, f"{name}_single_at", 0)
+        self.address = ctypes.cast(single, ctypes.c_void_p).value or 0
         if plain:
             self.at_once = function_of(held, f"{name}_call")
 

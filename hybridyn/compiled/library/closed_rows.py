@@ -11,7 +11,7 @@ import numpy as np
 
 from ...spatial import Array, Index
 from .cache import Built
-from .calls import pool
+from .calls import Calls, pool
 from .direct_calls import DOUBLE, function_of, knows_arrays, refuse
 
 #: Arrays of three kinds for each row: q, v, a; or what is prescribed with its rates and accelerations.
@@ -109,20 +109,26 @@ class ClosedRows(ClosedDesigns):
         built: The library's file.
         from_motors: Closes one row from the posture that the last call gave. Takes that posture, positions,
             rates and accelerations of the motors, and room for q, v and a; gives 0 where that is certain.
-        close_row: Address of the same for other libraries; None if rows are not closed from motors.
     """
 
     def __init__(self, built: Built) -> None:
-        held = ctypes.PyDLL(str(built.path))
+        held = self._held = ctypes.PyDLL(str(built.path))
         super().__init__(built, held)
         self.from_motors: Callable[..., int] = refuse
-        self.close_row: int | None = None
         motors = hasattr(held, "close_call")
         if motors and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
             self.from_motors = function_of(held, "close_call")
-            self.close_row = ctypes.cast(held.close_row, ctypes.c_void_p).value
             self._keep = held.keep_place
             self._keep.argtypes, self._keep.restype = [ctypes.c_void_p] * 3, None
+
+    def control(self, idm: Calls) -> Callable[..., int]:
+        """Return the call of a control step: that of `from_motors`, whose room has the efforts at its end.
+
+        It gives 0 where all is certain, `REFUSED` where the loops are not closed, and else 2.
+        """
+        if self.from_motors is refuse or not idm.address:
+            return refuse
+        return function_of(self._held, "control_call", np.array([idm.address], np.uintp))
 
     def keep(self, at: Place) -> None:
         """Keep a posture from which `from_motors` starts if it is given as the last one."""
