@@ -22,9 +22,9 @@ from ..compiled.failures import as_compile_error, check_agreement
 from ..compiled.library.building import best_lanes
 from ..compiled.library.cache import Built, cached
 from ..compiled.library.calls import Library, loaded
-from ..compiled.program import Call, Constants, Program
+from ..compiled.program import Constants, Program
 from ..compiled.programs.derivatives.columns import collect
-from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Joiner, Sweep
+from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Sweep, nodes_of
 from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps
 from ..compiled.programs.sources import robot_key
 from ..compiled.programs.writer import Writer
@@ -103,17 +103,18 @@ def regressor_program(asked: Request, columns: Index) -> Program:
     motors = len(robot.motors)
     w = Writer(NAME, inverse_inputs(asked), [("tau", motors), ("Y", motors * count)])
     write_inverse_sweeps(asked, w)
-    nodes = Joiner(w.kernels, w.handed).nodes(step for step in w.steps if isinstance(step, Call))
+    nodes = nodes_of(w, w.calls_from(0))
     graph = Graph.between(nodes, [w.from_given("parameters", columns)], [w.result("tau", np.arange(motors))])
     known: dict[Any, Any] = {}
     for module in robot.modules if count else ():
         rows = module.motor_index
         sweep = Sweep(w, len(rows), known, DENSE)
         sweep.seed(w.result("tau", rows), Constants(np.eye(len(rows))))
-        sweep.backwards(graph)
+        sweep.through(graph, back=True)
         for first in range(0, count if len(rows) else 0, 10):
             at = np.arange(first, min(first + 10, count))
-            collect(sweep, "parameters", columns[at], w.result("Y", rows[:, None] * count + at))
+            numbers = w.from_given("parameters", columns[at]).numbers(0)
+            collect(sweep, numbers, w.result("Y", rows[:, None] * count + at))
     return compacted(w.program())
 
 

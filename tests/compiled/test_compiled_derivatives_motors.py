@@ -190,5 +190,5 @@ def test_only_numbers_that_results_need_get_derivatives() -> None:
         sweep, n = Sweep(w, 3), seeded.size
         sweep.seed(seeded, Constants(np.eye(n)))
         before = set(sweep.of)
-        (sweep.backwards if back else sweep.forwards)(graph)
+        sweep.through(graph, back=back)
         assert {k for _, k in set(sweep.of) - before} == wanted

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
 import casadi as ca
@@ -125,7 +125,7 @@ class Writer:
         """Return the place of entries of a user output, shape (entries,) or (copies, entries)."""
         return Result(np.atleast_2d(index).astype(int) + self.results[name])
 
-    def call(self, kernel: int, copies: int, sources: list[Source], targets: list[Target]) -> None:
+    def call(self, kernel: int, copies: int, sources: Sequence[Source], targets: list[Target]) -> None:
         """Add the call of a kernel."""
         self.steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import casadi as ca
@@ -17,10 +18,10 @@ from ....linkage.joints import NQ, NV
 from ....spatial import Index, Mask
 from ....structure.robot import HybridRobot
 from ...equations.displacement import position_rate
-from ...equations.expressions import Expression, dot, eye, pack, symbols
+from ...equations.expressions import Expression, dot, eye, pack, symbols, zeros
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
-from .sweeps import DENSE, PART, Block, Sweep
+from .sweeps import DENSE, PART, Block, Number, Sweep
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,26 +54,26 @@ def coordinates_of_freedoms(robot: HybridRobot, freedoms: set[int]) -> Coordinat
     return Coordinates(np.array(q, int), np.array(v, int), tuple(robot.kinds[i] for i in joints))
 
 
-def collect(sweep: Sweep, name: str, index: Index, target: Target, at: Coordinates | None = None) -> None:
-    """Add the call that adds up the adjoints of numbers of a user input.
+def collect(sweep: Sweep, numbers: Sequence[Number], target: Target, at: Coordinates | None = None) -> None:
+    """Add the call that adds up the tangents or adjoints of numbers.
 
     Args:
-        sweep: The adjoints.
-        name: The user input (or computed output).
-        index: Indices of the numbers in it.
+        sweep: The tangents or adjoints.
+        numbers: The numbers.
         target: Target of the sums.
         at: Coordinates whose positions the numbers are: the sums are taken along their freedoms.
     """
-    w, reading = sweep.writer, sweep.reading(sweep.writer.from_given(name, index).numbers(0))
-    kinds = at.kinds if at is not None and any(kind not in ONE for kind in at.kinds) else ()
-    q: list[Source] = [w.from_given(name, np.tile(index, (sweep.lanes, 1)))] if kinds else []
+    w, reading = sweep.writer, sweep.reading(numbers)
+    turning = at is not None and any(kind not in ONE for kind in at.kinds)
+    kinds: tuple[str, ...] = at.kinds if at and turning else ()
+    q: list[Source] = [w.from_given("q", np.tile(at.q, (sweep.lanes, 1)))] if at and turning else []
 
     def function() -> ca.Function:
         """Return the sums."""
         columns, values = reading.symbols()
         if kinds:
             column, x = symbols("q", len(values))
-            columns, values = [column, *columns], along_freedoms(kinds, x, values)
+            columns, values = [column, *columns], [*dot(tangent(kinds, x).T, np.array(values, dtype=object))]
         return ca.Function("collect", columns, [pack(values)])
 
     kernel = w.kernel(("collect", reading.key, kinds), function, PART)
@@ -83,26 +84,15 @@ def collect(sweep: Sweep, name: str, index: Index, target: Target, at: Coordinat
 ONE = ("revolute", "prismatic")
 
 
-def along_freedoms(kinds: Sequence[str], x: Expression, values: list[Any]) -> list[Any]:
-    """Convert derivatives over coordinates to derivatives over freedoms."""
-    out: list[Any] = []
-    at = 0
+def tangent(kinds: Sequence[str], x: Expression) -> Expression:
+    """Return the derivatives of joints' coordinates over their freedoms, shape (nq, nv)."""
+    out = zeros(len(x), sum(NV[kind] for kind in kinds))
+    i = j = 0
     for kind in kinds:
-        E = _tangent(kind, x[at:])
-        given = np.array(values[at : at + len(E)], dtype=object)
-        out += list(dot(E.T, given))
-        at += len(E)
-    return out
-
-
-def from_freedoms(kinds: Sequence[str], x: Expression, given: Expression) -> list[Any]:
-    """Convert changes along freedoms to changes of coordinates."""
-    out: list[Any] = []
-    first = 0
-    for kind in kinds:
-        E = _tangent(kind, x[len(out) :])
-        out += list(dot(E, given[first : first + E.shape[1]]))
-        first += E.shape[1]
+        n, m = NQ[kind], NV[kind]
+        units = [position_rate(kind, x[i : i + n], unit) for unit in eye(m)]
+        out[i : i + n, j : j + m] = np.stack(units, axis=1)
+        i, j = i + n, j + m
     return out
 
 
@@ -114,17 +104,12 @@ def changes_of_coordinates(w: Writer, at: Coordinates, along: Block, count: int)
     def function() -> ca.Function:
         """Return the change of coordinates of one column."""
         (column, x), (moved, given) = symbols("q", len(at.q)), symbols("v", len(at.v))
-        return ca.Function("coordinates", [column, moved], [pack(from_freedoms(at.kinds, x, given))])
+        return ca.Function("coordinates", [column, moved], [pack(dot(tangent(at.kinds, x), given))])
 
     out = w.own(count, len(at.q))
     kernel = w.kernel(("coordinates", at.kinds), function, PART)
     w.call(kernel, count, [w.from_given("q", np.tile(at.q, (count, 1))), along], [out])
     return out
-
-
-def _tangent(kind: str, x: Expression) -> Expression:
-    """Return the derivatives of a joint's coordinates over its freedoms, shape (nq, nv)."""
-    return np.stack([position_rate(kind, x[: NQ[kind]], unit) for unit in eye(NV[kind])], axis=1)
 
 
 def matrix(name: str, rows: int, columns: int) -> tuple[ca.SX, Expression]:
@@ -147,10 +132,10 @@ def add_terms(
     copies: int,
     size: int,
     terms: Sequence[Term],
-    more: Sequence[Source],
+    more: Sequence[Own | Each],
     target: Target,
     mapped: tuple[Each, Mask] | None = None,
-    after: Sequence[Source] = (),
+    after: Sequence[Own | Each] = (),
 ) -> None:
     """Add the call that writes sum_i A_i x_i + sum_j y_j, one column in each lane.
 
@@ -164,30 +149,24 @@ def add_terms(
         mapped: A matrix that the sum is multiplied with, column by column; its transposed pattern.
         after: Columns that are added to this product.
     """
-    widths, given = [column.size for _, column in terms], [end for term in terms for end in term]
+    widths = [column.size for _, column in terms]
     rows, mask = (size, None) if mapped is None else (len(mapped[1]), mapped[1])
-    sources = [*given, *more, *([] if mapped is None else [by_columns(mapped[0], 0, rows)]), *after]
+    by = [] if mapped is None else [by_columns(mapped[0], 0, rows)]
+    sources = [*chain(*terms), *more, *by, *after]
 
     def function() -> ca.Function:
         """Return the sum."""
-        total: Any = np.zeros(rows).astype(object)
-        columns: list[ca.SX] = []
+        columns, values = zip(*(symbols("x", x.size) for x in sources), strict=True)
+        left = iter(values)
+        total: Any = zeros(rows)
         for width in widths:
-            (kept, A), (column, x) = matrix("A", width, rows), symbols("x", width)
-            total = total + dot(A.T, x)
-            columns += [kept, column]
+            total = total + dot(next(left).reshape(width, rows).T, next(left))
         for _ in more:
-            column, y = symbols("y", rows)
-            total = total + y
-            columns.append(column)
+            total = total + next(left)
         if mask is not None:
-            kept, A = matrix("mapped", *mask.shape)
-            total = dot(np.where(mask, A, 0.0).T, total)
-            columns.append(kept)
-        for _ in after:
-            column, y = symbols("y", size)
+            total = dot(np.where(mask, next(left).reshape(mask.shape), 0.0).T, total)
+        for y in left:
             total = total + y
-            columns.append(column)
         return ca.Function("columns", columns, [pack(total)])
 
     if size:

@@ -45,7 +45,7 @@ from .columns import (
 )
 from .motor_motion import Motions, MotorMotion
 from .relations import JOINED, Cause, Group, Place, Relations, groups_of
-from .sweeps import DENSE, Graph, Joiner, Reading, Sweep
+from .sweeps import DENSE, Graph, Reading, Sweep, nodes_of
 
 
 @dataclass
@@ -156,7 +156,6 @@ def relations_of(
         motors: Whether the motors are the coordinates.
         held: Whether accelerations are given, as `Relations`.
     """
-    joiner = Joiner(w.kernels, w.handed)
     out: dict[Group, Relations] = {}
     given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
     for group in reversed(groups):
@@ -166,7 +165,7 @@ def relations_of(
         leaves = [w.from_given("q", group.at.q), w.from_given("v", group.at.v), *u_dot]
         motion = Graph.between(motions.nodes(own), leaves, [a])
         calls = {id(call) for member in group.modules for call in member.calls}
-        nodes = joiner.nodes(call for call in steps if id(call) in calls)
+        nodes = nodes_of(w, (call for call in steps if id(call) in calls))
         inputs = [*given, a, *group.moved(), *(W for *_, W in outputs)]
         balance = Graph.between(nodes, inputs, group.results)
         moving, parts = _runs(own), []
@@ -258,11 +257,11 @@ def inverse_derivatives(request: Request, *, order: Index | None = None) -> Prog
     write_inverse_sweeps(request, w)
     if not motors:
         return compacted(w.program())
-    nodes = Joiner(w.kernels, w.handed).nodes(step for step in w.steps if isinstance(step, Call))
+    nodes = nodes_of(w, w.calls_from(0))
     tau, given = w.result("tau", np.arange(motors)), [w.from_given(x, np.arange(size)) for x, size in inputs]
     adjoints = Sweep(w, motors, part=DENSE)
     adjoints.seed(tau, Constants(np.eye(motors)))
-    adjoints.backwards(Graph.between(nodes, given, [tau]))
+    adjoints.through(Graph.between(nodes, given, [tau]), back=True)
 
     def block(name: str, columns: Index) -> Target:
         """Return the place of some columns."""
@@ -271,9 +270,9 @@ def inverse_derivatives(request: Request, *, order: Index | None = None) -> Prog
 
     for at in coordinates_of(robot):
         columns = at.v if order is None else order[at.v]
-        collect(adjoints, "q", at.q, block("q", columns), at)
+        collect(adjoints, w.from_given("q", at.q).numbers(0), block("q", columns), at)
         for name in ("v", "a"):
-            collect(adjoints, name, at.v, block(name, columns))
+            collect(adjoints, w.from_given(name, at.v).numbers(0), block(name, columns))
     return compacted(w.program())
 
 

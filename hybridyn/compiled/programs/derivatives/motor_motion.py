@@ -25,8 +25,8 @@ from ...equations.static_elimination import Pivots, solve
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer
-from .columns import Coordinates, changes_of_coordinates, matrix
-from .sweeps import PART, Block, Graph, Joiner, Node, Sweep
+from .columns import Coordinates, changes_of_coordinates, collect, matrix
+from .sweeps import PART, Block, Graph, Node, Sweep, nodes_of
 
 
 class Motions:
@@ -41,7 +41,6 @@ class Motions:
         """
         self._w = w
         self._known: dict[int, tuple[DirectModule, Stages, Ports]] = {}
-        self._joiner = Joiner(w.kernels, w.handed, limit=0.0)
         for calls in modules:
             plan = calls.request.plans[calls.k]
             key = ("motion", id(plan), calls.options)
@@ -59,7 +58,7 @@ class Motions:
             self._add(calls)
         made = self._w.calls_from(start)
         del self._w.steps[start:]
-        return self._joiner.nodes(made)
+        return nodes_of(self._w, made, limit=0.0)
 
     def _add(self, calls: ModuleCalls) -> None:
         """Add the calls from u_dot to the accelerations."""
@@ -135,7 +134,7 @@ class MotorMotion:
         E = self._closed(over_u) if self._rest else None
         self.over_v = Sweep(w, n, over_u.known)
         self.over_v.seed(w.from_given("v", self._at.v), self._E)
-        self.over_v.forwards(graph)
+        self.over_v.through(graph)
         if E:
             self._rates(E)
 
@@ -143,8 +142,8 @@ class MotorMotion:
         """Add E of a module with loops, for all lanes column by column."""
         w, n, size = self._w, len(self.motors), len(self._at.v)
         Psi, Psi_m, inverse, minus_B = w.each(n, size), w.each(n, n), w.each(n, n), w.each(n, n)
-        over_u.gather(self._numbers, Psi)
-        over_u.gather(self.accelerations, Psi_m)
+        collect(over_u, self._numbers, Psi)
+        collect(over_u, self.accelerations, Psi_m)
         self.Psi, self.inverse, self.minus_B = *(Shared(x.start, n * n) for x in (Psi_m, inverse)), minus_B
         pivots = self._pivots()
         kernel = w.kernel(("motor map", pivots), lambda: _inverted(n, pivots), PART)

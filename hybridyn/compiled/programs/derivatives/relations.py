@@ -249,7 +249,7 @@ class Relations:
         for source, block in seeds:
             tangents.seed(source, block)
         for graph in self._graphs:
-            tangents.forwards(graph)
+            tangents.through(graph)
         return tangents.reading(self._ends)
 
     def unit_changes(self, source: Source) -> Reading:
@@ -262,7 +262,7 @@ class Relations:
         first = 0
         for part in self.parts:
             n = len(part.motors)
-            part.over_v.forwards(self._graphs[1])
+            part.over_v.through(self._graphs[1])
             yield "q", part.motors, self.reading(part.over_q(), n)
             yield "v", part.motors, part.over_v.reading(self._ends)
             efforts = Sweep(self.writer, n)
@@ -314,10 +314,10 @@ class Relations:
             over_u = Sweep(w, count, self._known)
             for u, at in zip(u_dot, ends, strict=True):
                 over_u.seed(u, Constants(np.eye(count)[:, at : at + u.size]))
-            over_u.forwards(self._graphs[0])
+            over_u.through(self._graphs[0])
             if self.parts:
                 self.parts[i].close(over_u, self._graphs[0])
-            over_u.forwards(self._graphs[1])
+            over_u.through(self._graphs[1])
             places = [Each(x.start + first * x.size, x.size) for x in blocks]
             targets = dict(zip(("forces", "S", "more"), places, strict=True))
             self._add(over_u.reading(self._ends), count, dict(targets))

@@ -9,15 +9,16 @@ parts, which whoever needs it adds up.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...equations.expressions import pack
-from ...program import Add, Call, Constants, Each, Given, Kernel, Own, Result, Shared, Source, Target, Worst
+from ...program import Add, Call, Constants, Each, Given, Own, Result, Shared, Source, Target, Worst
 from ..writer import Writer
 
 #: A number of a program: the place it is stored in, and its index there.
@@ -57,117 +58,79 @@ class Node:
         sources, targets = ([end.numbers(copy) for end in ends] for ends in (self.sources, self.targets))
         return [(sources[s][col], targets[n][row]) for n, row, s, col in entries]
 
-    def common(self, ins: list[int], outs: list[int]) -> tuple[list[bool], list[bool]]:
-        """Return which sources all copies read alike, and which targets the copies add up."""
-        alone = self.copies == 1
-        common_in = [alone or isinstance(self.sources[n], Shared) for n in ins]
-        return common_in, [alone or isinstance(self.targets[n], Add) for n in outs]
 
+def nodes_of(w: Writer, calls: Iterable[Call], limit: float = INLINED) -> list[Node]:
+    """Return the nodes of calls in their order; each producer of passed numbers is among the calls.
 
-@dataclass
-class Joiner:
-    """Turn the calls of a program into nodes.
-
-    Attributes:
-        kernels: The program's kernels.
-        handed: Places of the numbers that stages pass on.
+    Args:
+        w: The program under construction.
+        calls: The calls.
         limit: Passed numbers over results, above which stages are joined; 0 joins all, for calls that are
             not made and leave no numbers behind.
     """
-
-    kernels: list[Kernel]
-    handed: Collection[Shared | Own]
-    limit: float = INLINED
-    _functions: dict[Any, ca.Function] = field(default_factory=dict)
-
-    def nodes(self, calls: Iterable[Call]) -> list[Node]:
-        """Return the nodes of calls in their order; each producer of passed numbers is among the calls."""
-        calls = list(calls)
-        inlined = self._inlined(calls)
-        producers: dict[Shared | Own | None, tuple[Call, int]] = {}
-        out = []
-        for call in calls:
-            out.append(self._node(call, producers, inlined))
-            for n, target in enumerate(call.targets):
-                if _place(target) in inlined:
-                    producers[_place(target)] = call, n
-        return out
-
-    def _inlined(self, calls: list[Call]) -> set[Shared | Own]:
-        """Return the places of passed numbers of which there are more than results that need them."""
-        needed: dict[Shared | Own | None, int] = dict.fromkeys(self.handed, 0)
-        for call in calls:
-            results = sum(
-                self.kernels[call.kernel].function.nnz_out(n)
-                for n, target in enumerate(call.targets)
-                if not isinstance(target, Worst) and _place(target) not in needed
-            )
-            for source in call.sources:
-                if (place := _place(source)) in needed:
-                    needed[place] += results
-        return {place for place, count in needed.items() if place and place.size > self.limit * count}
-
-    def _node(
-        self, call: Call, producers: dict[Shared | Own | None, tuple[Call, int]], inlined: set[Shared | Own]
-    ) -> Node:
-        """Return the node of one call."""
-        sources: list[Source] = []
-        known: dict[Any, int] = {}
-
-        def tree(call: Call) -> tuple[Any, ...]:
-            """Return the kernel and its arguments: numbers of sources, or outputs of other trees."""
-            arguments: list[Any] = []
-            for source in call.sources:
-                if (place := _place(source)) in producers:
-                    producer, n = producers[place]
-                    arguments.append((n, tree(producer)))
-                    continue
-                same = identity(source)
-                if same not in known:
-                    known[same] = len(sources)
-                    sources.append(source)
-                arguments.append(known[same])
-            return (call.kernel, *arguments)
-
-        whole = tree(call)
-        kept = tuple(
-            n
-            for n, target in enumerate(call.targets)
-            if not isinstance(target, Worst) and _place(target) not in inlined
-        )
-        key = (whole, kept)
-        if key not in self._functions:
-            self._functions[key] = self._joined(whole, len(sources), kept)
-        targets = tuple(call.targets[n] for n in kept)
-        return Node(key, self._functions[key], call.copies, tuple(sources), targets)
-
-    def _joined(self, whole: tuple[Any, ...], count: int, kept: tuple[int, ...]) -> ca.Function:
-        """Return the function of a tree of kernels."""
-        columns: list[Any] = [None] * count
-        done: dict[Any, list[ca.SX]] = {}
-
-        def outputs(tree: tuple[Any, ...]) -> list[ca.SX]:
-            """Return the outputs of a tree's kernel."""
-            if tree not in done:
-                function = self.kernels[tree[0]].function
-                arguments = []
-                for i, argument in enumerate(tree[1:]):
-                    if isinstance(argument, tuple):
-                        arguments.append(outputs(argument[1])[argument[0]])
-                        continue
-                    if columns[argument] is None:
-                        columns[argument] = ca.SX.sym(f"x{argument}", function.nnz_in(i))
-                    arguments.append(columns[argument])
-                done[tree] = function.call(arguments)
-            return done[tree]
-
-        out = outputs(whole)
-        return ca.Function("joined", columns, [out[n] for n in kept])
+    calls = list(calls)
+    inlined = _inlined(w, calls, limit)
+    producers: dict[Any, tuple[Call, int]] = {}
+    out = []
+    for call in calls:
+        out.append(_node(w, call, producers, inlined))
+        producers |= {target: (call, n) for n, target in enumerate(call.targets) if target in inlined}
+    return out
 
 
-def _place(end: Source | Target) -> Shared | Own | None:
-    """Return a source or target that may hold passed numbers, else None."""
-    return end if isinstance(end, Shared | Own) else None
+def _inlined(w: Writer, calls: list[Call], limit: float) -> set[Any]:
+    """Return the places of passed numbers of which there are more than results that need them."""
+    needed: dict[Any, int] = dict.fromkeys(w.handed, 0)
+    for call in calls:
+        kept = [n for n, x in enumerate(call.targets) if not isinstance(x, Worst) and x not in needed]
+        results = sum(w.kernels[call.kernel].function.nnz_out(n) for n in kept)
+        for source in call.sources:
+            if source in needed:
+                needed[source] += results
+    return {place for place, count in needed.items() if place.size > limit * count}
+
+
+def _node(w: Writer, call: Call, producers: dict[Any, tuple[Call, int]], inlined: set[Any]) -> Node:
+    """Return the node of one call."""
+    sources: dict[Any, Source] = {}
+
+    def tree(call: Call) -> tuple[Any, ...]:
+        """Return the kernel and its arguments: numbers of sources, or outputs of other trees."""
+        arguments: list[Any] = [call.kernel]
+        for source in call.sources:
+            if source in producers:
+                producer, n = producers[source]
+                arguments.append((n, tree(producer)))
+            else:
+                sources.setdefault(identity(source), source)
+                arguments.append([*sources].index(identity(source)))
+        return tuple(arguments)
+
+    whole = tree(call)
+    kept = [n for n, x in enumerate(call.targets) if not isinstance(x, Worst) and x not in inlined]
+    key = ("joined", whole, tuple(kept))
+    function = w.once(key, _joined, w, whole, len(sources), kept)
+    return Node(key, function, call.copies, tuple(sources.values()), tuple(call.targets[n] for n in kept))
+
+
+def _joined(w: Writer, whole: tuple[Any, ...], count: int, kept: list[int]) -> ca.Function:
+    """Return the function of a tree of kernels."""
+    columns: dict[int, ca.SX] = {}
+
+    @cache
+    def outputs(tree: tuple[Any, ...]) -> list[ca.SX]:
+        """Return the outputs of a tree's kernel."""
+        function = w.kernels[tree[0]].function
+        arguments = []
+        for i, x in enumerate(tree[1:]):
+            if not isinstance(x, tuple):
+                arguments.append(columns.setdefault(x, ca.SX.sym(f"x{x}", function.nnz_in(i))))
+            else:
+                arguments.append(outputs(x[1])[x[0]])
+        return list(function.call(arguments))
+
+    out = outputs(whole)
+    return ca.Function("joined", [columns[i] for i in range(count)], [out[n] for n in kept])
 
 
 def identity(source: Source) -> Any:
@@ -197,42 +160,27 @@ class Local:
     own: tuple[Entry, ...]
 
 
-def local_jacobian(
-    node: Node,
-    ins: list[int],
-    outs: list[int],
-    common_in: list[bool],
-    common_out: list[bool],
-    ends: list[tuple[int, int]] | None = None,
-) -> Local:
+def local_jacobian(node: Node, ins: list[int], out_of: list[tuple[int, int]]) -> Local:
     """Differentiate a node.
 
     Args:
         ins: Sources over which to differentiate.
-        outs: Targets to differentiate.
-        common_in: Whether all copies read the same numbers, for each of `ins`.
-        common_out: Whether the copies add up their numbers, for each of `outs`.
-        ends: Target entries to differentiate, by target; default all of `outs`.
+        out_of: Targets and their entries to differentiate.
     """
-    f = node.function
+    f, alone = node.function, node.copies == 1
     columns = [ca.SX.sym(f"x{n}", f.nnz_in(n)) for n in range(f.n_in())]
-    values = f.call(columns)
-    out_of = [(n, k) for n in outs for k in range(f.nnz_out(n))] if ends is None else ends
-    x, dense = ca.vertcat(*(columns[n] for n in ins)), [ca.densify(value) for value in values]
-    y = ca.vertcat(*(dense[n][k] for n, k in out_of))
-    J = _jacobian(y, x)
-    rows, cols = J.sparsity().get_triplet()
-    numbers = J.nonzeros()
+    dense = [ca.densify(value) for value in f.call(columns)]
     in_of = [(n, k) for n in ins for k in range(f.nnz_in(n))]
-    common = dict(zip([*ins, *(-1 - n for n in outs)], [*common_in, *common_out], strict=True))
+    J = _jacobian(ca.vertcat(*(dense[n][k] for n, k in out_of)), ca.vertcat(*(columns[n] for n in ins)))
+    common = [isinstance(x, Shared) for x in node.sources], [isinstance(x, Add) for x in node.targets]
     lists: tuple[list[Entry], list[Entry]] = ([], [])
     terms: tuple[list[Any], list[Any]] = ([], [])
-    for row, col, value in zip(rows, cols, numbers, strict=True):
+    for row, col, value in zip(*J.sparsity().get_triplet(), J.nonzeros(), strict=True):
         (n, r), (s, c) = out_of[row], in_of[col]
-        which = 0 if common[s] and common[-1 - n] else 1
+        which = 0 if alone or (common[0][s] and common[1][n]) else 1
         lists[which].append((n, r, s, c))
         terms[which].append(value)
-    key = (node.key, tuple(ins), tuple(out_of), tuple(common_in), tuple(common_out))
+    key = (node.key, tuple(ins), tuple(out_of), alone or (*map(tuple, common),))
     outputs = [pack(np.array(part, dtype=object)) if part else ca.SX(0, 1) for part in terms]
     return Local(key, ca.Function("local", columns, outputs), tuple(lists[0]), tuple(lists[1]))
 
@@ -357,33 +305,19 @@ class Sweep:
         for k, number in enumerate(end if isinstance(end, list) else end.numbers(0)):
             self.of.setdefault(number, []).append((block, k))
 
-    def forwards(self, graph: Graph) -> None:
-        """Add the calls that compute the tangents of all needed numbers that the seeds change."""
-        for node in graph.nodes:
-            if any(x in self.of for source in node.sources for x in node.numbers(source)):
-                self._node(node, graph, back=False)
+    def through(self, graph: Graph, *, back: bool = False) -> None:
+        """Add the calls that compute what the seeds change or, `back`, what changes the seeds.
 
-    def backwards(self, graph: Graph) -> None:
-        """Add the calls that compute the adjoints of all live numbers over which the seeds change."""
-        for node in reversed(graph.nodes):
-            if any(x in self.of for target in node.targets for x in node.numbers(target)):
-                self._node(node, graph, back=True)
+        These are the tangents of all needed numbers, or the adjoints of all live ones.
+        """
+        for node in graph.nodes[:: -1 if back else 1]:
+            ends = node.targets if back else node.sources
+            if any(x in self.of for end in ends for x in node.numbers(end)):
+                self._node(node, graph, back=back)
 
     def reading(self, numbers: Sequence[Number]) -> Reading:
         """Return the reading of the tangents or adjoints of some numbers."""
         return Reading.of([self.of.get(number, []) for number in numbers])
-
-    def gather(self, numbers: Sequence[Number], target: Target) -> None:
-        """Add the call that writes the tangents of some numbers to a target."""
-        reading = self.reading(numbers)
-
-        def function() -> ca.Function:
-            """Return the sums of the parts."""
-            blocks, values = reading.symbols()
-            return ca.Function("gather", blocks, [pack(values)])
-
-        kernel = self.writer.kernel(("gather", reading.key), function, PART)
-        self.writer.call(kernel, self.lanes, [*reading.blocks], [target])
 
     def _node(self, node: Node, graph: Graph, *, back: bool) -> None:
         """Add the calls of one node: its local derivatives and what they lead to, copy by copy."""
@@ -404,11 +338,9 @@ class Sweep:
         """Return a node's local derivatives, and their places: sums over its copies, and of each copy."""
         w, key = self.writer, (node.key, tuple(map(identity, node.sources)), tuple(ins), tuple(outs))
         if key not in self.known:
-            ends = None
-            if node.copies == 1:
-                numbers = [(n, k, x) for n in outs for k, x in enumerate(node.targets[n].numbers(0))]
-                ends = [(n, k) for n, k, x in numbers if x in needed]
-            local = local_jacobian(node, ins, outs, *node.common(ins, outs), ends)
+            numbers = [(n, k, x) for n in outs for k, x in enumerate(node.targets[n].numbers(0))]
+            out_of = [(n, k) for n, k, x in numbers if node.copies > 1 or x in needed]
+            local = local_jacobian(node, ins, out_of)
             summed, each = w.shared(len(local.summed)), w.each(node.copies, len(local.own))
             added: Target = summed if node.copies == 1 else w.start(summed, np.zeros(summed.size))
             kernel = w.kernel(("local", local.key), local.function, PART)
@@ -433,9 +365,8 @@ class Sweep:
             used: Numbers of sources that matter.
             back: Whether the targets' side is known.
         """
-        used_ends = [(k, *pair) for k, pair in enumerate(ends) if pair[0] in used]
-        pairs = [(k, target, source) if back else (k, source, target) for k, source, target in used_ends]
-        pairs = [(k, known, wanted) for k, known, wanted in pairs if known in self.of]
+        pairs = [(k, *((y, x) if back else (x, y))) for k, (x, y) in enumerate(ends) if x in used]
+        pairs = [pair for pair in pairs if pair[1] in self.of]
         if not pairs:
             return
         inputs = {x: i for i, x in enumerate(dict.fromkeys(known for _, known, _ in pairs))}
