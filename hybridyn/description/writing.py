@@ -1,43 +1,18 @@
-"""Write files that appear complete or not at all, in folders of one process at a time; name full disks."""
+"""Write files that appear complete or not at all, and name full disks."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import HybridynError
-
 #: Errors that only writing causes, and that the system reports without the name of the file.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
-#: The file in a folder of results that the process holds which writes there.
-LOCK = "writing.lock"
-
-
-@contextlib.contextmanager
-def locked(folder: str | os.PathLike[str]) -> Iterator[None]:
-    """Hold a folder, which is made if it does not exist, for this process alone; its end releases it.
-
-    Raises:
-        HybridynError: It is no folder, or another process holds it.
-        OSError: It cannot be made or written to.
-    """
-    if os.path.exists(folder) and not os.path.isdir(folder):
-        raise HybridynError(f"{folder}: is not a folder")
-    os.makedirs(folder, exist_ok=True)
-    with open(Path(folder, LOCK), "a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise HybridynError(
-                f"{folder}: another process writes its results here: wait for its end, or choose another "
-                "folder"
-            ) from None
-        yield
+#: Pattern of the names of drafts.
+DRAFTS = f".*.{'[0-9a-f]' * 8}.*"
 
 
 @contextlib.contextmanager

@@ -56,7 +56,7 @@ def open_results(
             return
         import tempfile  # only Parquet needs it
 
-        with tempfile.NamedTemporaryFile(dir=draft.parent, **words) as text:
+        with tempfile.NamedTemporaryFile(dir=draft.parent, prefix=f"{draft.name}.", **words) as text:
             yield _csv_writer(text, columns, ())
             text.flush()
             polars = required("polars", "io", "Parquet")

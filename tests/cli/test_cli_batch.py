@@ -1,12 +1,15 @@
 """Commands over a folder or a glob of tables: shards, errors that name the table, and lost processes."""
 
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hybridyn.description.writing import locked
+from hybridyn.studies.results_folder import writing
 from tests.extras import needs
 from tests.files import save
 from tests.studies.test_sweep import pendulum_in, pool_here
@@ -30,7 +33,7 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     """Times that the process ends, by table; the test fills it."""
     times: dict[str, int] = {}
 
-    def deaths(_: object, options: dict[str, str]) -> bool:
+    def deaths(_: object, options: dict[str, str], *more: object) -> bool:
         name = Path(options["source"]).stem
         times[name] = times.get(name, 0) - 1
         return times[name] >= 0
@@ -40,7 +43,7 @@ def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
 
 
 def shards(folder: str) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob("*.csv"))}
+    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob("[!.]*.csv"))}
 
 
 def test_each_table_has_its_shard_and_a_broken_one_is_named(
@@ -60,7 +63,7 @@ def test_each_table_has_its_shard_and_a_broken_one_is_named(
     (place / "in" / "t2.csv").write_text((place / "in" / "t1.csv").read_text())
     assert "4 tables of 4 in 'out', 2 computed now" in run(*words, "--resume").err
     said = run(*words, "--resume", "--effects", "none", status=1)
-    assert "its shards are of other options" in said.err
+    assert "out: its results were computed with another 'effects': undo the change" in said.err
 
 
 def test_a_shard_is_done_if_it_has_the_bytes_of_its_table(
@@ -79,9 +82,59 @@ def test_a_shard_is_done_if_it_has_the_bytes_of_its_table(
     assert "3 tables of 3 in 'out', 0 computed now" in run(*words, "--resume").err
 
 
+#: Computes the tables of a folder, and is killed in the middle of the second.
+KILLED = """
+import os, signal, sys
+from hybridyn.cli import main
+from hybridyn.cli.common import batch
+
+compute = batch.one_table
+
+def killed(command, words):
+    if "t1" in words["source"]:
+        open(words["output"], "w").write("half a ro")
+        os.kill(os.getpid(), signal.SIGKILL)
+    return compute(command, words)
+
+batch.one_table = killed
+main(sys.argv[1:])
+"""
+
+
+def test_a_killed_program_is_continued(place: Path, lost: dict[str, int], run: Any) -> None:
+    words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o"]
+    ended = subprocess.run([sys.executable, "-c", KILLED, *words, "out", "-j", "1"], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert list(shards("out")) == ["t0.csv"]
+    assert "3 tables of 3 in 'out', 2 computed now" in run(*words, "out", "--resume").err
+    run(*words, "whole")
+    assert shards("out") == shards("whole")
+    assert not list(place.glob("out/.*"))
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (["--gravity", "0,0,-1"], "gravity"),
+        (["--passive", "solved"], "passive"),
+        (None, "pendulum.urdf"),
+    ],
+)
+def test_another_robot_or_option_is_named(
+    place: Path, lost: dict[str, int], run: Any, change: list[str] | None, what: str
+) -> None:
+    words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
+    run(*words)
+    if change is None:
+        robot = place / "pendulum.urdf"
+        robot.write_text(robot.read_text().replace('"0.1"', '"0.2"'))
+    said = f"out: its results were computed with another '{what}': undo the change, or choose another folder"
+    assert said in run(*words, "--resume", *(change or ()), status=1).err
+
+
 def test_a_folder_belongs_to_one_process(place: Path, lost: dict[str, int], run: Any) -> None:
     words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
-    with locked("out"):
+    with writing("out", {}, {}, resume=False):
         assert "out: another process writes its results here" in run(*words, status=1).err
     run(*words)
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,18 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.description.writing import locked
 from hybridyn.errors import install_advice
 from hybridyn.structure.parameters.slots import differences, values_of
+from hybridyn.studies.pools import Pool, ThisProcess
+from hybridyn.studies.results_folder import writing
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
 from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.compiled_designs import Plan
 from hybridyn.studies.sweep.designs import designs_of
 from hybridyn.studies.sweep.evaluation import Chunk, Row
-from hybridyn.studies.sweep.pools import Pool, ThisProcess
 from hybridyn.studies.sweep.reading import identity, read_study
-from hybridyn.studies.sweep.shards import About, begin, read_shards, write_shard
+from hybridyn.studies.sweep.shards import About, read_shards, write_shard
 from hybridyn.studies.sweep.variants import SlotNumbers, Variants, _number
 from tests.clocks import Clock
 from tests.command_line import call
@@ -151,7 +151,7 @@ def test_what_a_sweep_needs_is_said_before_it_begins(folder: Path, monkeypatch: 
         hybridyn.HybridynError,
         f"a sweep needs polars: {re.escape(install_advice('sweep'))}",
     )
-    assert not (folder / "out" / "sweep.json").exists()
+    assert not (folder / "out").exists()
 
 
 def test_a_grid_has_the_numbers_of_the_pendulums_equation(
@@ -248,7 +248,7 @@ def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     refused(
         lambda: hybridyn.sweep(written("method = 'grid'", measure='["rms_effort"]'), "out", resume=True),
         hybridyn.HybridynError,
-        "of another study",
+        "out: its results were computed with another 'study': undo the change, or choose another folder",
     )
 
 
@@ -270,32 +270,31 @@ def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None
 
 def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
     text = (
-        "import time; from hybridyn.description.writing import locked\n"
-        f"with locked({str(tmp_path)!r}): print(flush=True); time.sleep(100)"
+        "import time; from hybridyn.studies.results_folder import writing\n"
+        f"with writing({str(tmp_path)!r}, {{}}, {{}}, resume=False): print(flush=True); time.sleep(100)"
     )
     held = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
     held.stdout.readline()
-    with pytest.raises(hybridyn.HybridynError, match="another process"), locked(tmp_path):
+    with (
+        pytest.raises(hybridyn.HybridynError, match="another process"),
+        writing(tmp_path, {}, {}, resume=False),
+    ):
         pass
     held.kill()
     held.communicate()
-    with locked(tmp_path):
+    with writing(tmp_path, {}, {}, resume=False):
         pass
 
 
 @pytest.mark.parametrize("what", ["broken", "added"])
 def test_shards_of_another_study_are_refused(folder: Path, here: Any, what: str) -> None:
     """A file with the name of a shard, and a shard of another study."""
-    hybridyn.sweep(written("method = 'grid'", SCALES), "other")
+    hybridyn.sweep(written("method = 'grid'"), "other")
     study = written("method = 'grid'", SCALES.replace("1.5", "1.25"))
     hybridyn.sweep(study, "out")
     files, others = (sorted(Path(name).glob("designs-*")) for name in ("out", "other"))
-    if what == "added":
-        files[-1].unlink()
-        files[-1] = files[-1].with_name(others[-1].name)
     files[-1].write_bytes(others[-1].read_bytes() if what == "added" else b"PAR1")
-    why = "another study wrote it" if what == "added" else ""
-    said = re.escape(f"{files[-1]}: is no result of this sweep ({why}")
+    said = re.escape(f"{files[-1]}: is no result of this sweep, has changed")
     for question in (
         lambda: hybridyn.sweep(study, "out", resume=True),
         lambda: find_best("out", "peak_effort"),
@@ -309,18 +308,19 @@ def test_a_design_in_two_shards_is_refused(tmp_path: Path) -> None:
     about, rows = made(tmp_path, np.zeros((3, 1)), np.ones(3), ["x"])
     write_shard(tmp_path, about, rows[:2])
     write_shard(tmp_path, about, rows[1:])
-    refused(lambda: read_shards(tmp_path), hybridyn.HybridynError, r"the shard before it has design 1, too")
+    refused(lambda: read_shards(tmp_path), hybridyn.HybridynError, "designs-000000001-000000002.*: remove it")
 
 
 def made(folder: Path, x: np.ndarray, y: np.ndarray, names: list[str]) -> tuple[About, list[Row]]:
     """Begin the results of a sweep with a number y of each design x; return what it is and its rows."""
-    about = About("study.toml", 16 * "0", len(x), names, ["y"])
+    about = About("study.toml", len(x), names, ["y"])
     pairs = zip(x.tolist(), y.tolist(), strict=True)
     rows = [Row(i, tuple(design), "ok", (number,), "") for i, (design, number) in enumerate(pairs)]
-    return begin(folder, about, resume=False), rows
+    with writing(folder, {}, asdict(about), resume=False):
+        return about, rows
 
 
-def digest(study: Path) -> str:
+def digest(study: Path) -> dict[str, str]:
     """The identity of a study."""
     source = read_study(study, allow_python=True)
     return identity(source, designs_of(source)[0])
@@ -345,7 +345,7 @@ def test_a_changed_include_side_car_or_function_is_another_study(folder: Path) -
     ):
         Path(file).write_text(text)
         seen.append(digest(study))
-    assert len(set(seen)) == len(seen)
+        assert [name for name in seen[-1] if seen[-1][name] != seen[-2].get(name)] == [file]
     study.write_text(study.read_text().replace("method = 'grid'", "method = 'grid'\ncheck = 3"))
     assert digest(study) == seen[-1]  # no row depends on how many designs are compared
 
@@ -433,21 +433,21 @@ def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> N
 
 
 def test_a_full_disk_keeps_what_was_done(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from hybridyn.studies.sweep import shards
+    study, written_so_far, write = written("method = 'grid'"), [], Path.write_bytes
 
-    written_so_far, appearing = [], shards.appearing
-
-    def fail(file: Path) -> Any:
+    def fail(file: Path, content: bytes) -> Any:
         if len(written_so_far) == 2:
-            raise OSError(28, "No space left on device", str(file))
+            write(file, content[:5])
+            raise OSError(28, "No space left on device")
         written_so_far.append(file)
-        return appearing(file)
+        return write(file, content)
 
-    monkeypatch.setattr(shards, "appearing", fail)
-    refused(lambda: hybridyn.sweep(written("method = 'grid'"), "out"), OSError, "No space left")
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    full = r"No space left on device: 'out/designs-(\d{9})-\1.parquet'"
+    refused(lambda: hybridyn.sweep(study, "out"), OSError, full)
     assert len(rows_of("out")["design"]) == 2
-    monkeypatch.setattr(shards, "appearing", appearing)
-    hybridyn.sweep("study.toml", "out", resume=True)
+    monkeypatch.setattr(Path, "write_bytes", write)
+    hybridyn.sweep(study, "out", resume=True)
     assert rows_of("out")["design"] == list(range(6))
 
 
@@ -555,7 +555,7 @@ def test_the_command_evaluates_and_asks(
     assert Path("sweep.png").stat().st_size > 1000
     said = call(capsys, "sweep", "--best", "-length", "--where", "rod > 2", "--top", "1")
     assert said.out.splitlines()[-1].split()[:3] == ["4", "1.5", "3"]
-    assert "continue them with --resume" in call(capsys, "sweep", "study.toml", status=1).err
+    assert "continue it with --resume" in call(capsys, "sweep", "study.toml", status=1).err
 
 
 def test_shards_are_read_by_polars(folder: Path, here: Any) -> None:

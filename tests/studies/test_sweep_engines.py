@@ -16,6 +16,7 @@ import pytest
 import hybridyn
 from tests.command_line import program
 from tests.extras import needs
+from tests.files import save
 from tests.studies.test_sweep import folder, rows_of, written
 from tests.waiting import wait_until
 
@@ -110,7 +111,7 @@ def test_a_killed_program_is_continued(folder: Path) -> None:
     wait_until(lambda: len(list(folder.glob("out/designs-*"))) >= 2, "two shards")
     running.kill()
     running.communicate()
-    (folder / "out" / ".designs-000000039-000000039.parquet.1.tmp").write_text("half a sh")
+    save(folder / "out", "half a sh", ".designs-000000039-000000039.parquet.0123abcd.parquet")
     begun = len(rows_of("out")["design"])
     assert 0 < begun < 40
     state = hybridyn.sweep(path, "out", jobs=1, allow_python=True, resume=True)

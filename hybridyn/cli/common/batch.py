@@ -2,9 +2,7 @@
 
 import contextlib
 import glob
-import hashlib
 import io
-import json
 import os
 import time
 from collections.abc import Callable
@@ -15,10 +13,10 @@ from typing import Any, NamedTuple
 import click
 
 from ...description.urdf.robot_folders import recorded
-from ...description.writing import locked, write_text
 from ...errors import HybridynError
 from ...structure.robot import HybridRobot
-from ...studies.sweep.pools import MOST_DEATHS, open_pool
+from ...studies.pools import MOST_DEATHS, open_pool
+from ...studies.results_folder import by_name, digest, part, writing
 from ...threads import one_thread
 from .. import explained
 from .options import RobotChoice, refuse
@@ -26,9 +24,8 @@ from .progress import progress
 from .tables import one_table
 from .text import counted
 
-#: The file that says what the shards of a folder are: a digest of the command, then for each table that was
-#: computed a line with the digests of table and shard.
-ABOUT = "tables.txt"
+#: Options that change no shard, and that of the robot, whose parts are named by themselves.
+OTHERS = ("source", "output", "jobs", "quiet", "load")
 #: Exit status where a table failed.
 FAILED = 1
 
@@ -62,25 +59,17 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
     """
     started = time.perf_counter()
     refuse(*((options[name], f"--{name} belongs to a single table") for name in ("plot", "reactions")))
-    outcomes = list[Outcome]()
-    identity = _identity(command, options)
-    shards, folder = _shards(options["source"], options["output"], ending), Path(options["output"])
-    with locked(folder):
-        left = _begin(folder, identity, shards, resume=resume)
-        tasks = [
-            (command, options | {"source": file, "output": str(shards[file]), "jobs": 1, "quiet": True})
-            for file in left
-        ]
+    outcomes, shards = list[Outcome](), _shards(options["source"], options["output"], ending)
+    with writing(options["output"], _asked(command, options), {}, resume=resume) as record:
+        digests = {file: digest(file) for file in shards}
+        left = [file for file in shards if not record.has(shards[file].name, digests[file])]
+        tasks = [(command, options | {"source": file}, shards[file], digests[file]) for file in left]
         try:
             with progress("tables") as show:
                 for outcome in open_pool(options["jobs"]).run(compute, tasks, lost) if tasks else ():
                     outcomes.append(outcome)
-                    source = outcome.source
                     if outcome.error:
                         click.echo(f"error: {outcome.error}", err=True)
-                    elif shards[source].exists():
-                        with open(folder / ABOUT, "a", encoding="utf-8") as record:
-                            record.write(_line(left[source], shards[source]))
                     show(len(outcomes), len(outcomes) / len(left))
         finally:
             good = sorted(one for one in outcomes if not one.error)
@@ -89,7 +78,7 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
             there, todo = len(shards) - len(left) + len(good), len(left) - len(good)
             more = f"\n{counted(todo, 'table')} left; continue with --resume" if todo else ""
             click.echo(
-                f"{counted(there, 'table')} of {len(shards):,} in '{folder}', "
+                f"{counted(there, 'table')} of {len(shards):,} in '{record.folder}', "
                 f"{len(good):,} computed now{more}\nwall time {time.perf_counter() - started:.2f} s",
                 err=True,
             )
@@ -117,65 +106,32 @@ def _shards(source: str, output: str | None, ending: str) -> dict[str, Path]:
     return shards
 
 
-def _identity(command: Callable[..., int], options: dict[str, Any]) -> str:
-    """Compute a digest of the command, its options, and the files of the robot but meshes; it must load."""
-    about_files = ("source", "output", "jobs", "quiet")
-    said = {key: repr(options[key]) for key in sorted(options) if key not in about_files}
+def _asked(command: Callable[..., int], options: dict[str, Any]) -> dict[str, str]:
+    """Return what is asked: command, options, and digests of the robot's files but meshes; it must load."""
+    choice: RobotChoice = options["load"]
     with recorded() as files:
-        options["load"]()
-    return hashlib.sha256(json.dumps([command.__module__, said, sorted(files.items())]).encode()).hexdigest()
+        choice()
+    words = options | vars(choice)
+    words |= {"robot": os.path.abspath(choice.robot), "command": command.__module__}
+    return {name: repr(words[name]) for name in words if name not in OTHERS} | by_name(files)
 
 
-def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool) -> dict[str, str]:
-    """Begin or continue the shards in a folder, and return the digests of the tables to compute.
-
-    A table is done if the folder has the bytes that were computed from the table's bytes.
-    """
-    about = folder / ABOUT
-    text = about.read_text(encoding="utf-8") if about.exists() else ""
-    before, *lines = text.splitlines(keepends=True) or [""]
-    there = {file for file, shard in shards.items() if shard.exists()}
-    if before and there:
-        if not resume:
-            raise HybridynError(
-                f"{folder}: has shards of an earlier run: continue it with resume=True, or choose another "
-                "folder"
-            )
-        if before.strip() != identity:
-            raise HybridynError(
-                f"{folder}: its shards are of other options, or of a robot that has changed: choose another "
-                "folder"
-            )
-    known, digests = set(lines), {file: _digest(file) for file in shards}
-    done = {file: line for file in there if (line := _line(digests[file], shards[file])) in known}
-    write_text(about, "".join([f"{identity}\n", *done.values()]))
-    return {file: digest for file, digest in digests.items() if file not in done}
-
-
-def _line(digest: str, shard: Path) -> str:
-    """Return the line that records a shard, from the digest of its table."""
-    return f"{digest} {_digest(shard)}\n"
-
-
-def _digest(path: str | Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def lost(command: Callable[..., int], options: dict[str, Any]) -> Outcome:
+def lost(command: Callable[..., int], options: dict[str, Any], shard: Path, of: str) -> Outcome:
     """Return what became of a table that ended its process each time."""
-    source = options["source"]
-    return Outcome(
-        source, error=f"{source}: its process ended without a result {counted(MOST_DEATHS, 'time')}"
-    )
+    why = f"its process ended without a result {counted(MOST_DEATHS, 'time')}"
+    return Outcome(options["source"], error=f"{options['source']}: {why}")
 
 
-def compute(command: Callable[..., int], options: dict[str, Any]) -> Outcome:
+def compute(command: Callable[..., int], options: dict[str, Any], shard: Path, of: str) -> Outcome:
     """Compute one table, in whatever process; the first process has printed the notes on the robot."""
     source, out = options["source"], io.StringIO()
+    own = {"load": partial(_robot, options["load"]), "jobs": 1, "quiet": True}
     try:
-        with one_thread(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
-            status = one_table(command, options | {"load": partial(_robot, options["load"])})
+        with (
+            one_thread(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()),
+            part(shard.parent, shard.name, of) as draft,
+        ):  # fmt: skip
+            status = one_table(command, options | own | {"output": str(draft)})
     except (HybridynError, OSError, click.ClickException) as error:
         said = " ".join(explained(error)[0].split())
         return Outcome(source, error=said if said.startswith(source) else f"{source}: {said}")

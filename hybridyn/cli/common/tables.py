@@ -174,7 +174,7 @@ def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
     """Return the number of processes to start, 0 to compute in this one."""
     long = LONG_FOR_COMPILED if compiled else LONG_TABLE
     if jobs is None and (table.rows or 0) * len(table.columns) > long:
-        from ...studies.sweep.pools import cores
+        from ...studies.pools import cores
 
         jobs = cores()
     return 0 if jobs in (None, 1) else jobs

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
 from pathlib import Path
 
 from ...description.reading import read_bytes
@@ -13,6 +11,7 @@ from ...description.urdf.robot_folders import recorded
 from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
 from ...spatial import Array
+from ..results_folder import by_name
 from .evaluation import Player
 from .measures import check_word
 from .study_file import PYTHON, Study, StudyFile, python_of
@@ -66,8 +65,8 @@ def _check(source: StudyFile, allow_python: bool) -> None:
         )
 
 
-def identity(source: StudyFile, first: Array) -> str:
-    """Compute a digest of a study and of all files that it reads; meshes are no part of it.
+def identity(source: StudyFile, first: Array) -> dict[str, str]:
+    """Return what a study asks: its text, and digests of all files that it reads; meshes are no part of it.
 
     These are the files that the study names, functions in Python among them, those that the robot's file
     includes for the first design, and `model.toml` and other files beside it.
@@ -78,12 +77,10 @@ def identity(source: StudyFile, first: Array) -> str:
     Raises:
         ModelError: A file that the study names cannot be read.
     """
-    said = source.study.model_dump_json(exclude={"designs": {"check"}})
-    digest = hashlib.sha256(said.encode())
-    for path in source.files:
-        digest.update(read_bytes(path))
     variants = Variants(source)
-    with recorded() as files, contextlib.suppress(HybridynError):  # the files of a robot that does not load
-        variants.description(variants.named(first))
-    digest.update(json.dumps([files[path] for path in sorted(files)]).encode())
-    return digest.hexdigest()
+    with recorded() as files:
+        for path in source.files:
+            read_bytes(path)
+        with contextlib.suppress(HybridynError):  # the files of a robot that does not load
+            variants.description(variants.named(first))
+    return {"study": source.study.model_dump_json(exclude={"designs": {"check"}}), **by_name(files)}

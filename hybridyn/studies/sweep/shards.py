@@ -1,28 +1,23 @@
-"""The results on disk: one shard per chunk, written whole or not at all.
+"""The rows of a sweep on disk: parts of a folder of results, one per chunk of designs.
 
-A shard is named by its designs and its study, `designs-000000000-000000099-0123456789abcdef.parquet`. The
-names say what is done: a run that continues evaluates the other designs, so that nothing is lost and nothing
-counted twice.
+A part, or shard, is named by its designs, `designs-000000000-000000099.parquet`. The names say what is done:
+a run that continues evaluates the other designs, so that nothing is lost and nothing counted twice.
 """
 
 from __future__ import annotations
 
 import io
-import json
-import os
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...description.writing import appearing, write_text
 from ...errors import HybridynError, required
+from ..results_folder import part, read_record
 from .evaluation import Row
 
-#: The file that says of which study the shards are.
-ABOUT = "sweep.json"
-_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})-[0-9a-f]+\.parquet")
+_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})\.parquet")
 
 
 @dataclass(frozen=True)
@@ -31,7 +26,6 @@ class About:
 
     Attributes:
         study: File of the study.
-        identity: Digest of the study and its files.
         designs: Number of designs.
         parameters: Columns of the parameters.
         measures: Columns of the measures.
@@ -40,7 +34,6 @@ class About:
     """
 
     study: str
-    identity: str
     designs: int
     parameters: list[str]
     measures: list[str]
@@ -58,38 +51,6 @@ class About:
         return ["design", *self.parameters, "status", *self.measures, "message"]
 
 
-def begin(folder: Path, about: About, *, resume: bool) -> About:
-    """Begin or continue the results in a folder, and return what they belong to.
-
-    Args:
-        folder: The folder, which exists, and which only this process writes (`locked`).
-        about: What the shards belong to.
-        resume: Whether to continue from shards that exist.
-
-    Raises:
-        HybridynError: The folder has shards and `resume` is false, or they are of another study.
-        OSError: The folder cannot be written to.
-    """
-    if not shards_in(folder):
-        required("polars", "sweep", "a sweep")
-        write_text(folder / ABOUT, json.dumps(asdict(about), indent=1) + "\n")
-        return about
-    if not resume:
-        raise HybridynError(
-            f"{folder}: has results of an earlier sweep: continue them with resume=True, or choose another "
-            "folder"
-        )
-    for draft in folder.glob(".designs-*"):  # of a program that was killed
-        draft.unlink(missing_ok=True)
-    before = about_of(folder)
-    if before.identity != about.identity:
-        raise HybridynError(
-            f"{folder}: its results are of another study, or '{before.study}' or a file that it names has "
-            "changed: choose another folder"
-        )
-    return before
-
-
 def gaps(folder: Path, designs: int) -> list[tuple[int, int]]:
     """Return the designs without a row: first number, and the number after the last."""
     edges = [0, *(edge for start, stop, _ in shards_in(folder) for edge in (start, stop)), designs]
@@ -105,8 +66,7 @@ def write_shard(folder: Path, about: About, rows: Sequence[Row]) -> None:
     cells = [(row.design, *row.values, row.status, *row.measures, row.message) for row in rows]
     out = io.BytesIO()
     _frame(about, cells).fill_nan(None).write_parquet(out)
-    name = f"designs-{rows[0].design:09d}-{rows[-1].design:09d}-{about.identity[:16]}.parquet"
-    with appearing(folder / name) as draft:
+    with part(folder, f"designs-{rows[0].design:09d}-{rows[-1].design:09d}.parquet") as draft:
         draft.write_bytes(out.getvalue())
 
 
@@ -116,11 +76,10 @@ def about_of(folder: str | Path) -> About:
     Raises:
         HybridynError: The folder holds no results of a sweep.
     """
-    file = Path(folder, ABOUT)
     try:
-        return About(**json.loads(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        raise HybridynError(f"{folder}: holds no results of a sweep (no readable {ABOUT})") from None
+        return About(**read_record(folder).told)
+    except TypeError:
+        raise HybridynError(f"{folder}: holds no results of a sweep") from None
 
 
 def read_shards(folder: str | Path, columns: Sequence[str] = ()) -> Any:
@@ -130,23 +89,19 @@ def read_shards(folder: str | Path, columns: Sequence[str] = ()) -> Any:
         columns: Columns to read; all by default.
 
     Raises:
-        HybridynError: A shard cannot be read, is of another study, or has a design that the one before has.
+        HybridynError: A shard has changed, is of another sweep, or has a design that the one before has.
     """
     polars, about, after = required("polars", "sweep", str(folder)), about_of(folder), 0
-    wanted = [*(columns or about.columns)]
+    wanted, record = [*(columns or about.columns)], read_record(folder)
     parts = [_frame(about, []).select(wanted)]
-    for start, stop, file in shards_in(Path(folder)):
-        try:
-            if not file.stem.endswith(f"-{about.identity[:16]}"):
-                raise ValueError("another study wrote it")
-            if start < after:
-                raise ValueError(f"the shard before it has design {start}, too")
-            after = stop
-            parts.append(polars.read_parquet(file, columns=wanted).select(wanted))
-        except (OSError, ValueError, polars.exceptions.PolarsError) as error:
+    for start, stop, file in shards_in(record.folder):
+        if start < after or not record.has(file.name):
             raise HybridynError(
-                f"{file}: is no result of this sweep ({error}): remove it, and continue with resume=True"
-            ) from error
+                f"{file}: is no result of this sweep, has changed, or the file before it has designs of it, "
+                "too: remove it, and continue with resume=True"
+            )
+        after = stop
+        parts.append(polars.read_parquet(file, columns=wanted).select(wanted))
     return polars.concat(parts)
 
 
@@ -156,8 +111,7 @@ def shards_in(folder: Path) -> list[tuple[int, int, Path]]:
     Args:
         folder: The folder, which need not exist.
     """
-    names = os.listdir(folder) if folder.is_dir() else []
-    matches = filter(None, map(_SHARD.fullmatch, names))
+    matches = filter(None, (_SHARD.fullmatch(file.name) for file in folder.glob("*")))
     return sorted((int(match[1]), int(match[2]) + 1, folder / match[0]) for match in matches)
 
 

@@ -6,23 +6,23 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from ...description.writing import locked
-from ...errors import HybridynError
+from ...errors import HybridynError, required
 from ...spatial import Array, Index
+from ..pools import MOST_DEATHS, Task, open_pool
+from ..results_folder import read_record, writing
 from .compiled_chunks import evaluate_chunk, plan_for
 from .compiled_designs import Plan
 from .designs import designs_of
 from .evaluation import Chunk, Designer, Evaluated, Row
 from .measures import unit_of
-from .pools import MOST_DEATHS, Task, open_pool
 from .reading import identity, read_study
-from .shards import About, begin, gaps, read_shards, shards_in, write_shard
+from .shards import About, gaps, read_shards, write_shard
 from .study_file import StudyFile
 from .variants import Variants
 
@@ -121,16 +121,17 @@ def sweep(
     designs = designs_of(source)
     state = Swept(Path(output), len(designs))
     pace, plan = CHUNK_SECONDS, None
-    if not shards_in(state.folder):
+    if not read_record(output).begun:
         pace = _try_some(source, designs)
         if compiled:
             plan, state.why_general = plan_for(source, designs, _tried(designs))
+    required("polars", "sweep", "a sweep")
     about = About(
-        str(study), identity(source, designs[0]), len(designs), list(source.study.parameters), source.columns,
-        plan is not None, _units(source, designs[0]),
+        str(study), len(designs), list(source.study.parameters), source.columns, plan is not None,
+        _units(source, designs[0]),
     )  # fmt: skip
-    with locked(output):
-        about = begin(state.folder, about, resume=resume)
+    with writing(output, identity(source, designs[0]), asdict(about), resume=resume) as record:
+        about = About(**record.told)
         state.statuses.update(read_shards(state.folder, ["status"])["status"])
         if left := gaps(state.folder, len(designs)):
             if about.compiled and plan is None:

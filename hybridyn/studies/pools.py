@@ -10,7 +10,7 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
-from ...errors import HybridynError, install_advice
+from ..errors import HybridynError, install_advice
 
 #: Tasks per process that are given in advance.
 AHEAD = 2

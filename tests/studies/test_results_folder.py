@@ -1,0 +1,78 @@
+"""Folders of results: a part is there if it is recorded with its bytes, whatever ended the run before."""
+
+import os
+import shutil
+from pathlib import Path
+from unittest.mock import Mock
+
+import pytest
+
+import hybridyn
+from hybridyn.studies.results_folder import RECORD, part, read_record, writing
+from tests.comparing import refused
+
+
+def begin(folder: Path, *, resume: bool = False, **asked: str) -> None:
+    """Begin or continue a folder of results."""
+    with writing(folder, asked, {"told": [1]}, resume=resume):
+        pass
+
+
+def add(folder: Path, name: str, of: str = "") -> None:
+    """Write a part."""
+    with part(folder, name, of) as draft:
+        draft.write_bytes(os.fsencode(f"content of {name}"))
+
+
+def test_a_part_is_there_with_its_bytes_and_its_source_alone(tmp_path: Path) -> None:
+    folder, names = tmp_path / "out", ["plain.csv", "two\nlines of 'words'", os.fsdecode(b"no utf8 \xff")]
+    begin(folder, robot="1")
+    for name in names:
+        add(folder, name, "source")
+        assert read_record(folder).has(name, "source")
+        assert not read_record(folder).has(name, "other source")
+    moved = shutil.move(folder, tmp_path / "moved")
+    record = read_record(moved)
+    assert all(record.has(name, "source") for name in names)
+    assert (record.asked, record.told) == ({"robot": "1"}, {"told": [1]})
+    (moved / names[0]).write_text("another's")
+    (moved / names[1]).unlink()
+    assert [record.has(name, "source") for name in names] == [False, False, True]
+
+
+def test_no_part_appears_without_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a line was cut, or a part did not appear, the next part is recorded nonetheless."""
+    begin(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            add(tmp_path, "first")
+    with open(tmp_path / RECORD, "a") as record:
+        record.write("\n0123456789abcdef o")
+    assert not read_record(tmp_path).begun
+    add(tmp_path, "second")
+    assert [read_record(tmp_path).has(name) for name in ("first", "second")] == [False, True]
+    assert {file.name for file in tmp_path.iterdir()} == {RECORD, "second", "writing.lock"}
+
+
+def test_what_differs_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
+    begin(tmp_path, robot="1", effects="model")
+    begin(tmp_path, robot="2", effects="model")  # there is no part yet
+    add(tmp_path, "part")
+    again = f"{tmp_path}: has results of an earlier run: continue it with resume=True"
+    refused(lambda: begin(tmp_path, robot="2", effects="model"), hybridyn.HybridynError, again)
+    for asked, other in (
+        ({"robot": "1", "effects": "model"}, "'robot'"),
+        ({"robot": "2", "loads": "yes"}, "'effects', 'loads'"),
+    ):
+        said = f"{tmp_path}: its results were computed with another {other}: undo the change"
+        refused(lambda asked=asked: begin(tmp_path, resume=True, **asked), hybridyn.HybridynError, said)
+    begin(tmp_path, resume=True, robot="2", effects="model")
+    assert read_record(tmp_path).has("part")
+
+
+def test_files_without_a_record_are_no_parts(tmp_path: Path) -> None:
+    (tmp_path / "part").write_text("of another hand")
+    (tmp_path / RECORD).write_text('{"broken')
+    begin(tmp_path)
+    assert not read_record(tmp_path).has("part")
