@@ -243,6 +243,10 @@ class Core:
     v: Expression
     units: Array
 
+    def platform_columns(self) -> dict[str, ca.SX]:
+        """Return the platforms' motion for the legs, by name."""
+        return {f"platform {i}": motion.column() for i, motion in sorted(self.platforms.items())}
+
 
 def is_coarse(m: Mechanism) -> bool:
     """Return whether redundant loops contradict each other by more than `COARSE_FILE`."""

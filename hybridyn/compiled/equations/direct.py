@@ -7,7 +7,7 @@ V_dot_base + y_0, and u_dot = A_t^-1 (Q_0 - E V_dot_base).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -25,7 +25,6 @@ from .core import (
     rank_guard,
     whole,
     wrist_accelerations,
-    write_core,
 )
 from .expressions import (
     Expression,
@@ -35,26 +34,15 @@ from .expressions import (
     hat,
     numbers,
     pack,
-    symbols,
     symmetric,
     upper,
     zeros,
 )
 from .guards import size_of, trusted, weighed
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
-from .request import DirectOptions, InverseOptions, ModuleOptions
+from .request import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
-from .stages import (
-    BaseMotion,
-    Stage,
-    WrittenModule,
-    base_motion,
-    cut,
-    parameters_of,
-    read_by_core,
-    scattered,
-    twist_width,
-)
+from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 from .static_elimination import solve_definite
 
 #: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
@@ -62,7 +50,7 @@ LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
 
 
 def quadratic_form(
-    core: Core, plan: Plan, options: DirectOptions, forced: list[int], received: dict[str, ca.SX]
+    core: Core, plan: Plan, options: Options, forced: list[int], received: Given
 ) -> tuple[Expression, Expression]:
     """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,).
 
@@ -72,8 +60,7 @@ def quadratic_form(
         received: Filled with the columns of symbols that other kernels provide, by name.
     """
     chain, parts = core.chain, plan.parts
-    tau_column, tau = symbols("tau", len(forced))
-    received |= {"tau": tau_column} if forced else {}
+    tau = received.take("tau", len(forced))
     M, S1 = mass_matrix(chain)
     b = forces(chain) if options.velocity else zeros(6 + chain.nv)
     for k, col in enumerate(parts.tree_v):
@@ -88,11 +75,9 @@ def quadratic_form(
     return M, b
 
 
-def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: dict[str, ca.SX]) -> Expression:
+def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: Given) -> Expression:
     """Add the legs of platform i, given over [V_dot_base; delta], to M and b; return S1 as ten numbers."""
-    columns = {name: symbols(f"{name} {i}", size) for name, size in LEG_SUMS}
-    received |= {f"{name} {i}": column for name, (column, _) in columns.items()}
-    S1, B, L, b_base, b_delta = (entries for _, entries in columns.values())
+    S1, B, L, b_base, b_delta = (received.take(f"{name} {i}", size) for name, size in LEG_SUMS)
     B, L = B.reshape(6, 6), symmetric(L, 6)
     at, base = core.chain.columns_of(i + 1), range(6)
     M[:6, :6] = M[:6, :6] + (L - B - B.T)
@@ -105,17 +90,16 @@ def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: dict[s
 
 
 def _add_output(
-    core: Core, plan: Plan, options: DirectOptions, o: int, M: Expression, b: Expression,
-    received: dict[str, ca.SX],
+    core: Core, plan: Plan, options: Options, o: int, M: Expression, b: Expression,
+    received: Given,
 ) -> None:  # fmt: skip
     """Add the inertia and bias of an output, its own or articulated, to M and b."""
     chain, body = core.chain, core.outputs[o]
     R0, p0, V = chain.R0[body], chain.p0[body], chain.V[body]
     own = own_inertia(plan, options.inertias[o], o)
     if options.carries[o]:
-        received[f"I {o}"], entries = symbols(f"I {o}", 21)
-        received[f"beta {o}"], beta = symbols(f"beta {o}", 6)
-        inertia = matrix_moved(symmetric(entries, 6), R0, p0)
+        inertia = matrix_moved(symmetric(received.take(f"I {o}", 21), 6), R0, p0)
+        beta = received.take(f"beta {o}", 6)
     else:
         inertia = inertia_matrix(moved(own, R0, p0))
         beta = bias_of(own, V, options.velocity)
@@ -139,117 +123,42 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
 NEARLY_NO_INERTIA = 1e-5
 
 
-@dataclass(frozen=True, eq=False)
-class DirectModule(WrittenModule):
-    """Stages of one module's direct model: outwards, inwards, outwards, wrists.
+def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> WrittenModule:
+    """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
-    Attributes:
-        joints: Freedoms of the spanning tree in the output "a_core".
-        wrists: Freedoms of the spanning tree in the output "a_wrists".
-        legs: Freedoms of the spanning tree in the input "a_legs".
-        tau: Freedoms of the tree after the cuts in the input "tau".
+    Args:
+        motion: Whether the accelerations along the module's motions are given, "u_dot". Nothing is solved
+            for, and the second stage is empty.
     """
-
-    joints: Index
-    wrists: Index
-    legs: Index
-    tau: Index
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """Solution of one module: y = Psi u_dot + Psi_b V_dot_base + y_0 and u_dot = u_0 - G V_dot_base.
-
-    Attributes:
-        Psi, Psi_b, y_0: Accelerations that keep the core's loops closed.
-        E, G: Eq. (42), and A_t^-1 E.
-        f: Generalised force along y that y_0 and the bias require.
-        u_0: A_t^-1 Q_0.
-        guard: Largest guard of all pivots.
-    """
-
-    Psi: Expression
-    Psi_b: Expression
-    y_0: Expression
-    E: Expression
-    G: Expression
-    f: Expression
-    u_0: Expression
-    guard: Any
-
-    def u_dot(self, A_base: Expression) -> Expression:
-        """Compute the accelerations along the module's motions from the base's, Eq. (51)."""
-        return self.u_0 - dot(self.G, A_base)
-
-    def y(self, A_base: Expression) -> Expression:
-        """Compute the core's accelerations from the base's, Eq. (51)."""
-        return dot(self.Psi, self.u_dot(A_base)) + dot(self.Psi_b, A_base) + self.y_0
-
-
-def write_direct(plan: Plan, options: DirectOptions) -> DirectModule:
-    """Write a module's direct model and cut it into its stages."""
-    parts, spanning = plan.parts, plan.mechanism.spanning
-    at_q, at_v = read_by_core(plan)
-    (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
-    base = base_motion(options.base, options.velocity)
-    core = write_core(plan, q, v, base.V)
-    inputs = [{"q": q_column, "v": v_column} | parameters_of(plan) | base.V_column, {}, base.A_column, {}]
+    parts, (outwards, inwards, back, last) = plan.parts, (Given(), Given(), Given(), Given())
+    if motion:
+        options = replace(options, carries=(False,) * len(options.carries))
+    core, (q, v, _), (V, _) = begun(plan, options, outwards)
+    A, forced = back.base_acceleration(options), []
+    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
+    X, trust = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
     outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
-    # Inwards.
-    forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
-    M, b = quadratic_form(core, plan, options, forced, inputs[1])
-    solved = _solve(core, plan, options, M, b)
-    outputs[1]["guard"] = ca.SX(solved.guard)
-    if options.base is None:
-        outputs[1] |= _onto_base(solved, M, b)
-    # Outwards.
-    s = np.concatenate([base.A, solved.y(base.A)])
+    if motion:
+        u_dot = back.take("u_dot", X.shape[1] - 7)
+    else:
+        forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
+        form = quadratic_form(core, plan, options, forced, inwards)
+        u_0, G, outputs[1] = _solve(core, plan, options, X, core.rows.guard + trusted(trust), form)
+        u_dot = u_0 - dot(G, A)
+    s = np.concatenate([A, dot(X[:, 7:], u_dot) + dot(X[:, :6], A) + X[:, 6]])  # Eq. (51)
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
-    outputs[2] |= _accelerations_outwards(core, options, s, joints)
-    # Wrists.
-    legs = _legs_on_paths(plan)
-    wrists, guard = _add_wrists(core, plan, (q, v), base, s, inputs[3])
-    outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
-    return DirectModule(
-        cut(inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
-        parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
-    )  # fmt: skip
+    outputs[2] = _accelerations_outwards(core, options, s, joints)
+    wrists, guard = _add_wrists(core, plan, (q, v), (V, A), s, last)
+    if wrists:
+        outputs[3] = {"a_wrists": pack(list(wrists.values()))} | ({} if motion else {"guard": ca.SX(guard)})
+    at = {"a_core": parts.v[joints], "a_legs": _legs_on_paths(plan), "tau": parts.tree_v[forced]}
+    at["a_wrists"] = np.array(list(wrists), dtype=int)
+    return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
 
 
-def write_motion(plan: Plan, options: ModuleOptions) -> DirectModule:
-    """Write the accelerations of a module's joints from those along its motions, "u_dot".
-
-    The stages are those of `write_direct` without its second one, with the same names.
-    """
-    parts, spanning = plan.parts, plan.mechanism.spanning
-    at_q, at_v = read_by_core(plan)
-    (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
-    base = base_motion(options.base, options.velocity)
-    core = write_core(plan, q, v, base.V)
-    X, _ = _closed(core, plan)
-    column, u_dot = symbols("u_dot", X.shape[1] - 7)
-    s = np.concatenate([base.A, dot(X[:, 7:], u_dot) + dot(X[:, :6], base.A) + X[:, 6]])
-    joints = [k for k, col in enumerate(parts.v) if col >= 0]
-    inputs = [
-        {"q": q_column, "v": v_column} | parameters_of(plan) | base.V_column,
-        base.A_column | {"u_dot": column},
-        {},
-    ]
-    still = replace(options, carries=(False,) * len(options.carries))
-    outputs = [_motion_outwards(core, plan, still), _accelerations_outwards(core, still, s, joints), {}]
-    wrists, _ = _add_wrists(core, plan, (q, v), base, s, inputs[2])
-    outputs[2] |= {"a_wrists": pack(list(wrists.values()))} if wrists else {}
-    return DirectModule(
-        cut(inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
-        parts.v[joints], np.array(list(wrists), dtype=int), _legs_on_paths(plan), parts.tree_v[:0],
-    )  # fmt: skip
-
-
-def _motion_outwards(core: Core, plan: Plan, options: ModuleOptions) -> dict[str, ca.SX]:
+def _motion_outwards(core: Core, plan: Plan, options: Options) -> dict[str, ca.SX]:
     """Return the platforms' motion for the legs, and twists and biases of carrying outputs, Eq. (38)."""
-    out: dict[str, ca.SX] = {}
-    for i, motion in sorted(core.platforms.items()):
-        out[f"platform {i}"] = motion.column()
+    out = core.platform_columns()
     for o, body in enumerate(core.outputs):
         if not options.carries[o]:
             continue
@@ -261,10 +170,20 @@ def _motion_outwards(core: Core, plan: Plan, options: ModuleOptions) -> dict[str
     return out
 
 
-def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Expression) -> _Solved:
-    """Solve a module for y as a function of its base's acceleration."""
-    X, trust = _closed(core, plan)
-    Psi_b, y_0, Psi = X[:, :6], X[:, 6], X[:, 7:]
+def _solve(
+    core: Core, plan: Plan, options: Options, X: Expression, guard: Any, form: tuple[Expression, Expression]
+) -> tuple[Expression, Expression, dict[str, ca.SX]]:
+    """Solve a module for its accelerations as functions of its base's.
+
+    Args:
+        X: The core's accelerations y over [V_dot_base, 1, u_dot].
+        guard: Guard of its loops and their pivots.
+        form: The module's quadratic form M, b.
+
+    Returns:
+        u_0 and G of u_dot = u_0 - G V_dot_base; the guard, and the inertia and bias on a base that moves.
+    """
+    (M, b), Psi_b, y_0, Psi = form, X[:, :6], X[:, 6], X[:, 7:]
     M_yy, M_yb = M[6:, 6:], M[6:, :6]
     f = b[6:] + dot(M_yy, y_0)
     A_t = congruence(Psi, M_yy)  # Eq. (43)
@@ -272,16 +191,23 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     unforced = _hold_thin(plan, options, (A_t, E, Q_0), f)
     solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), NEARLY_NO_INERTIA)
-    guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust) + unforced, Psi)
+    G, u_0 = solved[:, :6], solved[:, 6]
+    guard = rank_guard(plan, core.rows, guard + unforced, Psi)
     guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
             guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (NEARLY_NO_INERTIA * usual), 2.0))
-    return _Solved(Psi, Psi_b, y_0, E, solved[:, :6], f, solved[:, 6], guard)
+    out = {"guard": ca.SX(guard)}
+    if options.base is None:  # Eqs. (45)-(48) as congruences
+        across = dot(M_yb.T, Psi_b)
+        inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - _product(E, G)
+        bias = b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)
+        out |= {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
+    return u_0, G, out
 
 
 def _hold_thin(
-    plan: Plan, options: DirectOptions, equation: tuple[Expression, Expression, Expression], f: Expression
+    plan: Plan, options: Options, equation: tuple[Expression, Expression, Expression], f: Expression
 ) -> Any:
     """Give spins without inertia no acceleration, the least; return the guard of the forces on them.
 
@@ -301,23 +227,8 @@ def _hold_thin(
     return guard
 
 
-def _closed(core: Core, plan: Plan) -> tuple[Expression, Any]:
-    """Solve the core's closures for y over [V_dot_base, 1, u_dot]; return also the pivots' trust."""
-    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    return motions_of(plan, core.rows.K[:, 6:], right)
-
-
-def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
-    """Compute a module's contribution to its base's inertia and bias, Eqs. (45)-(48) as congruences."""
-    M_yb = M[6:, :6]
-    across = dot(M_yb.T, x.Psi_b)
-    inertia = M[:6, :6] + (across + across.T) + congruence(x.Psi_b, M[6:, 6:]) - _product(x.E, x.G)
-    bias = b[:6] + dot(M_yb.T, x.y_0) + dot(x.Psi_b.T, x.f) + dot(x.E.T, x.u_0)
-    return {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
-
-
 def _accelerations_outwards(
-    core: Core, options: ModuleOptions, s: Expression, joints: list[int]
+    core: Core, options: Options, s: Expression, joints: list[int]
 ) -> dict[str, ca.SX]:
     """Return accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
     out: dict[str, ca.SX] = {}
@@ -349,24 +260,23 @@ def _legs_on_paths(plan: Plan) -> Index:
 
 
 def _add_wrists(
-    core: Core, plan: Plan, given: tuple[Expression, Expression], base: BaseMotion, s: Expression,
-    received: dict[str, ca.SX],
+    core: Core, plan: Plan, given: tuple[Expression, Expression], base: tuple[Expression, Expression],
+    s: Expression, received: Given,
 ) -> tuple[dict[int, Any], Any]:  # fmt: skip
     """Compute the wrists' accelerations by freedom of the spanning tree, and the guard of their pivots.
 
-    Given are q and v of the spanning tree and s = [V_dot_base; y]. `received` gets the legs' accelerations.
+    Given are q and v of the spanning tree, twist and acceleration of the base, and s = [V_dot_base; y].
+    `received` gets the legs' accelerations.
     """
     (q, v), parts, legs = given, plan.parts, _legs_on_paths(plan)
-    column, a_legs = symbols("a_legs", len(legs))
-    received |= {"a_legs": column} if len(legs) else {}
-    known = dict(zip(legs.tolist(), a_legs, strict=True))
+    known = dict(zip(legs.tolist(), received.take("a_legs", len(legs)), strict=True))
     known |= {int(col): s[6 + k] for k, col in enumerate(parts.v) if col >= 0}
     out: dict[int, Any] = {}
     guard: Any = ca.SX(0.0)
     for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):
         a = np.array([(known | out).get(int(col), 0.0) for col in path.v], dtype=object)
         a[path.wrist_v] = 0.0
-        chain = sweep(list(path.links), q[path.q], v[path.v], base.V, a, base.A)
+        chain = sweep(list(path.links), q[path.q], v[path.v], base[0], a, base[1])
         body = core_body(plan, path.wrist.target)
         target = whole(core.chain, body, s, motion_map(core.chain, body))
         target = to_child(numbers(path.wrist.R), numbers(path.wrist.p), target)
@@ -377,28 +287,25 @@ def _add_wrists(
 
 
 def write_direct_legs(
-    plan: Plan, n: int, options: DirectOptions | InverseOptions, *, motion: bool = False
+    plan: Plan, n: int, options: Options, *, motion: bool = False
 ) -> tuple[list[Stage], Array]:
     """Write the direct model of group n of a module, and return its stages and its legs' own numbers.
 
     Args:
         motion: Whether one stage computes the accelerations "a" alone.
     """
-    group = plan.parts.groups[n]
+    group, given, later = plan.parts.groups[n], Given(), Given()
     leg, forced = group[0], group[0].among(options.motors)
-    (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
-    base = base_motion(options.base, options.velocity)
-    p_column, platform = PlatformMotion.symbols(accelerations=False)
-    tau_column, efforts = symbols("tau", len(forced))
-    delta_column, delta = symbols("delta", 6)
+    q, v = given.take("q", len(leg.q)), given.take("v", len(leg.v))
+    platform = PlatformMotion.read(given.take("platform", 19))
+    base = given.base_twist(options)
     tau = zeros(len(leg.v))
-    tau[forced] = efforts
-    written = write_leg(group, q, v, (base.V, base.A), platform, plan.scale, plan.leg_pivots[n])
+    tau[forced] = given.take("tau", len(forced))
+    written = write_leg(group, q, v, (base, zeros(6)), platform, plan.scale, plan.leg_pivots[n])
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
     sums = leg_sums(written, tau, options.velocity, rotor)
-    inputs = {"numbers": written.folding.symbol(), "q": q_column, "v": v_column, "platform": p_column}
-    inputs |= base.V_column | ({"tau": tau_column} if forced else {})
+    numbers = {"numbers": written.folding.symbol()} | given
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
-    later, follows = {"delta": delta_column}, {"a": pack(leg_accelerations(written, delta))}
-    given, wanted = ([inputs | later], [follows]) if motion else ([inputs, later], [outputs, follows])
-    return cut(given, wanted), written.folding.table(len(group))
+    follows = {"a": pack(leg_accelerations(written, later.take("delta", 6)))}
+    inputs, wanted = ([numbers | later], [follows]) if motion else ([numbers, later], [outputs, follows])
+    return cut(inputs, wanted), written.folding.table(len(group))

@@ -60,7 +60,7 @@ class PlatformMotion:
     acceleration_weight: Any = None
 
     def column(self) -> ca.SX:
-        """Return the motion as one column, as `symbols` reads it."""
+        """Return the motion as one column, as `read` takes it."""
         motion = (self.R, self.p, self.V, [self.rate_weight])
         return (
             pack(*motion)
@@ -69,11 +69,9 @@ class PlatformMotion:
         )
 
     @classmethod
-    def symbols(cls, *, accelerations: bool) -> tuple[ca.SX, PlatformMotion]:
-        """Return the motion as symbols, and their column."""
-        column, p = symbols("platform", 26 if accelerations else 19)
-        motion = cls(p[:9].reshape(3, 3), p[9:12], p[12:18], p[18])
-        return column, replace(motion, A=p[19:25], acceleration_weight=p[25]) if accelerations else motion
+    def read(cls, p: Expression) -> PlatformMotion:
+        """Return the motion from the entries of its column."""
+        return cls(p[:9].reshape(3, 3), p[9:12], p[12:18], p[18], *((p[19:25], p[25]) if len(p) > 19 else ()))
 
 
 @dataclass

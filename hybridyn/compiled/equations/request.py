@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -194,15 +193,25 @@ def request(
 
 
 @dataclass(frozen=True)
-class ModuleOptions:
-    """Options of both models.
+class Options:
+    """Options of the code of one module's model; freedoms are those of the tree after the cuts.
 
     Attributes:
         base: The constant acceleration (less gravity) of a base at rest, else None.
         carries: Whether another module stands on each output.
         inertias: Ten numbers of each output, including those that regrouping moves to it.
         velocity: Whether velocity terms are on.
-        rotor: Rotor inertias over the freedoms of the tree after the cuts, as a tuple.
+        rotor: Rotor inertias over the freedoms.
+        motors: Freedoms on which an effort acts; of the inverse model those that are driven, in the order of
+            the module's motors.
+        moving: Indices of the motors that the closures let move.
+        share: Share of the load of each moving motor if they are redundant, else empty.
+        laws: Freedoms with joint laws, of the inverse model.
+        thin: Numbers of the core's spins that are excepted where forces are balanced: without inertia, they
+            get no acceleration.
+        massless: Whether some motion of the module has no inertia; the general path then computes it.
+        usual: Largest inertia that each freedom moves with all other joints locked, for the direct model of a
+            module without loops that carries others; else empty.
     """
 
     base: tuple[float, ...] | None
@@ -210,51 +219,20 @@ class ModuleOptions:
     inertias: tuple[tuple[float, ...], ...]
     velocity: bool
     rotor: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class DirectOptions(ModuleOptions):
-    """Options of the direct model.
-
-    Attributes:
-        motors: Freedoms of the tree after the cuts on which an effort acts.
-        massless: Whether some motion of the module has no inertia; the general path then computes it.
-        thin: Numbers of the core's spins that are excepted: without inertia, they get no acceleration.
-        usual: Largest inertia that each freedom moves with all other joints locked, for a module without
-            loops that carries others; else empty.
-    """
-
-    motors: tuple[int, ...]
-    massless: bool
-    thin: tuple[int, ...]
-    usual: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class InverseOptions(ModuleOptions):
-    """Options of the inverse model.
-
-    Attributes:
-        motors: Freedoms of the tree after the cuts that are driven, in the order of the module's motors.
-        moving: Indices of the motors that the closures let move.
-        share: Share of the load of each moving motor if they are redundant, else empty.
-        laws: Freedoms of the tree after the cuts with joint laws.
-        thin: As in `DirectOptions`, where the forces are balanced.
-    """
-
-    motors: tuple[int, ...]
-    moving: tuple[int, ...]
-    share: tuple[float, ...]
-    laws: tuple[int, ...]
+    motors: tuple[int, ...] = ()
+    moving: tuple[int, ...] = ()
+    share: tuple[float, ...] = ()
+    laws: tuple[int, ...] = ()
     thin: tuple[int, ...] = ()
+    massless: bool = False
+    usual: tuple[float, ...] = ()
 
 
-def direct_options(request: Request, k: int) -> DirectOptions:
+def direct_options(request: Request, k: int) -> Options:
     """Return the options of the direct model of module k."""
-    marks = request.marks(request.robot.modules[k])
-    return DirectOptions(
-        **_of_both(request, k),
-        motors=tuple(i for i, mark in enumerate(marks) if mark),
+    return replace(
+        _of_all(request, k),
+        motors=_forced(request, k),
         massless=_massless(request, k),
         thin=_thin(request, k),
         usual=_usual(request, k),
@@ -312,15 +290,15 @@ def _thin(request: Request, k: int) -> tuple[int, ...]:
     return tuple(np.flatnonzero(left <= ROUNDED_INERTIA * terms).tolist())
 
 
-def inverse_options(request: Request, k: int) -> InverseOptions:
+def inverse_options(request: Request, k: int) -> Options:
     """Return the options of the inverse model of module k."""
     module = request.robot.modules[k]
     marks = request.marks(module)
     moving = module.moving_motors
     redundant = len(moving) > module.mobility
     share = _share(request.robot, module) if redundant else np.zeros(0)
-    return InverseOptions(
-        **_of_both(request, k),
+    return replace(
+        _of_all(request, k),
         motors=tuple(int(c) for c in module.motor_columns),
         moving=tuple(moving.tolist()),
         share=tuple(share.tolist()),
@@ -328,28 +306,30 @@ def inverse_options(request: Request, k: int) -> InverseOptions:
     )
 
 
-def balance_options(request: Request, k: int) -> InverseOptions:
+def balance_options(request: Request, k: int) -> Options:
     """Return the options of the forces left in module k: all efforts are laws, and no motor is solved for."""
-    forced = tuple(i for i, mark in enumerate(request.marks(request.robot.modules[k])) if mark)
-    return InverseOptions(
-        **_of_both(request, k), motors=(), moving=(), share=(), laws=forced, thin=_thin(request, k)
+    return replace(_of_all(request, k), laws=_forced(request, k), thin=_thin(request, k))
+
+
+def _forced(request: Request, k: int) -> tuple[int, ...]:
+    """Return the freedoms of module k on which a motor or a law acts."""
+    return tuple(i for i, mark in enumerate(request.marks(request.robot.modules[k])) if mark)
+
+
+def _of_all(request: Request, k: int) -> Options:
+    """Return the options that the code of all models of module k depends on."""
+    module = request.robot.modules[k]
+    return Options(
+        base=request.root(module),
+        carries=tuple(bool(request.children(k, o)) for o in range(len(module.mechanism.spec.outputs))),
+        inertias=request.output_inertias(k),
+        velocity=request.on.velocity is not None,
+        rotor=request.rotor(module),
     )
 
 
-def _of_both(request: Request, k: int) -> dict[str, Any]:
-    """Return the options of both models of module k, by name."""
-    module = request.robot.modules[k]
-    return {
-        "base": request.root(module),
-        "carries": tuple(bool(request.children(k, o)) for o in range(len(module.mechanism.spec.outputs))),
-        "inertias": request.output_inertias(k),
-        "velocity": request.on.velocity is not None,
-        "rotor": request.rotor(module),
-    }
-
-
 def _usual(request: Request, k: int) -> tuple[float, ...]:
-    """Return `DirectOptions.usual` of module k."""
+    """Return `Options.usual` of module k."""
     module = request.robot.modules[k]
     m = module.mechanism
     carries = any(request.children(k, o) for o in range(len(m.spec.outputs)))

@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index
-from .core import Plan
+from .core import Core, Plan, write_core
 from .expressions import Expression, pack, plain, symbols, zeros
+from .request import Options
 
 
 @dataclass(frozen=True)
@@ -87,52 +88,69 @@ class WrittenModule:
 
     Attributes:
         q, v: Coordinates and freedoms of the spanning tree in the inputs "q" and "v" (and "a").
-        platforms: Links of the core that are platforms, in the order of the outputs "platform i".
+        at: Freedoms in other inputs and outputs, by name: of the spanning tree in "a_core", "a_legs" and
+            "a_wrists", of the tree after the cuts in "tau" and "laws".
     """
 
     stages: list[Stage]
     q: Index
     v: Index
-    platforms: tuple[int, ...]
+    at: dict[str, Index]
 
 
-@dataclass(frozen=True)
-class BaseMotion:
-    """Motion of the base of a module, as symbols, or as constants for a base at rest.
+class Given(dict[str, ca.SX]):
+    """Columns of symbols that are first known at a stage, by name."""
 
-    Attributes:
-        V: Twist, shape (6,), own frame.
-        A: Acceleration less gravity, shape (6,), own frame.
-        V_column, A_column: Their symbols by name, "V_base" and "A_base"; empty for a base at rest.
-    """
+    def take(self, name: str, n: int) -> Expression:
+        """Add n symbols, or nothing if n is zero, and return them as an array."""
+        column, entries = symbols(name, n)
+        self |= {name: column} if n else {}
+        return entries
 
-    V: Expression
-    A: Expression
-    V_column: dict[str, ca.SX]
-    A_column: dict[str, ca.SX]
+    def scattered(self, name: str, index: Index, width: int) -> Expression:
+        """Add symbols for some entries of a vector, and return the vector with zeros in its other entries."""
+        out = zeros(width)
+        out[index] = self.take(name, len(index))
+        return out
+
+    def base_twist(self, options: Options) -> Expression:
+        """Add the twist of a module's base, and return it in its own frame, shape (6,).
+
+        Every module is written relative to an observer who moves with its base's origin. So only the base's
+        angular velocity matters, and no digits are lost to a common velocity. Without velocity terms the
+        model is not the same for all observers, and the whole twist is used.
+        """
+        width = twist_width(options.velocity) if options.base is None else 0
+        return np.concatenate([zeros(6 - width), self.take("V_base", width)])
+
+    def base_acceleration(self, options: Options) -> Expression:
+        """Add the acceleration (less gravity) of a module's base, and return it in its own frame."""
+        return self.take("A_base", 6) if options.base is None else plain(options.base)
 
 
-def base_motion(at_rest: tuple[float, ...] | None, velocity: bool) -> BaseMotion:
-    """Return the motion of a module's base.
-
-    Every module is written relative to an observer who moves with its base's origin. So only the base's
-    angular velocity matters, and no digits are lost to a common velocity. Without velocity terms the model is
-    not the same for all observers, and the whole twist is used.
+def begun(
+    plan: Plan, options: Options, given: Given, *, accelerations: bool = False
+) -> tuple[Core, tuple[Expression, Expression, Any], tuple[Expression, Any]]:
+    """Write the motion of a module's core.
 
     Args:
-        at_rest: Acceleration (less gravity) of a base at rest, else None.
-        velocity: Whether velocity terms are on.
+        given: Filled with the symbols that it is written in.
+        accelerations: Whether accelerations are given.
+
+    Returns:
+        The core; q, v and a of the spanning tree; twist and acceleration of the base. Accelerations that are
+        not given are None.
     """
-    if at_rest is not None:
-        return BaseMotion(zeros(6), plain(at_rest), {}, {})
-    V_column, twist = symbols("V_base", twist_width(velocity))
-    A_column, A = symbols("A_base", 6)
-    V = np.concatenate([zeros(6 - len(twist)), twist])
-    return BaseMotion(V, A, {"V_base": V_column}, {"A_base": A_column})
+    tree, (at_q, at_v) = plan.mechanism.spanning, read_by_core(plan)
+    q, v = given.scattered("q", at_q, tree.nq), given.scattered("v", at_v, tree.nv)
+    a = given.scattered("a", at_v, tree.nv) if accelerations else None
+    given |= {} if plan.column is None else {"parameters": plan.column}
+    base = given.base_twist(options), given.base_acceleration(options) if accelerations else None
+    return write_core(plan, q, v, base[0], a, base[1]), (q, v, a), base
 
 
 def twist_width(velocity: bool) -> int:
-    """Return the size of a base's twist: 3 for its angular part, or 6 (`base_motion`)."""
+    """Return the size of a base's twist: 3 for its angular part, or 6 (`Given.base_twist`)."""
     return 3 if velocity else 6
 
 
@@ -143,16 +161,3 @@ def read_by_core(plan: Plan) -> tuple[Index, Index]:
     for own, paths in ((parts.q, [p.q for p in plan.paths]), (parts.v, [p.v for p in plan.paths])):
         out.append(np.unique(np.concatenate([own[own >= 0], *paths]).astype(int)))
     return out[0], out[1]
-
-
-def parameters_of(plan: Plan) -> dict[str, ca.SX]:
-    """Return the symbols of a module's arguments, or nothing."""
-    return {} if plan.column is None else {"parameters": plan.column}
-
-
-def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:
-    """Return symbols for some entries of a vector, and the vector with zeros in its other entries."""
-    column, entries = symbols(name, len(index))
-    out = zeros(width)
-    out[index] = entries
-    return column, out

@@ -77,15 +77,15 @@ class _Sweeps:
 
     def inwards(self, calls: ModuleCalls) -> None:
         """Add the articulated inertias inwards."""
-        if len(calls.written.tau):
-            calls.ports["tau"] = self.efforts.of(calls.k, calls.written.tau[None])
+        if len(tau := calls.written.at["tau"]):
+            calls.ports["tau"] = self.efforts.of(calls.k, tau[None])
         calls.call(1)
 
     def accelerate(self, calls: ModuleCalls) -> None:
         """Add the accelerations outwards: the core, the legs, the wrists."""
-        v_index, written = calls.module.v_index, calls.written
-        for name, own in (("core", written.joints), ("legs", written.legs), ("wrists", written.wrists)):
-            calls.ports[f"a_{name}"] = self.w.result("a", v_index[own])
+        v_index = calls.module.v_index
+        for name in ("a_core", "a_legs", "a_wrists"):
+            calls.ports[name] = self.w.result("a", v_index[calls.written.at[name]])
         calls.call(2)
         for group, legs, numbers in self._legs[calls.k]:
             at = v_index[np.array([leg.v for leg in group])]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..equations.actuation import motor_pivots
 from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
-from ..equations.request import InverseOptions, Request, balance_options, inverse_options
+from ..equations.request import Options, Request, balance_options, inverse_options
 from ..equations.static_elimination import Pivots
 from ..program import Program, Shared
 from .module_calls import Efforts, ModuleCalls, Ports, Stages, moving_base, same_structure, unit_base
@@ -86,8 +86,8 @@ class _Sweeps:
 
     def inwards(self, calls: ModuleCalls) -> None:
         """Add the efforts inwards."""
-        if len(calls.written.laws):
-            calls.ports["laws"] = self.efforts.of(calls.k, calls.written.laws[None])
+        if len(laws := calls.written.at["laws"]):
+            calls.ports["laws"] = self.efforts.of(calls.k, laws[None])
         if self.pushed and calls.k == 0:
             calls.ports["Q"] = self.w.result("tau", np.arange(6))
         elif not self.balance:
@@ -105,7 +105,7 @@ class _Sweeps:
         written = self.w.once(key, write_inverse, plan, options, pivots, **flags)
         return ModuleCalls.begun(self.request, self.w, k, options, written, key, PARTS, modules, self.root)
 
-    def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots | None:
+    def _motor_pivots(self, k: int, options: Options) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
         plan, motors = self.request.constant_plans[k], tuple(options.motors[i] for i in options.moving)
         positions = self.request.positions(self.request.robot.modules[k])

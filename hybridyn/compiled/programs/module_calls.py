@@ -192,7 +192,7 @@ def same_structure(request: Request, w: Writer) -> None:
 
 
 def moving_base(request: Request, w: Writer, acceleration: str) -> Ports:
-    """Return the ports of a moving base's twist and acceleration (see `stages.base_motion`), else nothing.
+    """Return the ports of a moving base's twist and acceleration (`stages.Given.base_twist`), or nothing.
 
     Args:
         request: The robot and its effects.

@@ -18,9 +18,10 @@ import numpy as np
 from ....errors import SingularityError
 from ....linkage.joints import NV
 from ...equations.actuation import motor_pivots
-from ...equations.direct import DirectModule, write_direct_legs, write_motion
+from ...equations.direct import write_direct, write_direct_legs
 from ...equations.expressions import Expression, cross, dot, eye, pack, symbols
 from ...equations.guards import trusted
+from ...equations.stages import WrittenModule
 from ...equations.static_elimination import Pivots, solve
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
@@ -40,15 +41,15 @@ class Motions:
             modules: Calls of a balance of forces.
         """
         self._w = w
-        self._known: dict[int, tuple[DirectModule, Stages, Ports]] = {}
+        self._known: dict[int, tuple[WrittenModule, Stages, Ports]] = {}
         for calls in modules:
             plan = calls.request.plans[calls.k]
             key = ("motion", id(plan), calls.options)
-            written = w.once(key, write_motion, plan, calls.options)
-            stages = Stages(w, key, written.stages, ["motion"] * 3)
+            written = w.once(key, write_direct, plan, calls.options, motion=True)
+            stages = Stages(w, key, written.stages, ["motion"] * 4)
             ports = {name: x for name, x in calls.ports.items() if not name.startswith("platform ")}
             stages.call(0, ports)
-            stages.call(1, ports)
+            stages.call(2, ports)
             self._known[calls.k] = written, stages, ports
 
     def nodes(self, modules: list[ModuleCalls]) -> list[Node]:
@@ -64,10 +65,11 @@ class Motions:
         """Add the calls from u_dot to the accelerations."""
         w, plan, v_index = self._w, calls.request.plans[calls.k], calls.module.v_index
         written, stages, ports = self._known[calls.k]
-        pairs = (("core", written.joints), ("legs", written.legs), ("wrists", written.wrists))
-        ports = ports | {f"a_{name}": w.from_given("a", v_index[own]) for name, own in pairs}
+        ports = ports | {
+            name: w.from_given("a", v_index[own]) for name, own in written.at.items() if name != "tau"
+        }
         stages.call(0, ports)
-        stages.call(1, ports)
+        stages.call(2, ports)
         for n, group in enumerate(calls.groups):
             key = ("motion of legs", id(plan), n, calls.options)
             code, table = w.once(key, write_direct_legs, plan, n, calls.options, motion=True)
@@ -75,7 +77,7 @@ class Motions:
             own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group)
             own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
             Stages(w, key, code, ["motion"], len(group)).call(0, ports | own)
-        stages.call(2, ports)
+        stages.call(3, ports)
 
 
 class MotorMotion:
