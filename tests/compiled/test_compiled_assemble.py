@@ -11,7 +11,7 @@ import pytest
 import hybridyn
 from hybridyn.assembly.requests import first_guess, gather_requests
 from hybridyn.compiled.equations.expressions import Folding, pack, unpack
-from hybridyn.compiled.programs.closing import assembling
+from hybridyn.compiled.programs.closing import libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Coordinates, Given
@@ -186,8 +186,8 @@ def test_the_general_path_closes_loops_that_no_program_can(caplog: Any, monkeypa
     def fail(*_: object) -> None:
         raise ValueError("a wrong program")
 
-    monkeypatch.setattr(assembling, "check_rows", fail)
-    monkeypatch.setattr(assembling, "robot_key", lambda *_: "not built yet")
+    monkeypatch.setattr(libraries, "check_rows", fail)
+    monkeypatch.setattr(libraries, "robot_key", lambda *_: "not built yet")
     robot = build_robot(symmetric_five_bar())
     assembler = Assembler(robot)
     for _ in range(2):

@@ -1,7 +1,6 @@
 """Many designs along one table: every design as a robot of its own, and what cannot be is counted."""
 
 import re
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,9 @@ import pytest
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.library.calls import Library
-from hybridyn.compiled.library.closed_rows import ClosedDesigns
-from hybridyn.compiled.programs.closing.design_rows import DesignRows
-from hybridyn.compiled.programs.designs import DesignsInSlots, changed
+from hybridyn.compiled.library.closed_rows import ClosedRows
+from hybridyn.compiled.programs.closing.libraries import ClosingLibraries
+from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.sources import kept
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array, Mask
@@ -65,9 +64,9 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
         agrees(found, k, robot_of(compiled, p[k]), motors=motors)
     alone = compiled.designs(p[3:4], motors=motors)  # the same bits, whatever the others need
     same_bits((alone.q[0], alone.a[0], alone.tau[0]), (found.q[3], found.a[3], found.tau[3]))
-    rows, before = compiled._evaluator.rows, compiled.recomputed
-    states = rows.states
-    rows.states = lambda *given, **more: replace(states(*given, **more), certain=np.zeros(1, bool))  # type: ignore[method-assign]
+    before, (closing,) = compiled.recomputed, compiled._evaluator.libraries._known.values()
+    assert closing is not None
+    closing.rows.close = lambda *_, **more: np.zeros(1, int)  # type: ignore[method-assign]
     close_to(compiled.designs(p[3:4], motors=motors).q, alone.q, AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
     compiled._current._take(Library(compiled.library.built))  # as when a quick build is replaced
@@ -135,11 +134,11 @@ def test_whole_poses_of_links_that_a_parameter_places_are_left_to_the_general_pa
     robot = hybridyn.load("rps3")
     fixed = next(joint.name for joint in robot.description.joints if joint.kind == "fixed")
     parameters = Parameters(robot.description, [Slot("joints", fixed, "placement", (0, 3))])
-    rows = DesignRows(DesignsInSlots(robot, parameters))
+    rows = ClosingLibraries(robot, parameters)
     link = next(joint.child for joint in robot.description.joints if joint.name == fixed)
     pose = np.array([0.0, 0, 0.5, 0, 0, 0, 1])
-    assert rows._moves_posed_links(gather_requests(robot, {}, {link: pose}))
-    assert not rows._moves_posed_links(gather_requests(robot, {}, {link: {"z": 0.5}}))
+    assert rows.moves_posed_links(gather_requests(robot, {}, {link: pose}))
+    assert not rows.moves_posed_links(gather_requests(robot, {}, {link: {"z": 0.5}}))
 
 
 @pytest.mark.slow
@@ -148,14 +147,14 @@ def test_a_library_that_differs_from_the_general_path_is_not_used(
 ) -> None:
     """A new library is compared with the general path at some designs; here its rates are off."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    right = ClosedDesigns.close
+    right = ClosedRows.close
 
-    def close(self: ClosedDesigns, slots: Array, *given: Any) -> Mask:
-        certain = right(self, slots, *given)
+    def close(self: ClosedRows, slots: Array, *given: Any, **more: Any) -> Mask:
+        certain = right(self, slots, *given, **more)
         given[2][1][:] *= 1.0 + 1e-6
         return certain
 
-    monkeypatch.setattr(ClosedDesigns, "close", close)
+    monkeypatch.setattr(ClosedRows, "close", close)
     compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
     table = compiled.designs([[0.4]], motors=waves(compiled.robot, TIME, 0.1))
     assert (table.recomputed, compiled.recomputed) == (1, ROWS)

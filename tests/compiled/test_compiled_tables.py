@@ -36,7 +36,7 @@ def test_long_tables_are_assembled_in_c(monkeypatch: pytest.MonkeyPatch) -> None
     assert short.rows == long.rows == len(general.q)
     assert short._assembler is None
     assert long._assembler is not None
-    assert any(long._assembler._known.values())
+    assert any(long._assembler._libraries._known.values())
     assert long._assembler.recomputed == 0
     close_to(compiled[1:], general[1:], SAME, 1.0)
 

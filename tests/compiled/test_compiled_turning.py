@@ -10,7 +10,7 @@ import hybridyn
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.equations.expressions import Folding, pack
 from hybridyn.compiled.equations.static_elimination import Pivots, largest_solutions
-from hybridyn.compiled.programs.closing import assembling, closing_source
+from hybridyn.compiled.programs.closing import closing_source, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.choosing import module_requests, parts_of
 from hybridyn.compiled.programs.closing.given import Given
@@ -147,7 +147,7 @@ def test_tables_have_the_bits_of_the_full_check(name: str, monkeypatch: Any) -> 
             wanted += [rows_towards(robot, -0.2, end, list(x)) for x in (ways, ways[::7], ways[::20])]
     by_bounds = [closed(robot, motors) for motors in wanted]
     monkeypatch.setattr(closing_source, "MOST_BOUND", -1.0)
-    monkeypatch.setattr(assembling, "robot_key", lambda *_: f"{name} without bounds")
+    monkeypatch.setattr(libraries, "robot_key", lambda *_: f"{name} without bounds")
     in_full = [closed(robot, motors) for motors in wanted]
     for x, y in zip(by_bounds, in_full, strict=True):
         assert len(x) == len(y)

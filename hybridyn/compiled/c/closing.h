@@ -228,32 +228,27 @@ static M closed(Work *w, M good, int guess, int lone) {
     return !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole;
 }
 
-/* Close the rows of designs `from` to `to`, each from its own row before the first, or from a guess (`guess`).
+/* Close the rows of designs `from` to `to` from one posture, or from a guess (`guess`).
 
-   q_0, p_0: these postures, which are `apart` (0 or 1) rows apart. g_0: the positions there, or 0 where the first row
-   need not be on their branch. g, g_dot, g_ddot: `rows` rows for all designs, or for each (`own`). q, v, a: `rows` rows
-   for each design. count: how many rows of each are certain. */
-EXPORT void closed_rows(Long from, Long to, Long rows, const S *slots, Long apart, const S *q_0, const S *p_0,
-                        const S *g_0, int guess, Long own, const S *g, const S *g_dot, const S *g_ddot, S *q, S *v, S *a,
-                        S *count, Work *w) {
+   q_0, p_0: this posture. g_0: the positions there, or 0 where the first row need not be on its branch. g, g_dot, g_ddot:
+   `rows` rows for all designs. q, v, a: `rows` rows for each design. count: how many rows of each are certain. */
+EXPORT void closed_rows(Long from, Long to, Long rows, const S *slots, const S *q_0, const S *p_0, const S *g_0, int guess,
+                        const S *g, const S *g_dot, const S *g_ddot, S *q, S *v, S *a, S *count, Work *w) {
     for (Long d = from; d < to; d += W) {
         const int valid = to - d < W ? (int)(to - d) : W;
-        const Long first = own ? d * rows : 0, stride = own ? rows : 0;
         fill(w->newton.slots, slots + d * SLOTS, SLOTS, SLOTS, valid);
         memcpy(w->settle.slots, w->newton.slots, sizeof(w->newton.slots));
         memcpy(w->branch.slots, w->newton.slots, sizeof(w->newton.slots));
-        fill(w->now.at.q, q_0 + d * apart * NQ, NQ, apart * NQ, valid);
-        fill(w->now.at.p, p_0 + d * apart * NP, NP, apart * NP, valid);
+        fill(w->now.at.q, q_0, NQ, 0, valid);
+        fill(w->now.at.p, p_0, NP, 0, valid);
         w->count = C(0);
         M good = EVERY;
         for (Long t = 0; t < rows && ANY(good); t++) {
-            const Long row = first + t;
             if (t) memcpy(w->settle.g_0, w->settle.row.g, sizeof(w->settle.g_0));
-            else if (g_0) fill(w->settle.g_0, g_0 + d * apart * NG, NG, apart * NG, valid);
-            else fill(w->settle.g_0, g + row * NG, NG, stride * NG, valid);
-            fill(w->settle.row.g, g + row * NG, NG, stride * NG, valid);
-            fill(w->settle.row.g_dot, g_dot + row * NR, NR, stride * NR, valid);
-            fill(w->settle.row.g_ddot, g_ddot + row * NR, NR, stride * NR, valid);
+            else fill(w->settle.g_0, g_0 ? g_0 : g, NG, 0, valid);
+            fill(w->settle.row.g, g + t * NG, NG, 0, valid);
+            fill(w->settle.row.g_dot, g_dot + t * NR, NR, 0, valid);
+            fill(w->settle.row.g_ddot, g_ddot + t * NR, NR, 0, valid);
             good = closed(w, good, !t && guess, !t && !g_0);
             w->count += NUMBER(good);
             to_rows_apart(q + (d * rows + t) * NQ, w->now.at.q, NQ, rows * NQ, valid);

@@ -16,7 +16,9 @@ from ...errors import HybridynError
 from ...spatial import Array, Index, Mask
 from ..equations.coefficients import at_robot
 from ..library.calls import Calls
-from .closing.design_rows import DesignRequests, DesignRows
+from ..library.closed_rows import Rows
+from .closing.choosing import posture_of
+from .closing.libraries import Closing, ClosingLibraries
 from .designs import DesignsInSlots
 
 #: Numbers of the states that are computed at once: they stay in the processor's cache.
@@ -89,7 +91,7 @@ class DesignEvaluator:
         """
         self.designs, self.effects = designs, effects
         self._inverse, self._threads = inverse, threads
-        self.rows = DesignRows(designs, threads, quick=quick)
+        self.libraries = ClosingLibraries(designs.robot, designs.parameters, quick=quick)
 
     def table(
         self,
@@ -117,9 +119,11 @@ class DesignEvaluator:
         widths = (robot.nq, robot.nv, robot.nv, len(robot.motors))
         q, v, a, tau = (np.empty((D, T, width)) for width in widths)
         out = DesignTable(q, v, a, tau, {}, 0)
-        rows = self.rows.requests(wanted.requests)
-        others = [self._chunk(out, at, numbers, rows) for at in range_of(D, chunk)]
+        asked = self.libraries.asked(wanted.requests)
+        others = [self._chunk(out, at, numbers, asked) for at in range_of(D, chunk)]
         left = np.concatenate([np.zeros(0, dtype=int), *others]).tolist()
+        for room in (q, v, a, tau):
+            room[left] = np.nan
         for design in left:
             if design in refused:
                 out.errors[design] = str(refused[design])
@@ -129,15 +133,20 @@ class DesignEvaluator:
                 out.errors[design] = "not certain"
         return replace(out, recomputed=len(left) - len(refused) if doubtful else 0)
 
-    def _chunk(self, out: DesignTable, at: slice, numbers: Array, rows: DesignRequests) -> Index:
+    def _chunk(
+        self, out: DesignTable, at: slice, numbers: Array, asked: tuple[Closing, Rows] | None
+    ) -> Index:
         """Evaluate some designs; return those that are left to the general path."""
-        T, own = rows.samples, numbers[at]
-        found = self.rows.states(rows, own, out=(out.q[at], out.v[at], out.a[at]))
-        states = [x.reshape(T * len(own), -1) for x in (found.q, found.v, found.a)]
+        own, room = numbers[at], (out.q[at], out.v[at], out.a[at])
+        if asked is None:
+            return np.arange(len(numbers))[at]
+        (closing, given), T = asked, out.q.shape[1]
+        start = posture_of(closing.parts, self.designs.robot.home)
+        closed = closing.rows.close(own, start, given, room, self._threads) == T
+        states = [x.reshape(T * len(own), -1) for x in room]
         tau, trusted = self._efforts([*states, np.repeat(own, T, axis=0)])
         out.tau[at] = tau.reshape(len(own), T, -1)
-        certain = trusted.reshape(len(own), T).all(axis=1) & found.certain
-        left: Index = np.flatnonzero(~certain) + at.start
+        left: Index = np.flatnonzero(~(closed & trusted.reshape(len(own), T).all(axis=1))) + at.start
         return left
 
     def _efforts(self, given: list[Array]) -> tuple[Array, Mask]:
@@ -148,8 +157,6 @@ class DesignEvaluator:
 
     def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, wanted: _Wanted) -> None:
         """Evaluate one design by the general path."""
-        for room in (out.q, out.v, out.a, out.tau):
-            room[k] = np.nan
         try:
             robot = self.designs.robot_of(numbers)
             out.q[k], out.v[k], out.a[k] = assemble_requests(robot, wanted.requests, robot.home)

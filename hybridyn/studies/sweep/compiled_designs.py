@@ -99,7 +99,7 @@ class _Task(NamedTuple):
     def artifacts(self) -> list[Artifact]:
         """Return the libraries: of the inverse model, and of what closes the loops, if it is compiled."""
         requests = gather_requests(self.evaluator.designs.robot, self.motion.joints, self.motion.platforms)
-        closing = self.evaluator.rows.artifact(requests)
+        closing = self.evaluator.libraries.artifact(requests)
         return [self.artifact, closing] if closing else [self.artifact]
 
 

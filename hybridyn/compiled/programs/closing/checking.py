@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ....assembly.assemble import spanning_positions
@@ -12,12 +10,12 @@ from ....manifold.manifold import Manifold
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
 from ...failures import check_agreement
-from ...library.closed_rows import ClosedRows, Place
+from ...library.closed_rows import ClosedRows, Rows
 from .choosing import CLOSED_TO_ROUNDING, Part, places_at
 
 
-def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | None:
-    """Return the closed posture at a guess; None if its loops do not close near it.
+def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Rows | None:
+    """Return the closed posture at a guess, see `ClosedRows.close`; None if its loops do not close near it.
 
     Args:
         parts: Its modules but a free base.
@@ -39,7 +37,7 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | Non
                 q[at] = spanning_positions(part.module, x, m.tree.sweep(x), q[at])[0]
         cut.append(x)
     p, g = places_at(parts, cut, 1)
-    return Place(q, p[0], g[0])
+    return q, p[0], g[0]
 
 
 #: Number of generic postures that are tried, and how far the row is from each (rad, module lengths).
@@ -48,32 +46,18 @@ POSTURES, ROW_AWAY = 4, 1e-3
 #: the condition of loops at any posture.
 ROWS_AGREE = 1e-8
 
-State = tuple[Array, Array, Array]
-#: Function that closes one row, see `check_rows`.
-Closer = Callable[[Array, State, State], bool]
 
-
-def from_place(rows: ClosedRows, robot: HybridRobot, parts: list[Part]) -> Closer:
-    """Return the function that closes a row by a library for one robot, for `check_rows`."""
-
-    def close(start: Array, given: State, room: State) -> bool:
-        """Close a row, shapes (1, n), near a posture; return whether it is certain."""
-        place = place_of(robot, parts, start)
-        return place is not None and bool(rows.follow(place, given, room, False))
-
-    return close
-
-
-def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
+def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part], design: Array) -> None:
     """Compare rows near generic postures with moving states of the general path.
 
     Args:
-        close: Closes a row near a posture, from what is prescribed to room for q, v, a, and returns whether
-            the row is certain.
+        rows: The library, as far as it is certain.
+        robot: The robot, or another design of it.
         parts: The modules that it closes.
+        design: Numbers in the slots, shape (slots,).
 
     Raises:
-        CompileError: A row of which the program is certain differs.
+        CompileError: A row of which the library is certain differs.
     """
     compared, manifold = _compared(robot, parts), Manifold(robot)
     for number in range(POSTURES):
@@ -82,16 +66,17 @@ def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
         for part in parts:
             for own, new in zip(given, _move(part, number, start, wanted), strict=True):
                 own.append(new)
-        room, (g, g_dot, g_ddot) = _as_rows(wanted), (np.concatenate(own) for own in given)
-        if not close(start, _as_rows((g, g_dot, g_ddot)), room):
+        room = [x[None, None].copy() for x in wanted]
+        place, row = place_of(robot, parts, start), [np.concatenate(own)[None] for own in given]
+        if place is None or not rows.close(design[None], place, row, room, guess=False, strict=True)[0]:
             continue
-        q, v = room[0][0], room[1][0]
+        q, v, _ = found = [x[0, 0] for x in room]
         spun = (
             [manifold.residual(q)[0], manifold.opening(q, v)[0]] if any(part.spins for part in parts) else []
         )
         offs = [
-            np.abs(found[0] - right)[at].max(initial=0.0) / (1.0 + np.abs(right).max())
-            for found, right, at in zip(room, wanted, compared, strict=True)
+            np.abs(x - right)[at].max(initial=0.0) / (1.0 + np.abs(right).max())
+            for x, right, at in zip(found, wanted, compared, strict=True)
         ]
         check_agreement(robot, "motion of the loops", [*offs, *spun], ROWS_AGREE)
 
@@ -110,13 +95,7 @@ def _compared(robot: HybridRobot, parts: list[Part]) -> tuple[Mask, Mask, Mask]:
     return q, v, v
 
 
-def _as_rows(state: State) -> State:
-    """Copy a state, shapes (n,), to arrays of one row, shapes (1, n)."""
-    q, v, a = state
-    return q[None].copy(), v[None].copy(), a[None].copy()
-
-
-def _move(part: Part, number: int, start: Array, wanted: State) -> State:
+def _move(part: Part, number: int, start: Array, wanted: Rows) -> Rows:
     """Write a closed posture of a module into `start`, a moving state nearby into `wanted`.
 
     Returns:

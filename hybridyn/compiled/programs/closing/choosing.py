@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,8 +24,6 @@ from .given import Given, given_of, numbers_of
 
 if TYPE_CHECKING:
     from ...equations.parts import Spin
-
-Rows = TypeVar("Rows")
 
 #: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
 #: the general path.
@@ -68,19 +66,6 @@ class Part:
         return 7 * len(self.module.mechanism.spec.platforms)
 
 
-@dataclass(frozen=True)
-class Closing(Generic[Rows]):
-    """The program for one choice of given joints and targets.
-
-    Attributes:
-        parts: The modules that it closes.
-        rows: The loaded library.
-    """
-
-    parts: list[Part]
-    rows: Rows
-
-
 def places_at(parts: Sequence[Part], postures: Sequence[Array], samples: int) -> tuple[Array, Array]:
     """Compute the coordinates of all platforms and what is prescribed, at postures of each part.
 
@@ -97,6 +82,13 @@ def places_at(parts: Sequence[Part], postures: Sequence[Array], samples: int) ->
         platforms += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
         given.append(part.given.of_posture(m.tree, x))
     return np.concatenate(platforms, axis=1), np.concatenate(given, axis=1)
+
+
+def posture_of(parts: Sequence[Part], q: Array) -> tuple[Array, Array, Array]:
+    """Return a posture of the spanning tree, shape (nq,), its platforms, and what is prescribed there."""
+    cut = [part.module.mechanism.cut.positions(q[None, part.module.q_index]) for part in parts]
+    p, g = places_at(parts, cut, 1)
+    return q, p[0], g[0]
 
 
 def places_of(parts: Sequence[Part], numbers: Sequence[int]) -> dict[str, Index]:
