@@ -123,7 +123,11 @@ REFUSED: list[tuple[Texts, list[str]]] = [
     (MACRO, ["in macro m"]),
     ("<xacro:nothing/>", ["unknown macro name"]),
     ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', ["without end"]),
-    (INCLUDE.format("entity"), ["DOCTYPE"]),
+    (INCLUDE.format("entity"), ["entity.xacro:2: xacro: <!DOCTYPE is not allowed"]),
+    (
+        '<xacro:property name="p" value="$(eval 1+1)"/><link name="${p}"/>',
+        ["r.xacro:2: xacro: $(eval 1+1) is not read; write ${1+1} when evaluating expression 'p'"],
+    ),
     # What is expanded is checked like any URDF.
     (
         f"{TREE}{LOOP}".replace("<loop", "<lopp").replace("/loop", "/lopp"),
@@ -143,7 +147,7 @@ REFUSED: list[tuple[Texts, list[str]]] = [
 @pytest.mark.parametrize(("said", "messages"), REFUSED)
 def test_it_is_refused(tmp_path: Path, said: Texts, messages: list[str]) -> None:
     save(tmp_path, f"{HEAD}<link></robot>", "broken.xacro")
-    save(tmp_path, '<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entity.xacro")
+    save(tmp_path, '<?xml version="1.0"?>\n<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entity.xacro")
     texts = {"r.xacro": xacro(said)} if isinstance(said, str) else said
     refused(save_all(tmp_path, texts), *messages)
 

@@ -15,8 +15,8 @@ from simpleeval import InvalidExpression
 
 from hybridyn.description.urdf import expansion, expressions
 from hybridyn.description.urdf import xacro as xacro_files
-from hybridyn.description.urdf.expressions import Evaluator, RefusedError
-from hybridyn.description.urdf.robot_folders import RobotFolders
+from hybridyn.description.urdf.expressions import Budget, Evaluator, RefusedError
+from hybridyn.description.urdf.robot_folders import RobotFolders, RunawayError
 from hybridyn.errors import ModelError
 from tests import ROOT
 from tests.comparing import refused
@@ -34,7 +34,7 @@ def evaluate(expression: str, names: dict[str, Any] | None = None) -> Any:
     own.warning = print  # no expansion takes its notes
     symbols = {**own._global_symbols, "n": 3, **(names or {})}
     spaces = own.NameSpace, own.YamlDictWrapper, xacro.YamlDictWrapper
-    return Evaluator(symbols, spaces)(expression, symbols)
+    return Evaluator(symbols, spaces, Budget())(expression, symbols)
 
 
 WITHIN_REACH = [
@@ -93,6 +93,12 @@ WOULD_GROW = [
     "math.prod([2] * 10**5)",
     "'9'.join(['0' * 10**6] * 10**5)",
     "b'9' * 10**11",
+    "[[1] * 999] * 9999",
+    "str([['a' * 9999] * 9999] * 999)",
+    "'%(a)s' * 1900 % dict(a=['b' * 9999] * 90)",
+    "('x' * 9999).join(['y'] * 9999)",
+    "list(map(list, map(python.range, [9999] * 9999)))",
+    "math.lcm(10**3000, 10**2999 + 1)",
     "1 + " * 8000 + "1",
 ]
 NO_SUCH = (RefusedError, InvalidExpression, NameError, TypeError, AttributeError)
@@ -105,7 +111,10 @@ TOO_LARGE = (
     ("expression", "errors", "message"),
     [
         *((expression, NO_SUCH, "") for expression in WITHIN_REACH),
-        *((expression, (RefusedError, NameError, InvalidExpression), TOO_LARGE) for expression in WOULD_GROW),
+        *(
+            (expression, (RefusedError, RunawayError, NameError, InvalidExpression), TOO_LARGE)
+            for expression in WOULD_GROW
+        ),
     ],
 )
 def test_nothing_of_python_is_within_reach_nor_grows_without_end(
@@ -115,12 +124,12 @@ def test_nothing_of_python_is_within_reach_nor_grows_without_end(
 
 
 def test_expressions_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(expressions, "MOST_STEPS", 1000)
+    monkeypatch.setattr(expressions, "MOST_MADE", 200_000)
     assert evaluate("len([1 for a in python.range(20) for b in python.range(20)])") == 400
     refused(
         lambda: evaluate("[1 for a in python.range(100) for b in python.range(100)]"),
-        RefusedError,
-        "more than 1,000 steps",
+        RunawayError,
+        "expressions make more than",
     )
 
 
@@ -263,9 +272,29 @@ def test_a_home_folder_is_nobodys_package(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 INCLUDE = '<xacro:include filename="{}"/>'
-DOUBLING = "".join(
-    f'<xacro:macro name="m{i}"><xacro:m{i + 1}/><xacro:m{i + 1}/></xacro:macro>' for i in range(60)
-)
+TENFOLD = "".join(f'<xacro:macro name="m{i}">{f"<xacro:m{i + 1}/>" * 10}</xacro:macro>' for i in range(12))
+TWICE = '<xacro:insert_block name="b"/>' * 2
+CALLS = f'{"<xacro:w><c>" * 30}<link name="q"/>{"</c></xacro:w>" * 30}'
+#: Files that make too much.
+RUNAWAYS = {
+    "blocks": f'<xacro:macro name="w" params="**b">{TWICE}</xacro:macro>{CALLS}',
+    **{
+        f"macros{last}": f'{TENFOLD}<xacro:macro name="m12">{last}</xacro:macro><xacro:m0/>'
+        for last in ("", "<a/>", "<!-- a -->")
+    },
+    "what is left out": f"""<xacro:macro name="m" params="n"><xacro:if value="0">{"<a/>" * 1000}</xacro:if>
+        <xacro:if value="${{n}}"><xacro:m n="${{n - 1}}"/><xacro:m n="${{n - 1}}"/></xacro:if></xacro:macro>
+        <xacro:m n="40"/>""",
+    "attributes": f"""<xacro:macro name="m" params="p"><a name="{"${p}" * 2000}"/></xacro:macro>
+        {"<xacro:m p='" + "a" * 9999 + "'/>"}"""
+    * 200,
+    "plain attributes": f'<xacro:macro name="m"><a b="{"a" * 10**6}"/></xacro:macro>{"<xacro:m/>" * 2000}',
+    "syntax": "".join(f'<a b="${{[{i},{"1," * 4900}]}}"/>' for i in range(300)),
+    "YAML": """<a b="${xacro.load_yaml('large.yaml')}"/>""",
+    "elements": "<a/>" * 500_000,
+}
+#: Those that take no seconds.
+SHORT = {"attributes", "plain attributes", "YAML"}
 #: What stands in a file, and what is told.
 ATTACKS = [
     *(
@@ -283,21 +312,11 @@ ATTACKS = [
         for path in ("/etc/passwd", "../secret.xacro", "link.xacro")
     ),
     (INCLUDE.format("*.xacro"), "the pattern '.*/\\*.xacro' names no file; include each file by its name"),
-    *(
-        (
-            f'{DOUBLING}<xacro:macro name="m60">{last}</xacro:macro><xacro:m0/>',
-            r"insert more than 1,000 nodes \(in macro m\d",
-        )
-        for last in ("<a/>", "")
-    ),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("said", "message"), ATTACKS)
-def test_attacks_from_a_file(
-    tmp_path: Path, said: str, message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(expansion, "MOST_NODES", 1000)
+def test_attacks_from_a_file(tmp_path: Path, said: str, message: str) -> None:
     file = save_all(tmp_path, {
         "robot/r.xacro": f"{HEAD}{said}</robot>", "secret.xacro": "<robot/>",
         "robot/python.yaml": "!!python/object/apply:os.system ['id']\n",
@@ -305,6 +324,47 @@ def test_attacks_from_a_file(
     })  # fmt: skip
     (tmp_path / "robot" / "link.xacro").symlink_to(tmp_path / "secret.xacro")
     refused(lambda: xacro_files.expand(str(file), {}, ()), ModelError, message)
+
+
+@pytest.mark.parametrize("name", RUNAWAYS)
+def test_what_runs_away_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A smaller bound is met sooner, also by arguments, and before what is traced is expanded once more."""
+    monkeypatch.setattr(expressions, "MOST_MADE", 20_000_000)
+    argument = '<xacro:arg name="k" default="1"/>'
+    file = save_all(
+        tmp_path,
+        {"r.xacro": f"{HEAD}{argument}{RUNAWAYS[name]}</robot>", "large.yaml": "a: 1\n" * 10_000},
+    )
+    for given in ({}, {"k": "2"}):
+        error = refused(
+            lambda given=given: xacro_files.expand(str(file), given, ()),
+            RunawayError,
+            "macro that calls itself or repeats its blocks too often.*by the program xacro",
+        )
+        assert name == "elements" or error.line, "macros have lines"
+
+
+LIMITED = """
+import resource, sys
+from hybridyn.description import read
+from hybridyn.description.urdf import expansion
+pages = int(open("/proc/self/statm").read().split()[0])
+most = pages * resource.getpagesize() + 600 * 10**6
+resource.setrlimit(resource.RLIMIT_AS, (most, most))
+read(sys.argv[1])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system tells no sizes")
+@pytest.mark.parametrize(
+    "name", [name if name in SHORT else pytest.param(name, marks=pytest.mark.slow) for name in RUNAWAYS]
+)
+def test_what_runs_away_takes_bounded_memory(name: str, tmp_path: Path) -> None:
+    texts = {"r.xacro": f"{HEAD}{RUNAWAYS[name]}</robot>", "large.yaml": "a: 1\n" * 250_000}
+    path = save_all(tmp_path, texts)
+    done = subprocess.run([sys.executable, "-c", LIMITED, str(path)], capture_output=True, text=True)
+    assert "RunawayError" in done.stderr
+    assert "make more than 500 MB" in done.stderr
 
 
 def test_any_robot_may_include_the_shipped_modules(tmp_path: Path) -> None:

@@ -12,26 +12,30 @@ import itertools
 import os
 import sys
 from collections.abc import Iterable, Mapping
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from pathlib import Path
 from traceback import walk_stack, walk_tb
 from types import FrameType, SimpleNamespace
 from typing import Any, NoReturn
 from xml.dom.expatbuilder import ExpatBuilderNS
+from xml.dom.minidom import Element
 
 from ...errors import ModelError
 from ..shipped import shown
-from .expressions import FORBIDDEN, Evaluator, bounded_range, bounded_round
-from .robot_folders import RobotFolders
-from .traced import OPEN, Names, Trace, Traced, UntracedError
+from .expressions import FORBIDDEN, Budget, Evaluator, bounded_range, bounded_round, size_of
+from .robot_folders import RobotFolders, RunawayError
+from .traced import OPEN, Names, Trace, Traced, UntracedError, plain
 from .xml_node import DOCTYPE, PLACE
 
 #: What errors without a message mean.
 IN_WORDS: dict[type[BaseException], str] = {
     MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
 }  # fmt: skip
-#: Most nodes that macros, blocks and includes may insert; a stack of 1,000 modules inserts some 5 million.
-MOST_NODES = 20_000_000
+#: What an element, text or comment, and an attribute take in xacro's document [bytes].
+NODE, ATTRIBUTE = 400, 500
+#: What count a macro or block that is replaced, a node that is moved, or passed in a search, a text that is
+#: evaluated, and a character of YAML [bytes]: they take time.
+REPLACED, MOVED, PASSED, TEXT, YAML = 1000, 8, 2, 50, 500
 
 
 class Expansion:
@@ -50,25 +54,26 @@ class Expansion:
 
         Raises:
             UntracedError: It cannot be traced.
-            ModelError: xacro reports an error, or the expansion exceeds its limits.
+            ModelError: xacro reports an error.
+            RunawayError: The expansion makes too much.
         """
         self.folders, self.notes, self.trace, self._traced = folders, list[str](), Trace(given), traced
         self._given = _Arguments({name: self.trace.argument(name) for name in given} if traced else given)
-        self._nodes = 0
+        self._budget, self._lexed = Budget(), cache(_lexed)
         xacro = self._xacro = _own_xacro()
         dollar, symbols, find = xacro.substitution_args, xacro._global_symbols, partial(folders.ask, "find")
         dict.update(
             symbols["xacro"], message=self._note, warning=self._note, error=self._note,
             print_location=lambda *_, **__: "", arg=self._argument,
         )  # fmt: skip
-        self.evaluator = Evaluator(symbols, (xacro.NameSpace, xacro.YamlDictWrapper))
+        self.evaluator = Evaluator(symbols, (xacro.NameSpace, xacro.YamlDictWrapper), self._budget)
         xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluator(text, names)
         xacro.Table._eval_literal = staticmethod(partial(self.trace.mapped, xacro.literal))
         xacro.get_boolean_value = lambda value, stated: self.trace.chosen(
             lambda one: xacro.boolean(one, stated), value
         )
         xacro.parse, xacro.abs_filename_spec, xacro.replace_node = self._parsed, self._located, self._insert
-        xacro.open = lambda path: io.TextIOWrapper(io.BytesIO(folders.ask("read", path)), encoding="utf-8")
+        xacro.open = self._opened
         xacro.glob, xacro.root_dir = SimpleNamespace(glob=_refuse_pattern), os.getcwd()
         xacro.warning, xacro.print_location = self._note, lambda: None
         dollar._eval, dollar._eval_find = _refuse_eval, find
@@ -94,7 +99,7 @@ class Expansion:
             UntracedError: xacro has to expand the file.
             Exception: Any error of an expression.
         """
-        self.evaluator.steps = 0
+        self._budget.made = 0
         return self.trace.again(given)
 
     def _note(self, *words: Any, **_: Any) -> str:
@@ -115,7 +120,15 @@ class Expansion:
             raise self._xacro.XacroException(exc=error) from None
         if self._traced and OPEN.encode() in content:
             raise UntracedError
-        return _Placing("" if filename == self.folders.file else shown(Path(filename))).parseString(content)
+        self._budget.spend(len(content))
+        name = "" if filename == self.folders.file else shown(Path(filename))
+        return _Placing(name, self._budget).parseString(content)
+
+    def _opened(self, path: str) -> io.TextIOBase:
+        """Open a file of YAML."""
+        content = self.folders.ask("read", path)
+        self._budget.spend(YAML * len(content))
+        return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8")
 
     def _located(self, stated: Any) -> str:
         """Return the path of an included file."""
@@ -127,18 +140,16 @@ class Expansion:
         )
 
     def _insert(self, node: Any, by: Any, content_only: bool = False) -> None:
-        """Replace a node by other nodes, or by their children, in time linear in their number; count them.
+        """Replace a node by other nodes, or by their children, in time linear in their number.
 
         xacro's own function inserts them one by one and searches the parent's list each time, which is
         quadratic: with it, a stack of 100 modules takes 25 s.
         """
         sources = [] if by is None else by if isinstance(by, list) else [by]
         new = [child for source in sources for child in source.childNodes] if content_only else sources
-        self._nodes += 1 + len(new)
-        if self._nodes > MOST_NODES:
-            raise ModelError(f"macros, blocks and includes insert more than {MOST_NODES:,} nodes")
         siblings = node.parentNode.childNodes
-        index = next(i for i, sibling in enumerate(siblings) if sibling is node)
+        self._budget.spend(REPLACED + PASSED * len(siblings) + MOVED * len(new))
+        index = siblings.index(node)
         siblings[index : index + 1] = new
         for left, right in itertools.pairwise([node.previousSibling, *new, node.nextSibling]):
             if left is not None:
@@ -157,9 +168,13 @@ class Expansion:
 
     def _text(self, text: str, symbols: Any) -> Any:
         """Return the value of a text with expressions, which is a text unless it is one expression alone."""
+        self._budget.spend(TEXT + len(text) * (1 + text.count("$") // 100))  # the lexer cuts the text at each
         if "$" not in text:
             return self.trace.unmarked(text)
-        found = [self._token(kind, token, symbols) for kind, token in _lexed(text)]
+        found = list[Any]()
+        for kind, token in self._lexed(text):
+            found.append(self._token(kind, token, symbols))
+            self._budget.spend(size_of(plain(found[-1])))
         return found[0] if len(found) == 1 else self.trace.joined(found)
 
     def _token(self, kind: int, token: str, symbols: Any) -> Any:
@@ -198,20 +213,38 @@ class _Arguments(dict[str, str]):
         return super().__contains__(name)
 
 
+class _Counted(Element):
+    """An element, whose copies count."""
+
+    def cloneNode(self, deep: bool) -> Any:
+        """Return a copy."""
+        document: Any = self.ownerDocument
+        budget: Budget = document.budget
+        budget.spend(NODE + ATTRIBUTE * self.attributes.length)
+        clone: Any = super().cloneNode(False)
+        clone.__class__ = type(self)
+        for child in self.childNodes:
+            budget.spend(0 if isinstance(child, Element) else NODE + len(child.data))
+            clone.appendChild(child.cloneNode(True))
+        return clone
+
+
 class _Placing(ExpatBuilderNS):
     """Builds the document of one file.
 
     Elements have a place; that of xacro's own, which check their attributes, is lost where they are cloned.
     """
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, budget: Budget) -> None:
         """Prepare for a file, whose name stands in its elements' places."""
         super().__init__()
-        self._file = file
+        self._file, self._budget = file, budget
+        document: Any = self.document
+        document.budget = budget
 
     def start_doctype_decl_handler(self, *_: object) -> NoReturn:
         """Refuse a DOCTYPE."""
-        raise ModelError(DOCTYPE)
+        raise ModelError(DOCTYPE, line=self.getParser().CurrentLineNumber)
 
     def start_element_handler(self, name: str, attributes: Any) -> None:
         """Begin an element; expat gives its name as "URI name prefix"."""
@@ -220,7 +253,8 @@ class _Placing(ExpatBuilderNS):
             attributes = [*attributes, PLACE, place]
         super().start_element_handler(name, attributes)
         begun: Any = self.curNode
-        begun.place = place
+        begun.__class__, begun.place = _Counted, place
+        self._budget.spend(2 * NODE + ATTRIBUTE * len(attributes) // 2)  # with their places
 
 
 @cache
@@ -243,7 +277,6 @@ def _own_xacro() -> Any:
     return xacro
 
 
-@lru_cache(maxsize=4096)
 def _lexed(text: str) -> list[tuple[int, str]]:
     """Return the parts of a text and their kinds, by xacro's lexer."""
     xacro, found = _own_xacro(), []
@@ -267,19 +300,20 @@ def _refuse_eval(expression: str, _: object) -> NoReturn:
 def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
     """Return an error as one line of text with its macros, and the file and line where it occurred."""
     own, inner, suffix = "", error, ""
-    if isinstance(error, xacro.XacroException) and error.exc is not None:
-        inner, suffix = error.exc, str(error.suffix or "")
-        own = str(error.args[0] or "").partition("<class")[0]
+    while isinstance(inner, xacro.XacroException) and inner.exc is not None:
+        own += str(inner.args[0] or "").partition("<class")[0] + " "
+        inner, suffix = inner.exc, str(inner.suffix or suffix)
     message = "xacro: " + " ".join(" ".join([own, _described(inner), suffix]).split())
     macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack)]
     if macros:
         message += f" (in macro {' < '.join(macros[:4])})"
     stack = [name for name in xacro.filestack if name]
     where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
-    line = getattr(error, "lineno", None)
+    line = getattr(error, "lineno", None) or getattr(error, "line", None)  # of expat, and of a DOCTYPE
     if line is None and (place := _place_in(reversed([*walk_tb(error.__traceback__)]))):
         where, line = place[0] or file, place[1]
-    return ModelError(message, file=where, line=line)
+    kind = RunawayError if isinstance(inner, RunawayError) else ModelError
+    return kind(message, file=where, line=line)
 
 
 def _described(error: BaseException) -> str:

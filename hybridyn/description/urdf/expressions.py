@@ -2,24 +2,33 @@
 
 An attribute is an element of one of xacro's own dictionaries (`math.pi`, `limits.upper`) or a harmless method
 of a text, list, tuple or dictionary, never a Python attribute. So classes, frames and modules cannot be
-reached. What could grow without limit is bounded before it is computed.
+reached. What could grow without limit is bounded before it is computed, and what is computed is counted.
 """
 
 from __future__ import annotations
 
 import ast
-import functools
 import re
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
 from typing import Any
 
 from simpleeval import DEFAULT_OPERATORS, EvalWithCompoundTypes
 
+from .robot_folders import RunawayError
+
 #: Most characters or elements of a text or list, bits of an integer (the largest float has 1024), digits of a
 #: rounded number, and characters of an expression.
 LARGEST = 10_000
-#: Most steps of the expressions of one robot; a stack of 1,000 six-legged modules takes some 2 million.
-MOST_STEPS = 50_000_000
+#: Largest value with all that it holds: lists of lists share their parts, but are written as a whole [bytes].
+LARGEST_VALUE = 10_000_000
+
+#: Most that one expansion may make [bytes], which takes less than 10 s and 500 MB. A stack of 256 six-legged
+#: modules, 80,000 elements, makes 85 % of it; arms, hands and humanoids below 10 %.
+MOST_MADE = 500_000_000
+#: What a step of an expression, and a character of its syntax tree, count [bytes]: they take time, or memory.
+STEP, SYNTAX = 100, 250
 
 _WIDE_FIELD = re.compile(r"%[^a-zA-Z%]*(\d{5}|\*)")
 
@@ -38,17 +47,52 @@ _METHODS: dict[type, frozenset[str]] = {
 }
 
 #: Names of xacro that inspect objects, or compute huge numbers of short arguments; no robot file needs them.
-FORBIDDEN = ("type", "vars", "issubclass", "factorial", "comb", "perm", "prod")
+FORBIDDEN = ("type", "vars", "issubclass", "factorial", "comb", "perm", "prod", "lcm")
 
 
 class RefusedError(Exception):
     """The xacro file uses something that is not allowed."""
 
 
-def refuse_large(size: float) -> None:
+class Budget:
+    """Counts what one expansion makes.
+
+    Attributes:
+        made: Size of the copies, texts and values so far, and what the time for them counts [bytes].
+    """
+
+    made = 0
+
+    def spend(self, size: int) -> None:
+        """Count what is made; raise RunawayError if it is too much."""
+        self.made += size
+        if self.made > MOST_MADE:
+            raise RunawayError(
+                f"macros, blocks, includes and expressions make more than {MOST_MADE // 10**6:,} MB; find "
+                "the macro that calls itself or repeats its blocks too often. If the robot is that large, "
+                "expand it by the program xacro, and open what that writes"
+            )
+
+
+def refuse_large(size: float, largest: int = LARGEST) -> None:
     """Raise RefusedError for a value that is too large."""
-    if size > LARGEST:
-        raise RefusedError(f"too large: more than {LARGEST:,} characters, elements, bits or digits")
+    if size > largest:
+        raise RefusedError(f"too large: more than {largest:,} characters, elements, bits, digits or bytes")
+
+
+def size_of(value: Any) -> int:
+    """Return the size of a value and of all that it holds [bytes]; raise RefusedError if it is too large."""
+    size, left = 0, [value]
+    while left:
+        one = left.pop()
+        size += 36 * len(one) if isinstance(one, range) else sys.getsizeof(one)
+        refuse_large(size, LARGEST_VALUE)
+        if isinstance(one, dict):
+            left += dict.keys(one)
+            left += dict.values(one)
+        elif isinstance(one, list | tuple | set | frozenset):
+            left += one
+    return size
 
 
 def raised(a: Any, b: Any) -> Any:
@@ -60,9 +104,18 @@ def raised(a: Any, b: Any) -> Any:
 
 def remainder(a: Any, b: Any) -> Any:
     """Return a % b, of a text only with fields of moderate width."""
-    if isinstance(a, str) and _WIDE_FIELD.search(a):
-        raise RefusedError("a field of '%' is too wide")
+    if isinstance(a, str):
+        if _WIDE_FIELD.search(a):
+            raise RefusedError("a field of '%' is too wide")
+        refuse_large(a.count("%") * size_of(b), LARGEST_VALUE)
     return a % b
+
+
+def repeating(text: str, method: str, *arguments: Any) -> str:
+    """Return what `join` or `replace`, which repeat a text, make of it."""
+    refuse_large(len(text) * sum(map(len, arguments)), LARGEST_VALUE)
+    made: str = getattr(text, method)(*arguments)
+    return made
 
 
 def bounded_range(*arguments: Any) -> range:
@@ -82,22 +135,15 @@ def bounded_round(number: Any, ndigits: Any = None) -> Any:
 _OPERATORS = {**DEFAULT_OPERATORS, ast.Pow: raised, ast.Mod: remainder}
 
 
-@functools.lru_cache(maxsize=4096)
-def parsed(expression: str) -> ast.expr:
-    """Return the syntax tree of an expression; cached, because macros repeat their expressions."""
-    refuse_large(len(expression))
-    return ast.parse(expression, "<expression>", "eval").body
-
-
 class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     """Evaluate expressions; an instance is called with an expression and the values of names.
 
     Args:
         symbols: Names; the functions among them may be called.
         spaces: Types of dictionaries whose elements may be written like attributes.
+        budget: Counts the steps, and the sizes of values.
 
     Attributes:
-        steps: Number of steps so far.
         has_effects: Whether an expression changed a list, or used a namespace that may change.
     """
 
@@ -105,10 +151,13 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     names: Any
     _max_count: int
 
-    def __init__(self, symbols: Mapping[str, Any], spaces: tuple[type[dict[str, Any]], ...]) -> None:
+    def __init__(
+        self, symbols: Mapping[str, Any], spaces: tuple[type[dict[str, Any]], ...], budget: Budget
+    ) -> None:
         super().__init__(_OPERATORS, {}, {})
         self.functions = {name: value for name, value in symbols.items() if callable(value)}
-        self.spaces, self.steps, self.has_effects = spaces, 0, False
+        self.spaces, self.budget, self.has_effects = spaces, budget, False
+        self._parsed = cache(self._syntax)  # macros repeat their expressions
         del self.nodes[ast.JoinedStr]  # of any width
         self._plain = self.nodes
 
@@ -117,31 +166,47 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
 
         Raises:
             RefusedError: The expression uses something that is not allowed, or exceeds a bound.
+            RunawayError: The expansion makes too much.
             Exception: Any error of its operators and functions.
         """
         outer = self.names, self.nodes, self._max_count  # a name may stand for another expression
         self.names, self.nodes = names, dict(self._plain)
         try:
-            return self.eval(expression, parsed(expression.strip()))
+            return self.eval(expression, self._parsed(expression.strip()))
         finally:
             self.names, self.nodes, self._max_count = outer
 
+    def _syntax(self, expression: str) -> ast.expr:
+        """Return the syntax tree of an expression."""
+        refuse_large(len(expression))
+        self.budget.spend(SYNTAX * len(expression))
+        return ast.parse(expression, "<expression>", "eval").body
+
     def _eval(self, node: ast.AST) -> Any:
-        """Return the value of a node; count it."""
-        self.steps += 1
-        if self.steps > MOST_STEPS:
-            raise RefusedError(f"the expressions take more than {MOST_STEPS:,} steps")
+        """Return the value of a node; count it, and all that it holds where it is new."""
+        self.budget.spend(STEP)
         if type(node) not in self.nodes:
             raise RefusedError(f"{type(node).__name__} is not allowed in an expression")
         value = self.nodes[type(node)](node)
         if isinstance(value, int | str | list | tuple):
             refuse_large(value.bit_length() if isinstance(value, int) else len(value))
+        if isinstance(value, float | int) or isinstance(node, ast.Name | ast.Attribute | ast.Subscript):
+            return value
+        return self._counted(value)
+
+    def _counted(self, value: Any) -> Any:
+        """Return a new value, what makes its elements one by one as their list; count its size."""
+        if isinstance(value, Iterator):
+            value = [self._counted(one) for one in value]
+        self.budget.spend(size_of(value))
         return value
 
     def _eval_attribute(self, node: ast.Attribute) -> Any:
         """Return a harmless method, or an element of one of xacro's dictionaries."""
         value, name = self._eval(node.value), node.attr
         self.has_effects |= name == "pop" or type(getattr(value, "parent", {})) is not dict
+        if isinstance(value, str) and name in ("join", "replace"):
+            return partial(repeating, value, name)
         if any(isinstance(value, kind) and name in methods for kind, methods in _METHODS.items()):
             return getattr(value, name)
         if name.startswith("__") or not isinstance(value, self.spaces):

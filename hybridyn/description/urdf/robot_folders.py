@@ -77,6 +77,10 @@ MOST_ASKED = 10_000
 _PACKAGE = re.compile(r"[A-Za-z][\w.-]*")
 
 
+class RunawayError(ModelError):
+    """A robot file, which calls itself or repeats its parts, makes or reads too much."""
+
+
 class RobotFolders:
     """The folders that a robot file may read.
 
@@ -113,12 +117,13 @@ class RobotFolders:
 
         Raises:
             OSError: The system cannot open or read the file.
-            ModelError: The folders refuse it, or too much was asked.
+            ModelError: The folders refuse it.
+            RunawayError: Too much was asked.
         """
         if self.closed:
             raise ModelError("asks for something after its expansion")
         if len(self.replies) >= MOST_ASKED:
-            raise ModelError(f"reads more than {MOST_ASKED:,} files")
+            raise RunawayError(f"reads more than {MOST_ASKED:,} files")
         reply: Any = None
         try:
             reply = getattr(self, what)(of)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ..cache_folder import hashed, keep, kept, state_of
 from ..shipped import data_folder
-from .robot_folders import RobotFolders
+from .robot_folders import RobotFolders, RunawayError
 from .xml_node import LARGEST_FILE
 
 if TYPE_CHECKING:
@@ -40,8 +40,8 @@ def expand(
     replies.
 
     Raises:
-        ModelError: xacro reports an error, or the expansion exceeds its limits; the message names the file
-            and the macro.
+        ModelError: xacro reports an error, or the expansion makes too much; the message names the file and
+            the macro.
     """
     path = os.path.abspath(file)
     named = [os.fspath(folder) for folder in package_dirs]
@@ -77,10 +77,14 @@ def _with_arguments(
         with contextlib.suppress(Exception):
             if fresh().give(one.folders.replies):
                 return one.again(given), one.notes
-    made = None
+    made: Expansion | None = None
     if None not in known:
-        with contextlib.suppress(Exception):
+        try:
             made = _expanded(file, fresh(), given, True)
+        except RunawayError:  # would run away once more
+            raise
+        except Exception:
+            made = None
     found = made or _expanded(file, fresh(), given, False)
     _traced.append((about, made))
     del _traced[:-MOST_TRACED]
