@@ -30,6 +30,7 @@ from hybridyn.errors import (
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import Result
 from hybridyn.streams.one_pass import samples_counted_from
+from hybridyn.tables.opening import read_columns
 from tests.command_line import call, read_table, without_remarks
 from tests.comparing import refused
 from tests.extras import needs
@@ -212,13 +213,14 @@ def test_a_floating_base_is_placed_without_naming_every_motor(
     assert first[f"{robot.motors[1]}/position"] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["r.urdf", "r.urdf.xacro", "s.toml", "r.state"])
+@pytest.mark.parametrize("name", ["r.urdf", "r.urdf.xacro", "s.toml", "r.state", "t.csv"])
 def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / name
     os.mkfifo(file)
     monkeypatch.setattr("builtins.open", lambda *_, **__: pytest.fail("it was opened, and waited for"))
     readers = {
         ".urdf": hybridyn.load, ".xacro": hybridyn.load, ".toml": read_scene, ".state": Result.load,
+        ".csv": lambda file: read_columns(file, ["time"]),
     }  # fmt: skip
     caught = refused(lambda: readers[file.suffix](str(file)), hybridyn.HybridynError, "is not a regular file")
     assert name in str(caught)

@@ -24,7 +24,7 @@ from .events import Found
 from .system import State
 
 #: Layout of the file that `Result.save` writes.
-FORMAT = 3
+FORMAT = 4
 
 
 @dataclass
@@ -133,25 +133,28 @@ class Result:
         for name in _STATE[:3]:
             data[f"event_{name}"] = [getattr(event, name) for event in self.events]
         with appearing(path) as draft, draft.open("wb") as file:
-            np.savez(file, **data)
+            np.savez(file, digest=_content(data), **data)
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Result:
         """Read a result from the file that `save` wrote.
 
         Raises:
-            TrajectoryError: The file is not a result, was truncated or damaged, or holds invalid numbers.
+            TrajectoryError: The file is not a result, was truncated, damaged or edited, or holds invalid
+                numbers.
         """
         if os.path.exists(path) and not os.path.isfile(path):  # opening a pipe would block
             raise TrajectoryError("is not a regular file", file=str(path))
         try:
             with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
                 data = {name: file[name] for name in file.files}
+            if str(data.pop("digest")) != _content(data):
+                raise ValueError("its numbers have changed")
             out = Result._from(data)
         except (ValueError, TypeError, OSError, EOFError, LookupError, SyntaxError, MemoryError, RuntimeError,
                 tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
             raise TrajectoryError(
-                f"not a result of a simulation, or cut short: {error}", file=str(path)
+                f"not a result of a simulation as it was written: {error}", file=str(path)
             ) from None
         numbers = (out.state.t, out.state.q, out.state.v, out.state.a, out.next_step, out.start)
         if not all(np.isfinite(x).all() for x in numbers) or out.next_step == 0:
@@ -194,6 +197,14 @@ def digest(robot: HybridRobot) -> str:
             out.update(f"{x!r},".encode())
 
     add((robot.description, robot.base, np.asarray(robot.gravity)))
+    return out.hexdigest()
+
+
+def _content(data: Mapping[str, Any]) -> str:
+    """Compute a digest of arrays, their types and their names."""
+    out = hashlib.sha256()
+    for name, x in ((name, np.asarray(data[name])) for name in sorted(data)):
+        out.update(f"{name} {x.dtype} {x.shape} ".encode() + x.tobytes())
     return out.hexdigest()
 
 

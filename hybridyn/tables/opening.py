@@ -96,6 +96,8 @@ def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Iterator[Ta
         HybridynError: The file cannot be read, or its header is wrong; polars is missing.
     """
     file = str(path)
+    if Path(file).exists() and not Path(file).is_file():  # opening a pipe would wait
+        raise TrajectoryError("cannot be read: it is not a regular file", file=file)
     with contextlib.ExitStack() as opened:
         try:
             parquet = file.lower().endswith(".parquet")

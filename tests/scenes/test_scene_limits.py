@@ -151,6 +151,19 @@ CHANGED: dict[str, tuple[Callable[[Path], bytes], str]] = {
         )
         for name in ("said", "state_q", "event_t")
     },
+    **{
+        f"{name} edited": (
+            lambda state, name=name, new=new: packed(arrays(state) | {name: new}),
+            "not a result of a simulation as it was written: its numbers have changed",
+        )
+        for name, new in (
+            ("said", np.array("3")),
+            ("state_t", np.array("later")),
+            ("state_q", np.zeros(3)),
+            ("tau", np.zeros((1, 9))),
+            ("kinetic", np.zeros(0, dtype="datetime64[s]")),
+        )
+    },
 }
 
 

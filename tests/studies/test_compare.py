@@ -2,9 +2,11 @@
 
 import json
 import re
+from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pinocchio as pin
@@ -173,6 +175,17 @@ def test_trees_have_no_closure_to_ignore(tmp_path: Path) -> None:
     found = compare(hybridyn.load(save(tmp_path, door(1))), ["pinocchio"], samples=2)
     assert found.different == []
     assert found.closures == ()
+
+
+def test_versions_are_told_without_the_metadata_of_packages(
+    two_bars: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where conda installed Pinocchio, or hybridyn runs from its sources."""
+    monkeypatch.setattr(metadata, "distribution", Mock(side_effect=metadata.PackageNotFoundError("pin")))
+    found = compare(hybridyn.load(two_bars), ["pinocchio"], samples=1)
+    assert {(one.engine, one.version) for one in found.verdicts} == {
+        ("hybridyn", hybridyn.__version__), ("pinocchio", pin.__version__),
+    }  # fmt: skip
 
 
 def test_absent_engines_are_named(two_bars: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib import import_module
 from importlib.util import find_spec
 from os import PathLike
 from typing import get_args
 
+from ... import __version__
 from ...description.names import counted, listed
 from ...errors import install_advice
 from ...structure.robot import HybridRobot
@@ -91,12 +92,13 @@ def compare(
     own = own_file(robot, xacro_args, package_dirs)
     verdicts, skipped = [_ourselves(robot)], []
     for name, file in files.items():
-        package, extra = ENGINES[name]
         if find_spec(name) is None:
-            skipped.append((name, f"is not installed: {install_advice(extra)}"))
+            skipped.append((name, f"is not installed: {install_advice(ENGINES[name])}"))
             continue
-        for way, build in file.ways(robot, own):
-            verdicts.append(judge_way(way, build, robot, states, (name, version(package)), tolerance))
+        names = name, import_module(name).__version__
+        verdicts += [
+            judge_way(way, build, robot, states, names, tolerance) for way, build in file.ways(robot, own)
+        ]
     return Comparison(
         robot.name, robot.mobility, closure_names(robot), samples, tolerance,
         tuple(verdicts), tuple(skipped),
@@ -107,7 +109,7 @@ def _ourselves(robot: HybridRobot) -> Verdict:
     """Return hybridyn's own row."""
     held = tuple(ClosureFate(name, 0.0, "held") for name in closure_names(robot))
     return Verdict(
-        "hybridyn", version("hybridyn"), "ddm", freedoms=robot.mobility, closures=held, acceleration=0.0,
+        "hybridyn", __version__, "ddm", freedoms=robot.mobility, closures=held, acceleration=0.0,
         effort=0.0,
     )  # fmt: skip
 

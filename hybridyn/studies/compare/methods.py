@@ -23,8 +23,8 @@ from .engine import NotComparableError
 #: Models that the benchmarks compare.
 Model = Literal["ddm", "idm"]
 MODELS: tuple[Model, ...] = get_args(Model)
-#: Engines: package to ask for the version, and extra.
-ENGINES = {"pinocchio": ("pin", ""), "mujoco": ("mujoco", "mjcf")}
+#: Engines: the extra that installs them.
+ENGINES = {"pinocchio": "", "mujoco": "mjcf"}
 Setting = Mapping[str, float]
 
 #: Positions, rates, and accelerations or efforts of some samples.
