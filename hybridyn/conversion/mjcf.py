@@ -106,7 +106,8 @@ class Tree:
                 self._losses.add("mass and inertia of the world's link, which do not move", root)
         else:
             kind: JointKind = "floating" if self._d.base == "floating" else "fixed"
-            first = [Joint(f"{root}:free", kind, "", root, np.eye(4), AXES[0])]
+            name = unique(f"{root}:free", {joint.name for joint in self._d.joints})
+            first = [Joint(name, kind, "", root, np.eye(4), AXES[0])]
         todo += [(self.worldbody, 1, joint, np.eye(4), ()) for joint in reversed(_last_free(first))]
         while todo:
             element, depth, joint, M, carried = todo.pop()
@@ -132,7 +133,7 @@ class Tree:
 
     def _add_body(self, parent: ET.Element, link: str, at: Array, carried: tuple[Carried, ...]) -> ET.Element:
         free = carried and carried[0][0].kind == "floating"
-        name = f"{WORLD}_" if link == WORLD else link
+        name = unique(f"{WORLD}_", {*self._links}) if link == WORLD else link
         if name != link:
             self._losses.add("names that MuJoCo keeps for itself: written with an underscore", link)
         body = add(self.worldbody if free else parent, "body", name=name, **pose(at))
@@ -380,8 +381,9 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
     list_losses(d, tree, losses)
     if d.closures or d.couplings:
         equality = add(root, "equality")
-        _add_closures(equality, parts, tree, sizes.size, losses)
-        _add_couplings(root, equality, parts)
+        taken = {closure.name for closure in parts.closures}
+        _add_closures(equality, parts, tree, sizes.size, taken, losses)
+        _add_couplings(root, equality, parts, taken)
     add_forces(root, parts, tree)
     for link in d.links:
         if link.name not in tree.bodies:
@@ -420,7 +422,9 @@ def _add_softness(root: ET.Element, option: ET.Element, d: Description, tightnes
     )
 
 
-def _add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, losses: Losses) -> None:
+def _add_closures(
+    equality: ET.Element, d: Description, tree: Tree, arm: float, taken: set[str], losses: Losses
+) -> None:
     """Add sites and equalities.
 
     Args:
@@ -428,6 +432,7 @@ def _add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, 
         d: The robot; its closures are points, axes and welds.
         tree: The bodies, which receive sites.
         arm: Distance of the two points that hold an axis [m].
+        taken: Names of equalities.
         losses: Receives closures that MuJoCo has no word for.
     """
     for closure in d.closures:
@@ -436,7 +441,7 @@ def _add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, 
         stems = {closure.name: (f"{closure.name}:", turned(np.eye(4), closure.turn.T))}
         if closure.rotation == "parallel":
             ahead = placement_from(np.eye(3), np.array([0.0, 0.0, arm]))
-            stems[f"{closure.name}:axis"] = (f"{closure.name}:axis_", ahead)
+            stems[unique(f"{closure.name}:axis", taken)] = (f"{closure.name}:axis_", ahead)
             losses.add("closures with an axis are connects of two points on it", closure.name)
         for name, (stem, there) in stems.items():
             for end, link, frame in ends:
@@ -444,17 +449,16 @@ def _add_closures(equality: ET.Element, d: Description, tree: Tree, arm: float, 
             add(equality, word, name=name, site1=f"{stem}a", site2=f"{stem}b")
 
 
-def _add_couplings(root: ET.Element, equality: ET.Element, d: Description) -> None:
+def _add_couplings(root: ET.Element, equality: ET.Element, d: Description, taken: set[str]) -> None:
     """Add the couplings of a robot.
 
     Args:
         root: The root element, which receives `<tendon>`.
-        equality: The element `<equality>`; its names stay unique.
+        equality: The element `<equality>`.
         d: The robot.
+        taken: Names of equalities.
     """
-    at, taken = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}, set[str]()
-    for closure in d.closures:
-        taken |= {closure.name, f"{closure.name}:axis"}
+    at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
     for coupling in d.couplings:
         name = unique(coupling.name, taken)
         offset = coupling.offset - sum(coefficient * at[joint] for joint, coefficient in coupling.terms)

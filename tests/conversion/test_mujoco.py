@@ -251,6 +251,31 @@ def test_names_of_bodies_that_are_added_are_new() -> None:
     assert {"loop_follower", "loop_follower2"} <= {model.body(n).name for n in range(model.nbody)}
 
 
+LOOP = closed("revolute")
+TWICE = replace(LOOP, closures=(*LOOP.closures, replace(LOOP.closures[0], name="loop:axis")))
+
+
+ITS_WORLD = renamed(renamed(LOOP, "arm", "world"), "cart", "world_")
+FREE = replace(renamed(LOOP, "two", "base:free"), base="floating")
+
+
+@pytest.mark.parametrize(
+    ("d", "names"),
+    [
+        (ITS_WORLD, {"world_", "world_2"}),
+        (TWICE, {"loop:axis", "loop:axis2", "loop:axis:axis"}),
+        (FREE, {"base:free", "base:free2"}),
+    ],
+)
+def test_names_that_mujoco_would_find_twice_get_a_number(
+    d: Description, names: set[str], tmp_path: Path
+) -> None:
+    other, out = read_back(d, tmp_path / "robot.xml")
+    model = mujoco.MjModel.from_xml_string(out.text)
+    assert names <= {name.decode() for name in model.names.split(b"\0")}
+    assert len(other.closures) == 2 * len(d.closures)  # each is two connects
+
+
 # -------------------- springs, dampers and friction
 
 
