@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from ...linkage.joints import NQ
+from ...linkage.joints import NQ, TreeJoint
 from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, plus, times, zeros
 from .rigid import (
     TURNING,
@@ -142,12 +142,7 @@ def sweep(
 
 def motion_subspace(link: Link) -> Expression:
     """Return the motion subspace S of a joint, shape (6, nv), child frame."""
-    if link.kind == "prismatic":
-        return np.concatenate([numbers(link.axis), zeros(3)])[:, None]
-    if link.kind in TURNING:
-        return np.concatenate([zeros(3), numbers(link.axis)])[:, None]
-    columns = {"spherical": (3, 4, 5), "planar": (0, 1, 5), "floating": range(6)}[link.kind]
-    return eye(6)[:, list(columns)]
+    return numbers(TreeJoint("", link.kind, axis=link.axis).S)
 
 
 def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:

@@ -14,8 +14,8 @@ from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
-from .chains import Chain, Placed, split_positions, sweep
-from .expressions import Expression, dot, pack, plain, symbols, zeros
+from .chains import Chain, Placed, own_columns, split_positions, sweep
+from .expressions import Expression, dot, plain, sampled, symbols, zeros
 from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, dependence, size_of, weighed
 from .legs import PlatformMotion, leg_pivots
 from .loops import Rows, write_rows
@@ -70,8 +70,7 @@ def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
     column, q = symbols("q", sum(NQ[link.kind] for link in path.links))
     chain = sweep(list(path.links), q, zeros(sum(NV[link.kind] for link in path.links)), zeros(6))
     S = wrist_jacobian(path, chain)
-    function = ca.Function("S", [column], [pack(S)])
-    samples = np.array([np.array(function(x)).reshape(S.shape) for x in positions])
+    samples = sampled(S, [column], [[x] for x in positions])
     rows = np.array([1 / length] * 3 + [1.0] * 3)
     turns = [any(not (isinstance(x, float) and x == 0.0) for x in column[3:]) for column in S.T]
     cols = np.array([1.0 if t else length for t in turns])
@@ -80,11 +79,8 @@ def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
 
 def wrist_jacobian(path: Path, chain: Chain) -> Expression:
     """Compute the Jacobian of a wrist's end over the wrist's rates, end frame, shape (6, wrist nv)."""
-    columns: list[Expression] = []
-    for i in range(path.wrist_from, len(path.links)):
-        columns = [to_child(chain.R[i], chain.p[i], column) for column in columns]
-        columns += [chain.S[i][:, k] for k in range(path.links[i].nv)]
-    return np.stack(columns, axis=1)
+    columns = own_columns(chain, len(path.links))
+    return np.stack([columns[k] for k in range(path.wrist_v.start, path.wrist_v.stop)], axis=1)
 
 
 def wrist_accelerations(
@@ -194,9 +190,7 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
         parts.rods,
     )  # fmt: skip
     _leave_out_spins(parts, written)
-    function = ca.Function("K", [column], [pack(written.K[:, 6:])])
-    shape = written.K[:, 6:].shape
-    samples = np.array([np.array(function(x[parts.tree_q])).reshape(shape) for x in postures])
+    samples = sampled(written.K[:, 6:], [column], [[x[parts.tree_q]] for x in postures])
     return choose_pivots(samples, parts.rank, rows, cols)
 
 

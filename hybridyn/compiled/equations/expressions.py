@@ -6,6 +6,8 @@ Products with zeros and ones are simplified, so that unit axes and empty blocks 
 from __future__ import annotations
 
 import functools
+import operator
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -30,25 +32,19 @@ def times(x: Any, y: Any) -> Any:
     return 0.0 if is_zero(x) or is_zero(y) else _times(x, y)
 
 
-def _times(x: Any, y: Any) -> Any:
-    """Multiply two scalars; CasADi's own operator takes eight times longer, to find out what they are."""
-    if isinstance(x, ca.SX) or isinstance(y, ca.SX):
-        return ca.SX.binary(ca.OP_MUL, x, y)
-    return x * y
+def _operator(of_symbols: int, of_numbers: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return an operator of two scalars; CasADi's own takes eight times longer, to find out what they are."""
+
+    def apply(x: Any, y: Any) -> Any:
+        """Apply the operator."""
+        known = not (isinstance(x, ca.SX) or isinstance(y, ca.SX))
+        return of_numbers(x, y) if known else ca.SX.binary(of_symbols, x, y)
+
+    return apply
 
 
-def _plus(x: Any, y: Any) -> Any:
-    """Add two scalars, as `_times` multiplies them."""
-    if isinstance(x, ca.SX) or isinstance(y, ca.SX):
-        return ca.SX.binary(ca.OP_ADD, x, y)
-    return x + y
-
-
-def _minus(x: Any, y: Any) -> Any:
-    """Subtract two scalars, as `_times` multiplies them."""
-    if isinstance(x, ca.SX) or isinstance(y, ca.SX):
-        return ca.SX.binary(ca.OP_SUB, x, y)
-    return x - y
+_times = _operator(ca.OP_MUL, operator.mul)
+_plus, _minus = _operator(ca.OP_ADD, operator.add), _operator(ca.OP_SUB, operator.sub)
 
 
 def plus(x: Any, y: Any) -> Any:
@@ -113,6 +109,12 @@ def pack(*parts: Any) -> ca.SX:
     """Concatenate expressions to one dense column."""
     flat = [x for part in parts for x in np.asarray(part, dtype=object).ravel()]
     return ca.densify(ca.vertcat(*[ca.SX(x) for x in flat])) if flat else ca.SX(0, 1)
+
+
+def sampled(M: Expression, columns: list[ca.SX], points: Iterable[Sequence[Array]]) -> Array:
+    """Evaluate a matrix at points, numbers for each column of symbols, shape (points, *M.shape)."""
+    function = ca.Function("sampled", columns, [pack(M)])
+    return np.array([np.array(function(*numbers)).reshape(M.shape) for numbers in points])
 
 
 def along(n: Expression, x: Expression) -> Any:

@@ -30,6 +30,7 @@ from .expressions import (
     numbers,
     pack,
     plus,
+    sampled,
     symbols,
     upper,
     zeros,
@@ -144,7 +145,7 @@ def write_leg(
     base: tuple[Expression, Expression],
     platform: PlatformMotion,
     scale: Scale,
-    pivots: Pivots | None,
+    pivots: Pivots,
     a: Expression | None = None,
 ) -> WrittenLeg:
     """Write the kinematics of a group's legs.
@@ -175,13 +176,11 @@ def write_leg(
     if rotation == "parallel":
         k[3:] = k[3:] + [along(cross(V[3:], R_s[:, i]), turning) for i in range(2)]
     right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
-    if pivots is None:
-        pivots = Pivots(tuple(range(len(J))), tuple(range(len(J))), (1.0,) * len(J))
     X, trust = solve(J, right, pivots)
     other = plus(platform.p, dot(platform.R, p_o))
     open_by = [
         (minus(other, point), scale.length),
-        *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
+        (turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)), 1.0),
     ]
     slipping = [(apart, scale.length), (dot(N[3:, 3:], turning), 1.0)]
     opened = weighed(open_by, scale.weight_of_positions) + weighed(slipping, platform.rate_weight)
@@ -198,12 +197,15 @@ def _both(R: Expression) -> Expression:
     return out
 
 
-def _turned_apart(rotation: str, A: Expression, B: Expression) -> list[tuple[Expression, float]]:
-    """Return the rotational residuals of two frames, with their unit."""
-    if rotation == "free":
-        return []
-    pairs = [(0, 2), (1, 2)] if rotation == "parallel" else [(0, 1), (1, 2), (2, 0)]
-    return [(np.array([along(A[:, i], B[:, j]) for i, j in pairs], dtype=object), 1.0)]
+#: Axes of frames A and B that are perpendicular while a closure holds.
+PERPENDICULAR = {
+    "free": (), "fixed": ((0, 1), (1, 2), (2, 0)), "parallel": ((0, 2), (1, 2)), "perpendicular": ((2, 2),),
+}  # fmt: skip
+
+
+def turned_apart(rotation: str, A: Expression, B: Expression) -> Expression:
+    """Compute the rotational residuals of two frames that are nearly closed."""
+    return np.array([along(A[:, i], B[:, j]) for i, j in PERPENDICULAR[rotation]], dtype=object)
 
 
 def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[Array, Array]) -> Pivots:
@@ -219,14 +221,9 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     column, q = symbols("q", width_of(group[0].links)[0])
     chain = sweep(links, q, zeros(width_of(group[0].links)[1]), zeros(6))
     J = dot(_rows(group[0].closure.rotation, R_s), _jacobian(chain, group[0].end, p_s))
-    function = ca.Function("J", [column, folding.symbol()], [pack(J)])
-    table = folding.table(len(group))
-    samples = [
-        np.array(function(posture[leg.tree_q], table[i])).reshape(J.shape)
-        for i, leg in enumerate(group)
-        for posture in mechanism_postures
-    ]
-    return choose_pivots(np.array(samples), len(J), *scales)
+    numbers_of = zip(group, folding.table(len(group)), strict=True)
+    points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]
+    return choose_pivots(sampled(J, [column, folding.symbol()], points), len(J), *scales)
 
 
 def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression) -> dict[str, Expression]:

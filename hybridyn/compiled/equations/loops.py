@@ -29,14 +29,14 @@ from .expressions import (
     hat,
     minus,
     numbers,
-    pack,
     plus,
+    sampled,
     scalar,
     symbols,
     zeros,
 )
 from .guards import Scale, weighed
-from .legs import fold_links
+from .legs import fold_links, turned_apart
 from .parts import UNFELT, Rod
 from .rigid import links_of, motion_to_parent, to_parent, units_of
 from .states import generic_positions
@@ -272,27 +272,22 @@ def _closure(
     gamma = [along(n, apart) for n in axes]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []
-    pairs: list[tuple[int, int]] = []
     if c.rotation == "fixed":
         turning = [(numbers(np.eye(3)[i]), zeros(3)) for i in range(3)]
-        pairs = [(0, 1), (1, 2), (2, 0)]
     elif c.rotation == "parallel":
         turning = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
-        pairs = [(0, 2), (1, 2)]
     elif c.rotation == "perpendicular":
         n = cross(z, a.A[:, 2])
         turning = [(n, cross(cross(b.w, z), a.A[:, 2]) + cross(z, cross(a.w, a.A[:, 2])))]
-        pairs = [(2, 2)]
     slip = [along(n, b.v - a.v - cross(a.w, r)) for n in axes] + [along(n, w) for n, _ in turning]
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
         gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
     rows = [dot(n[None], relative)[0] for n in normals] if turned is None else list(turned[1])
-    angles = np.array([along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
         np.array(gamma, dtype=object),
-        (opened, angles),
+        (opened, turned_apart(c.rotation, a.A, b.A)),
         np.array(slip, dtype=object),
     )
 
@@ -356,13 +351,10 @@ def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
     m, folding = modules[0].mechanism, Folding()
     q_col, q = symbols("q", m.spanning.nq)
     K, _ = spanning_closures(modules, folding, q)
-    function = ca.Function("K", [q_col, folding.symbol()], [pack(K)])
-    table = folding.table(len(modules))
-    samples = [
-        np.array(function(posture, numbers)).reshape(K.shape)
-        for module, numbers in zip(modules, table, strict=True)
-        for posture in generic_positions(module)
-    ]
+    numbers_of = zip(modules, folding.table(len(modules)), strict=True)
+    points = [(x, own) for module, own in numbers_of for x in generic_positions(module)]
     rank, unit = m.spanning.nv - m.mobility, m.spanning_col_scale.copy()
     unit[list(last)] *= LAST
-    return choose_pivots(np.array(samples), rank, m.spanning_row_scale, unit, SPARSE_SPANNING)
+    return choose_pivots(
+        sampled(K, [q_col, folding.symbol()], points), rank, m.spanning_row_scale, unit, SPARSE_SPANNING
+    )

@@ -234,7 +234,6 @@ class Parts:
     Attributes:
         mechanism: The module.
         links: Links of the core.
-        turns: New axes of each body of the core (base first) in its old axes, shape (3, 3).
         bodies: For each body of the core (base first) its index in the mechanism's tree.
         platforms: Links of the core that are platforms.
         closures, couplings: Those of the core; bodies and joints numbered in the core, axes aligned.
@@ -252,7 +251,6 @@ class Parts:
 
     mechanism: Mechanism
     links: tuple[Link, ...]
-    turns: tuple[Array, ...]
     bodies: tuple[int, ...]
     platforms: frozenset[int]
     closures: tuple[TreeClosure, ...]
@@ -304,7 +302,6 @@ def parts_of(
     return Parts(
         mechanism=mechanism,
         links=core_links,
-        turns=tuple(turns[body] for body in number),
         bodies=tuple(number),
         platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
         closures=core_closures,

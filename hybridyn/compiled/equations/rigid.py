@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...description.records import JointKind
 from ...linkage.joints import NV, TreeJoint
 from ...spatial import Array
 from ...structure.bodies import Body
@@ -166,7 +167,7 @@ class Link:
         inertia: Ten numbers of the child's inertia (`rigid`), shape (10,).
     """
 
-    kind: str
+    kind: JointKind
     parent: int
     R: Array
     p: Array
@@ -196,23 +197,13 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
     Returns:
         The links, and for each body (base first) the new axes in the old axes, shape (3, 3).
     """
-    turns = [
-        axis_frame(link.axis)
-        if body not in fixed and np.abs(link.axis).max() < 1.0 and link.nv == 1
-        else None
-        for body, link in enumerate(links, 1)
-    ]
-    return _turned(links, turns)
-
-
-def _turned(links: list[Link], turns: list[Array | None]) -> tuple[list[Link], list[Array]]:
-    """Turn the frame of each body that has a turn."""
-    axes = [np.eye(3), *(np.eye(3) if turn is None else turn for turn in turns)]
-    out = []
-    for link, turn, here in zip(links, turns, axes[1:], strict=True):
-        back = axes[link.parent].T
+    out, axes = [], [np.eye(3)]
+    for body, link in enumerate(links, 1):
+        turned = body not in fixed and np.abs(link.axis).max() < 1.0 and link.nv == 1
+        here, back = axis_frame(link.axis) if turned else np.eye(3), axes[link.parent].T
+        axes.append(here)
         inertia = np.array(moved(plain(link.inertia), plain(here.T), plain(np.zeros(3))), dtype=float)
-        axis = link.axis if turn is None else snap(turn.T @ link.axis)
+        axis = snap(here.T @ link.axis) if turned else link.axis
         out.append(replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia))
     return out, axes
 
