@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -19,8 +19,8 @@ from .expressions import Expression, dot, plain, sampled, symbols, zeros
 from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, dependence, size_of, weighed
 from .legs import PlatformMotion, leg_pivots
 from .loops import Rows, write_rows
-from .parts import Parts, first_moment, width_of
-from .rigid import Link, links_of, motion_to_parent, quaternion_matrix, to_child, units_of
+from .parts import Parts, first_moment
+from .rigid import Link, links_of, motion_to_parent, to_child, units_of
 from .states import seen_postures
 from .static_elimination import Pivots, Trust, choose_pivots, solve
 
@@ -153,51 +153,28 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
     """
     m = parts.mechanism
     paths = tuple(path_of(m, m.spec, wrist) for wrist in m.spec.wrists)
-    row_scale, col_scale = m.reduction.row_scale, m.reduction.col_scale
     postures = seen_postures(m)
     groups = []
     for group in parts.groups:
         leg = group[0]
         rows = np.array([1 / m.length] * 3 + [1.0] * (len(leg.tree_v) - 3))
-        groups.append(leg_pivots(group, postures, (rows, col_scale[leg.tree_v])))
-    loops = _loop_pivots(parts, m.postures, row_scale[list(parts.closure_rows)], col_scale[parts.tree_v])
+        groups.append(leg_pivots(group, postures, (rows, m.reduction.col_scale[leg.tree_v])))
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(path, positions[:, path.q], m.length) for path in paths]
-    return Plan(
-        parts,
-        paths,
-        loops,
-        tuple(groups),
-        tuple(wrists),
-        Scale(m.length, closed, TINY_RATE[dtype], compared),
-    )
+    scale = Scale(m.length, closed, TINY_RATE[dtype], compared)
+    plan = Plan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
+    return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
 
 
-def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Pivots:
-    """Choose the pivots of the core's closures."""
+def _loop_pivots(plan: Plan, positions: Array) -> Pivots:
+    """Choose the pivots of the core's closures at positions of the spanning tree, shape (samples, nq)."""
+    parts, m = plan.parts, plan.mechanism
     if not len(parts.closure_rows):
         return Pivots((), (), ())
-    nq, nv = width_of(parts.links)
-    column, q = symbols("q", nq)
-    placed = {}
-    for i in parts.platforms:
-        at = split_positions(list(parts.links), q)[i]
-        placed[i] = Placed(quaternion_matrix(at[3:]), at[:3], zeros(6), zeros(6))
-    chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
-    positions = split_positions(list(parts.links), q)
-    written = write_rows(
-        chain, parts.closures, parts.couplings, positions, zeros(6 + nv), None, Scale(1.0, 1.0), [1.0], 0,
-        parts.rods,
-    )  # fmt: skip
-    _leave_out_spins(parts, written)
-    samples = sampled(written.K[:, 6:], [column], [[x[parts.tree_q]] for x in postures])
-    return choose_pivots(samples, parts.rank, rows, cols)
-
-
-def _leave_out_spins(parts: Parts, rows: Rows) -> None:
-    """Take from the closures' rows the freedoms that stand for spins: the rows do not feel these."""
-    for spin in parts.spins:
-        rows.K[:, 6 + spin.col] = 0.0
+    column, q = symbols("q", m.spanning.nq)
+    K = write_core(plan, q, zeros(m.spanning.nv), zeros(6)).rows.K[:, 6:]
+    scales = m.reduction.row_scale[list(parts.closure_rows)], m.reduction.col_scale[parts.tree_v]
+    return choose_pivots(sampled(K, [column], [[x] for x in positions]), parts.rank, *scales)
 
 
 def _spin_guard(plan: Plan, rows: Rows) -> Any:
@@ -296,7 +273,8 @@ def write_core(
     )  # fmt: skip
     if plan.column is not None:
         rows.guard = rows.guard + _spin_guard(plan, rows)
-    _leave_out_spins(parts, rows)
+    for spin in parts.spins:  # the rows do not feel the freedoms that stand for spins
+        rows.K[:, 6 + spin.col] = 0.0
     if is_coarse(plan.mechanism):
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
