@@ -15,8 +15,8 @@ from hybridyn.compiled.programs.closing import libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Coordinates, Given
+from hybridyn.compiled.programs.closing.kernels import Unknowns
 from hybridyn.compiled.programs.closing.rows import rows_at
-from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.workspace.sweep import coordinate_target

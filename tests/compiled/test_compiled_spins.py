@@ -151,12 +151,12 @@ def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: fl
     (part,), (g, g_dot, g_ddot) = parts, numbers(parts, wanted)
     assert part.spins
     kernels = ModuleKernels([part.module], part.given, part.blocks, spins=part.spins)
-    written = kernels.write()
-    table = written.table[0].astype(float)
+    settle, numbers_of = kernels.write()["settle"]
+    table = numbers_of[0].astype(float)
     p, _ = places_at(parts, [state.q for state in forward(robot, q, v, a)], len(q))
     for t in range(len(q)):
         at = q[t], p[t], q[t], p[t], g[t], g[t], g_dot[t], g_ddot[t], table
-        *_, rate, acceleration, step, open_by, _, guard = (np.array(x).ravel() for x in written.settle(*at))
+        *_, rate, acceleration, step, open_by, _, guard = (np.array(x).ravel() for x in settle(*at))
         assert guard <= GUARD_LIMIT
         assert max(step[0], open_by[0]) <= ROUNDING
         assert np.abs(rate - v[t]).max() <= CLOSED * np.abs(v).max()

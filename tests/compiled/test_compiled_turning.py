@@ -14,9 +14,8 @@ from hybridyn.compiled.programs.closing import closing_source, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.choosing import module_requests, parts_of
 from hybridyn.compiled.programs.closing.given import Given
-from hybridyn.compiled.programs.closing.kernels import ModuleKernels
+from hybridyn.compiled.programs.closing.kernels import ModuleKernels, Unknowns
 from hybridyn.compiled.programs.closing.rows import rows_at
-from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import waves
@@ -46,13 +45,14 @@ def least_margin(writer: ModuleKernels) -> float:
     It is at least 1 for any two postures, whether they close the loops or not.
     """
     written, rng = writer.write(), np.random.default_rng(0)
-    (table,), least = written.table.astype(float), np.inf
+    (settle, numbers), (branch, _) = written["settle"], written["branch"]
+    (table,), least = numbers.astype(float), np.inf
     rates = np.zeros(writer.u.given.rates)
     for start in zip(*writer._postures(writer.u.modules[0]), strict=True):
         for size in SIZES:
             at, p, g = (x + size * rng.uniform(-1, 1, x.shape) for x in start)
-            *_, bound, _ = written.settle(at, p, *start, g, rates, rates, table)
-            _, turned, guard = written.branch(*start, at, p, at, p, g, table)
+            *_, bound, _ = settle(at, p, *start, g, rates, rates, table)
+            _, turned, guard = branch(*start, at, p, at, p, g, table)
             t = float(bound)
             if float(guard) <= 1.0 and t < 1.0 and turned > 0.0:
                 least = min(least, t / (1.0 - t) / float(turned))

@@ -15,8 +15,7 @@ Modules do not depend on each other, so equal modules are copies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -25,7 +24,7 @@ import numpy as np
 from ...assembly.follow import MOST_TURNING
 from ...errors import SingularityError
 from ...linkage.tree import Tree
-from ...spatial import Array
+from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
@@ -35,9 +34,70 @@ from ..equations.expressions import Expression, Folding, dot, is_zero, pack, sym
 from ..equations.guards import GUARD_CLOSED, OTHER_STRUCTURE, largest, trusted
 from ..equations.loops import dependent_pivots, shape_of, spanning_closures
 from ..equations.request import Request
-from ..equations.static_elimination import solve
-from ..program import Program, Source, Target, Worst
-from .writer import Writer
+from ..equations.static_elimination import Pivots, Trust, solve
+from ..program import Program
+from .writer import ModuleWriter, alike
+
+#: Function and table of numbers of a kernel.
+Kernel = tuple[ca.Function, Array]
+
+
+class LoopKernel:
+    """The loops of modules of one shape, for which a kernel is written.
+
+    Attributes:
+        modules: The modules.
+        given: Freedoms that stay independent if they can; others may, too.
+        specs: The modules' numbers where some are arguments, or nothing.
+        tree: Their spanning tree.
+        folding: Collects the numbers in which they differ.
+        pivots: Pivots of the dependent freedoms.
+        dependent: These freedoms.
+    """
+
+    def __init__(self, modules: list[Module], given: Sequence[int], specs: Sequence[ModuleSpec] = ()) -> None:
+        """Choose the dependent freedoms."""
+        self.modules, self.given, self.specs = modules, given, specs
+        self.m, self.folding = modules[0].mechanism, Folding()
+        self.tree, self._looped = self.m.spanning, bool(self.m.spanning_closures.rows)
+        self.pivots = dependent_pivots(modules, given) if self._looped else Pivots((), (), ())
+        self.dependent = list(self.pivots.cols)
+
+    def check_independent(self, what: str, why: str) -> None:
+        """Check that what is given is independent.
+
+        Raises:
+            SingularityError: It is not; the words are `why`, and `what` are the given joints.
+        """
+        if set(self.dependent) & set(self.given):
+            name = self.modules[0].name
+            raise SingularityError(f"module '{name}': {why}", module=name, what=what)
+
+    def rows(self, q: Expression) -> tuple[Expression, Expression]:
+        """Compute the rows K, shape (rows, nv), and the residual, shape (rows,), at a posture."""
+        if not self._looped:
+            return zeros(0, self.tree.nv), zeros(0)
+        return spanning_closures(self.modules, self.folding, q, self.specs)
+
+    def step(
+        self, K: Expression, residual: Expression, v: Expression
+    ) -> tuple[Expression, Expression, Trust]:
+        """Compute a Newton step, and the rates that the independent ones of v cause, shapes (nv,)."""
+        rates = self.independent(v)
+        X, trust = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), self.pivots)
+        rates[self.dependent] = X[self.dependent, 1]
+        return X[:, 0], rates, trust
+
+    def independent(self, v: Expression) -> Expression:
+        """Return independent rates, zero for the others."""
+        out = v.copy()
+        out[self.dependent] = 0.0
+        return out
+
+    def kernel(self, name: str, inputs: list[ca.SX], outputs: list[Any]) -> Kernel:
+        """Return the function of inputs and of numbers, and the table of these."""
+        function = ca.Function(name, [*inputs, self.folding.symbol()], [*map(ca.SX, outputs)])
+        return function, self.folding.table(len(self.modules))
 
 
 def close_program(request: Request) -> Program:
@@ -59,14 +119,16 @@ def freedoms_of(robot: HybridRobot, joints: Iterable[str]) -> set[int]:
 
 def following_program(request: Request, name: str, driven: set[int]) -> Program:
     """Build the program in which all joints follow the freedoms `driven`, with the arrays of "close"."""
-    robot = request.robot
-    inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
-    w = Writer(name, inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
-    if robot.base == "moving":
+    w = loop_writer(request, name, {"near": "q", "v": "v", "a": "v"}, CLOSED)
+    if request.robot.base == "moving":
         keep_base(w)
-    ends = {"near": Q, "v": V, "a": V}, {"q": Q, "v_closed": V, "a_closed": V}
-    _add_modules(w, request, driven, partial(by_motors, closed=GUARD_CLOSED[request.dtype]), *ends)
+    for key, numbers, kernel in loop_kernels(request, driven):
+        w.add(key, numbers, by_motors(kernel, GUARD_CLOSED[request.dtype]))
     return w.program()
+
+
+#: Outputs of programs that close loops.
+CLOSED = {"q": "q", "v_closed": "v", "a_closed": "v"}
 
 
 def turning_program(request: Request, driven: set[int]) -> Program:
@@ -79,120 +141,101 @@ def turning_program(request: Request, driven: set[int]) -> Program:
     Raises:
         SingularityError: The freedoms depend on each other.
     """
-    robot = request.robot
-    w = Writer("turning", [("near", robot.nq), ("q", robot.nq), *request.parameter_inputs], [])
-    _add_modules(w, request, driven, _turning, {"near": Q, "q": Q}, {})
+    w = loop_writer(request, "turning", {"near": "q", "q": "q"}, {})
+    for key, numbers, kernel in loop_kernels(request, driven):
+        w.add(key, numbers, _turning(kernel))
     return w.program()
 
 
-#: What a module's entries of an array are: coordinates, freedoms, or the one of its number.
-Q, V, NUMBER = "q_index", "v_index", "number"
-
-
-def _add_modules(
-    w: Writer,
+def loop_writer(
     request: Request,
-    driven: set[int],
-    write: Callable[..., tuple[ca.Function, Array]],
-    inputs: Mapping[str, str],
-    outputs: Mapping[str, str],
-) -> None:
-    """Add the calls of the kernels of all modules.
+    name: str,
+    inputs: dict[str, str],
+    outputs: dict[str, str],
+    **more: tuple[int, list[Index]],
+) -> ModuleWriter:
+    """Begin a program over a robot's modules.
 
     Args:
-        write: Writes the kernel of modules of one shape, and the table of their numbers.
-        inputs: `Q` or `V`, by the name of the input.
-        outputs: `Q`, `V` or `NUMBER`, by the name of the output; a further one is a guard.
+        inputs: Kind of each input: coordinates "q", freedoms "v", "module" for one number of each, or one of
+            `more`.
+        outputs: Kind of each output.
+        more: Number of entries of another kind, and those of each module.
     """
-    robot, shapes = request.robot, dict[Any, list[int]]()
+    robot = request.robot
+    q, v = ([getattr(m, index) for m in robot.modules] for index in ("q_index", "v_index"))
+    each = [np.array([k]) for k in range(len(robot.modules))]
+    kinds = {"q": (robot.nq, q), "v": (robot.nv, v), "module": (len(each), each), **more}
     chosen = request.arguments if isinstance(request.arguments, ChosenNumbers) else None
-    for k, module in enumerate(robot.modules):
-        shapes.setdefault(shape_of(module, motor_freedoms(module, driven)), []).append(k)
-    for shape, numbers in shapes.items():
-        modules, own = [robot.modules[k] for k in numbers], chosen.of_modules if chosen else ()
-        pairs = [(m, own[k]) for m, k in zip(modules, numbers, strict=True)] if chosen else []
-        specs = [m.mechanism.spec if given is None else given.spec for m, given in pairs]
-        function, table = write(modules, motor_freedoms(modules[0], driven), specs=specs)
-        places = {index: np.array([getattr(m, index) for m in modules]) for index in (Q, V)}
-        places[NUMBER] = np.array(numbers)[:, None]
-        sources: list[Source] = [w.from_given(name, places[index]) for name, index in inputs.items()]
-        sources.append(w.numbers(table, None if chosen is None else chosen.column))
-        targets: list[Target] = [w.result(name, places[index]) for name, index in outputs.items()]
-        targets += [Worst()] * (function.n_out() - len(targets))
-        w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
+    return ModuleWriter(name, inputs, outputs, kinds, chosen.column if chosen else None)
 
 
-def keep_base(w: Writer) -> None:
-    """Copy the prescribed motion of a moving base to the outputs."""
-    columns = [ca.SX.sym("base", size) for size in (7, 6, 6)]
-    kernel = w.kernel("base", ca.Function("base", columns, columns), "closures")
-    pairs = (("near", "q", 7), ("v", "v_closed", 6), ("a", "a_closed", 6))
-    sources: list[Source] = [w.from_given(name, np.arange(size)) for name, _, size in pairs]
-    targets: list[Target] = [w.result(name, np.arange(size)) for _, name, size in pairs]
-    w.call(kernel, 1, sources, targets)
-
-
-def motor_freedoms(module: Module, driven: set[int]) -> tuple[int, ...]:
-    """Return the freedoms of a module's spanning tree that have motors."""
-    return tuple(k for k, column in enumerate(module.v_index.tolist()) if column in driven)
-
-
-def by_motors(
-    modules: list[Module], motors: tuple[int, ...], closed: float, specs: Sequence[ModuleSpec] = ()
-) -> tuple[ca.Function, Array]:
-    """Return the closing kernel of modules of one shape, and the table of numbers in which they differ.
+def loop_kernels(
+    request: Request, driven: set[int], among: Sequence[int] | None = None
+) -> list[tuple[Any, list[int], LoopKernel]]:
+    """Return the loops of the modules of each shape, with a key and the modules' numbers.
 
     Args:
-        motors: Freedoms of their motors.
-        closed: Largest step of closed loops.
-        specs: The modules' numbers where some are arguments. The guard includes the rows without a pivot,
-            which may depend on the others no longer, or not on this branch.
+        driven: Freedoms that are given.
+        among: Numbers of the modules, by default all.
     """
-    m, folding = modules[0].mechanism, Folding()
-    tree = m.spanning
+    modules = request.robot.modules
+    own = request.arguments.of_modules if isinstance(request.arguments, ChosenNumbers) else ()
+    given = [tuple(k for k, column in enumerate(m.v_index.tolist()) if column in driven) for m in modules]
+    specs = [m.mechanism.spec if x is None else x.spec for m, x in zip(modules, own, strict=False)]
+    shapes = alike(range(len(modules)) if among is None else among, lambda k: shape_of(modules[k], given[k]))
+    return [
+        (
+            shape,
+            numbers,
+            LoopKernel([modules[k] for k in numbers], given[numbers[0]], [specs[k] for k in numbers if own]),
+        )
+        for shape, numbers in shapes.items()
+    ]
+
+
+def keep_base(w: ModuleWriter) -> None:
+    """Copy the prescribed motion of a moving base to the outputs."""
+    six = np.arange(6)
+    w.keep(q=("near", np.arange(7)), v_closed=("v", six), a_closed=("a", six))
+
+
+def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
+    """Return the closing kernel of modules of one shape.
+
+    Args:
+        closed: Largest step of closed loops. Where numbers are arguments, the guard includes the rows without
+            a pivot, which may depend on the others no longer, or not on this branch.
+    """
+    m, tree = kernel.m, kernel.tree
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
-    step, guard = zeros(tree.nv), ca.SX(0.0)
-    if m.spanning_closures.rows:
-        pivots = dependent_pivots(modules, motors)
-        dependent = list(pivots.cols)
-        K, residual = spanning_closures(modules, folding, q, specs)
-        v, a = v.copy(), a.copy()
-        v[dependent] = a[dependent] = 0.0
-        solved, trust = solve(K, np.stack([-residual, -dot(K, v)], axis=1), pivots)
-        step[dependent], v[dependent] = solved[dependent, 0], solved[dependent, 1]
-        drift = _drift(K, q_col, v, tree)
-        a[dependent] = solve(K, (-dot(K, a) - drift)[:, None], pivots)[0][dependent, 0]
-        guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
-        if specs or len(K) > len(pivots.rows):
-            scale, unit = m.spanning_row_scale, m.spanning_col_scale
-            speed = largest(v / unit)
-            guard = ca.fmax(guard, largest(residual * scale) / closed)
-            held = largest(dot(K, v) * scale) <= closed * speed
-            guard = ca.fmax(guard, ca.if_else(held, 0.0, OTHER_STRUCTURE))
+    K, residual = kernel.rows(q)
+    step, v, trust = kernel.step(K, residual, v)
+    drift, a = _drift(K, q_col, v, tree), kernel.independent(a)
+    a[kernel.dependent] = solve(K, (-dot(K, a) - drift)[:, None], kernel.pivots)[0][kernel.dependent, 0]
+    guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
+    if len(K) and (kernel.specs or len(K) > len(kernel.pivots.rows)):
+        scale, unit = m.spanning_row_scale, m.spanning_col_scale
+        speed = largest(v / unit)
+        guard = ca.fmax(guard, largest(residual * scale) / closed)
+        held = largest(dot(K, v) * scale) <= closed * speed
+        guard = ca.fmax(guard, ca.if_else(held, 0.0, OTHER_STRUCTURE))
     moved = by_joint(tree, moved_joint, q, step, positions=1)
-    outputs = [pack(moved), pack(v), pack(a), ca.SX(guard)]
-    return ca.Function("close", [q_col, v_col, a_col, folding.symbol()], outputs), folding.table(len(modules))
+    return kernel.kernel("close", [q_col, v_col, a_col], [pack(moved), pack(v), pack(a), guard])
 
 
-def _turning(
-    modules: list[Module], motors: tuple[int, ...], specs: Sequence[ModuleSpec]
-) -> tuple[ca.Function, Array]:
-    """Return the kernel that compares two postures of modules, see `turning_program` and `by_motors`."""
-    m, folding, turned = modules[0].mechanism, Folding(), ca.SX(0.0)
-    (near_col, near), (q_col, q) = (symbols(name, m.spanning.nq) for name in ("near", "q"))
-    if m.spanning_closures.rows:
-        pivots = dependent_pivots(modules, motors)
-        dependent = list(pivots.cols)
-        if set(dependent) & set(motors):
-            why = "its motors depend on each other: their positions contradict each other but by chance"
-            raise SingularityError(f"module '{modules[0].name}': {why}", module=modules[0].name)
-        unit = m.spanning_col_scale[dependent]
-        K, K_there = (spanning_closures(modules, folding, x, specs)[0] for x in (near, q))
-        change, _ = solve(K, (K_there - K)[:, dependent] * unit, pivots)
-        for row in change[dependent, : len(dependent)] / unit[:, None]:
-            turned = ca.fmax(turned, sum(ca.fabs(x) for x in row if not is_zero(x)))
-    inputs = [near_col, q_col, folding.symbol()]
-    return ca.Function("turning", inputs, [turned / MOST_TURNING]), folding.table(len(modules))
+def _turning(kernel: LoopKernel) -> Kernel:
+    """Return the kernel that compares two postures of modules, see `turning_program`."""
+    why = "its motors depend on each other: their positions contradict each other but by chance"
+    kernel.check_independent("motors", why)
+    (near_col, near), (q_col, q) = (symbols(name, kernel.tree.nq) for name in ("near", "q"))
+    turned, dependent = ca.SX(0.0), kernel.dependent
+    unit = kernel.m.spanning_col_scale[dependent]
+    K, K_there = (kernel.rows(x)[0] for x in (near, q))
+    change, _ = solve(K, (K_there - K)[:, dependent] * unit, kernel.pivots)
+    for row in change[dependent, : len(dependent)] / unit[:, None]:
+        turned = ca.fmax(turned, sum(ca.fabs(x) for x in row if not is_zero(x)))
+    return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
 
 
 def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
@@ -222,46 +265,30 @@ def lift_program(request: Request) -> Program | None:
     robot = request.robot
     if robot.base == "moving" or any(m.mechanism.rounding > LIFT_ROUNDING for m in robot.modules):
         return None
-    outputs = {"q": Q} | dict.fromkeys(("xi_next", "v_closed", "xi_dot", "independent"), V)
-    outputs |= dict.fromkeys(MEASURES, NUMBER)
-    sizes = {Q: robot.nq, V: robot.nv, NUMBER: len(robot.modules)}
-    inputs = {"q_0": Q, "xi": V, "v": V}
-    given, results = ([(name, sizes[index]) for name, index in of.items()] for of in (inputs, outputs))
-    w = Writer("lift", given, results)
-    _add_modules(w, request, set(), _lift, inputs, outputs)
+    outputs = {"q": "q"} | dict.fromkeys(("xi_next", "v_closed", "xi_dot", "independent"), "v")
+    outputs |= dict.fromkeys(MEASURES, "module")
+    w = loop_writer(request, "lift", {"q_0": "q", "xi": "v", "v": "v"}, outputs)
+    for key, numbers, kernel in loop_kernels(request, set()):
+        w.add(key, numbers, _lift(kernel))
     return w.program()
 
 
-def _lift(
-    modules: list[Module], motors: tuple[int, ...], specs: Sequence[ModuleSpec]
-) -> tuple[ca.Function, Array]:
-    """Return the kernel of modules of one shape, and the table of numbers in which they differ."""
-    m = modules[0].mechanism
-    tree = m.spanning
+def _lift(kernel: LoopKernel) -> Kernel:
+    """Return the kernel of modules of one shape, see `lift_program`."""
+    m, tree, independent = kernel.m, kernel.tree, np.ones(kernel.tree.nv)
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
-    step, rates, size, pivot, open_by = zeros(tree.nv), v, ca.SX(0.0), ca.SX(1.0), ca.SX(0.0)
-    independent = np.ones(tree.nv)
-    folding = Folding()
-    if m.spanning_closures.rows:
-        pivots = dependent_pivots(modules, motors)
-        K, residual = spanning_closures(
-            modules, folding, by_joint(tree, moved_joint, q_0, xi, positions=1), specs
-        )
-        dependent, rates = list(pivots.cols), v.copy()
-        independent[dependent] = rates[dependent] = 0.0
-        X, trust = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), pivots)
-        pivot = trust.least
-        step[dependent], rates[dependent] = X[dependent, 0], X[dependent, 1]
-        size = largest(step / m.spanning_col_scale)
-        open_by = largest(residual * m.spanning_row_scale)
+    K, residual = kernel.rows(by_joint(tree, moved_joint, q_0, xi, positions=1))
+    step, rates, trust = kernel.step(K, residual, v)
+    independent[kernel.dependent] = 0.0
     outputs = [
         pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
         pack(xi + step),
         pack(rates),
         pack(by_joint(tree, displacement_rate, xi, rates)),
         pack(independent),
-        *map(ca.SX, (size, pivot, open_by)),
+        largest(step / m.spanning_col_scale),
+        trust.least,
+        largest(residual * m.spanning_row_scale),
     ]
-    function = ca.Function("lift", [q_col, xi_col, v_col, folding.symbol()], outputs)
-    return function, folding.table(len(modules))
+    return kernel.kernel("lift", [q_col, xi_col, v_col], outputs)

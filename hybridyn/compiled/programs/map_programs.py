@@ -18,20 +18,18 @@ import numpy as np
 
 from ...assembly.posture import check_joints, modules_of
 from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside, regular_map
-from ...errors import SingularityError
 from ...linkage.tree import Tree
 from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
-from ..equations.expressions import Expression, Folding, pack, symbols, zeros
+from ..equations.expressions import Expression, pack, symbols
 from ..equations.guards import GUARD_CLOSED, largest, trusted
-from ..equations.loops import dependent_pivots, spanning_closures
 from ..equations.request import Request
 from ..equations.states import moving_states
 from ..equations.static_elimination import solve
-from ..program import Constants, Program, Source, Target, Worst
-from .writer import Writer
+from ..program import Program
+from .close import Kernel, LoopKernel, loop_writer
 
 #: Random postures at which the joints are tried before the map is written.
 TRIED = 8
@@ -113,44 +111,27 @@ def map_values(robot: HybridRobot, q: Array, joints: Sequence[str], rates: Array
 def _program(request: Request, numbers: list[int], given: Side, wanted: Side) -> Program:
     """Build the program from one side to the other."""
     robot, m, k = request.robot, len(given.joints), len(wanted.joints)
-    rows = f"{wanted.name}s_per_{given.name}s"
-    parts = ("position", "rate", "effort")
-    inputs = [("near", robot.nq), *((f"{given.name}_{part}", m) for part in parts)]
-    outputs = [("q", robot.nq), *((f"{wanted.name}_{part}", k) for part in parts), (rows, k * m)]
-    w = Writer(f"map_to_{wanted.name}s", inputs, outputs)
-    block = np.zeros((k, m), dtype=bool)
+    matrix, parts, modules = (
+        f"{wanted.name}s_per_{given.name}s",
+        ("position", "rate", "effort"),
+        robot.modules,
+    )
+    own, other = ([_of_module(module, side) for module in modules] for side in (given, wanted))
+    blocks = [(b[:, None] * m + a).ravel() for a, b in zip(own, other, strict=True)]
+    inputs = {"near": "q"} | {f"{given.name}_{part}": "own" for part in parts}
+    outputs = {"q": "q"} | {f"{wanted.name}_{part}": "other" for part in parts} | {matrix: "block"}
+    rest = [
+        np.setdiff1d(np.arange(size), np.concatenate([at[n] for n in numbers]))
+        for size, at in ((robot.nq, [module.q_index for module in modules]), (k * m, blocks))
+    ]
+    kinds = {"own": (m, own), "other": (k, other), "block": (k * m, blocks)}
+    w = loop_writer(request, f"map_to_{wanted.name}s", inputs, outputs, **kinds)
     for number in numbers:
-        module = robot.modules[number]
-        own, other = (_of_module(module, side) for side in (given, wanted))
-        block[np.ix_(other, own)] = True
-        function, table = _kernel(robot, module, given, wanted, GUARD_CLOSED[request.dtype])
-        sources: list[Source] = [
-            w.from_given("near", module.q_index),
-            *(w.from_given(f"{given.name}_{part}", own) for part in parts),
-            Constants(table),
-        ]
-        targets: list[Target] = [
-            w.result("q", module.q_index),
-            *(w.result(f"{wanted.name}_{part}", other) for part in parts),
-            w.result(rows, (other[:, None] * m + own).ravel()),
-            Worst(),
-        ]
-        w.call(w.kernel(("map", number), function, "closures"), 1, sources, targets)
-    _fill(w, robot, numbers, rows, np.flatnonzero(~block))
+        w.add(("map", number), [number], _kernel(modules[number], given, wanted, GUARD_CLOSED[request.dtype]))
+    w.keep(
+        **{name: (of, at) for name, of, at in zip(("q", matrix), ("near", ""), rest, strict=True) if len(at)}
+    )
     return w.program()
-
-
-def _fill(w: Writer, robot: HybridRobot, numbers: list[int], rows: str, nothing: Index) -> None:
-    """Add what the modules of the map do not write: positions of other joints, and zeros of the matrix."""
-    own = [robot.modules[k].q_index for k in numbers]
-    rest = np.setdiff1d(np.arange(robot.nq), np.concatenate(own))
-    if len(rest):
-        column = ca.SX.sym("q", len(rest))
-        kernel = w.kernel("rest", ca.Function("rest", [column], [column]), "closures")
-        w.call(kernel, 1, [w.from_given("near", rest)], [w.result("q", rest)])
-    if len(nothing):
-        kernel = w.kernel("zeros", ca.Function("zeros", [], [pack(zeros(len(nothing)))]), "closures")
-        w.call(kernel, 1, [], [w.result(rows, nothing)])
 
 
 def _of_module(module: Module, side: Side) -> Index:
@@ -158,61 +139,37 @@ def _of_module(module: Module, side: Side) -> Index:
     return np.array([i for i, name in enumerate(side.joints) if name in module.joints], dtype=int)
 
 
-def _kernel(
-    robot: HybridRobot, module: Module, given: Side, wanted: Side, closed: float
-) -> tuple[ca.Function, Array]:
-    """Return the kernel of a module and the table of its numbers."""
-    m, folding = module.mechanism, Folding()
-    tree = m.spanning
+def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
+    """Return the kernel of a module."""
     A, B = (_freedoms(module, side) for side in (given, wanted))
-    near_col, near = symbols("near", tree.nq)
+    kernel, back = LoopKernel([module], A), LoopKernel([module], B)
+    for one, side in ((kernel, given), (back, wanted)):
+        one.check_independent(
+            f"{side.name}s", f"the {side.name}s {', '.join(side.joints)} are not independent"
+        )
+    near_col, near = symbols("near", kernel.tree.nq)
     columns = [symbols(name, len(A)) for name in ("position", "rate", "effort")]
     position, rate, effort = (values for _, values in columns)
-    q = _placed(tree, near, A, position)
-    step, guard = zeros(tree.nv), ca.SX(0.0)
-    there, back = zeros(len(B), len(A)), zeros(len(A), len(B))
-    if m.spanning_closures.rows:
-        K, residual = spanning_closures([module], folding, q)
-        solved, guard, there = _followed(robot, module, K, -residual, A, B, given)
-        _, of_back, back = _followed(robot, module, K, -residual, B, A, wanted)
-        step = solved
-        guard = ca.fmax(ca.fmax(guard, of_back), largest(step / m.spanning_col_scale) / closed)
-    else:
-        there[[B.index(a) for a in A], range(len(A))] = 1.0
-        back[[A.index(b) for b in B], range(len(B))] = 1.0
-    moved = by_joint(tree, moved_joint, q, step, positions=1)
+    q = _placed(kernel.tree, near, A, position)
+    K, residual = kernel.rows(q)
+    step, guard, there = _followed(kernel, K, residual, B)
+    _, of_back, per_wanted = _followed(back, K, residual, A)
+    size = largest(step / kernel.m.spanning_col_scale) / closed
+    moved = by_joint(kernel.tree, moved_joint, q, step, positions=1)
     outputs = [
-        pack(moved), pack(_positions(tree, moved, B)), pack(there.dot(rate)), pack(back.T.dot(effort)),
-        pack(there), ca.SX(guard),
+        pack(moved), pack(_positions(kernel.tree, moved, B)), pack(there.dot(rate)),
+        pack(per_wanted.T.dot(effort)), pack(there), ca.fmax(ca.fmax(guard, of_back), size),
     ]  # fmt: skip
-    inputs = [near_col, *(column for column, _ in columns), folding.symbol()]
-    return ca.Function("map", inputs, outputs), folding.table(1)
+    return kernel.kernel("map", [near_col, *(column for column, _ in columns)], outputs)
 
 
 def _followed(
-    robot: HybridRobot,
-    module: Module,
-    K: Expression,
-    right: Expression,
-    A: list[int],
-    B: list[int],
-    side: Side,
+    kernel: LoopKernel, K: Expression, residual: Expression, wanted: list[int]
 ) -> tuple[Expression, Any, Expression]:
-    """Solve K x = right for x with x_A = 0, and for the rates of B over those of A.
-
-    Returns:
-        x, shape (nv,), the guard of the pivots, and the rates, shape (len(B), len(A)).
-    """
-    pivots = dependent_pivots([module], tuple(A))
-    if set(pivots.cols) & set(A):
-        raise SingularityError(
-            f"module '{module.name}': the {side.name}s {', '.join(side.joints)} are not independent",
-            module=module.name,
-            what=f"{side.name}s",
-        )
-    X, trust = solve(K, right[:, None], pivots)
-    free = [c for c in range(K.shape[1]) if c not in pivots.cols]
-    return X[:, 0], trusted(trust), X[np.ix_(B, [1 + free.index(a) for a in A])]
+    """Return a Newton step, the guard of its pivots, and rates of wanted freedoms over the given ones."""
+    X, trust = solve(K, -residual[:, None], kernel.pivots)
+    free = [c for c in range(K.shape[1]) if c not in kernel.dependent]
+    return X[:, 0], trusted(trust), X[np.ix_(wanted, [1 + free.index(a) for a in kernel.given])]
 
 
 def _freedoms(module: Module, side: Side) -> list[int]:

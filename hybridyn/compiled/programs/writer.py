@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar, cast
 
 import casadi as ca
@@ -24,6 +24,7 @@ from ..program import (
     Source,
     Start,
     Target,
+    Worst,
     stored,
 )
 
@@ -151,3 +152,63 @@ class Writer:
             self._shared,
             self._own,
         )
+
+
+def alike(numbers: Iterable[int], key: Callable[[int], Hashable]) -> dict[Any, list[int]]:
+    """Return the numbers with the same key, by the key."""
+    out: dict[Any, list[int]] = {}
+    for k in numbers:
+        out.setdefault(key(k), []).append(k)
+    return out
+
+
+class ModuleWriter(Writer):
+    """Writes a program that closes loops: each of its kernels has modules of one shape as copies."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Mapping[str, str],
+        outputs: Mapping[str, str],
+        kinds: Mapping[str, tuple[int, Sequence[Index]]],
+        parameters: ca.SX | None = None,
+    ) -> None:
+        """Begin a program.
+
+        Args:
+            inputs: Kind of each input by its name.
+            outputs: Kind of each output by its name.
+            kinds: Number of entries of each kind, and those of each module.
+            parameters: Symbols of numbers that are arguments, the last input of the program, or None.
+        """
+        self._parameters, self._read, self._written = parameters, list(inputs), list(outputs)
+        self._places = {name: kinds[kind][1] for name, kind in {**inputs, **outputs}.items()}
+        given, results = ([(name, kinds[kind][0]) for name, kind in of.items()] for of in (inputs, outputs))
+        last = [] if parameters is None else [("parameters", parameters.numel())]
+        super().__init__(name, [*given, *last], results)
+
+    def add(self, key: Any, numbers: Sequence[int], kernel: tuple[ca.Function, Array], *read: str) -> None:
+        """Add the call of the kernel of some modules; outputs beyond those of the program are guards.
+
+        Args:
+            kernel: The function, and the table of numbers in which the modules differ.
+            read: Names of its inputs, by default all of the program.
+        """
+        (function, table), copies = kernel, len(numbers)
+        at = {
+            name: np.array([places[k] for k in numbers], dtype=int).reshape(copies, -1)
+            for name, places in self._places.items()
+        }
+        sources: list[Source] = [self.from_given(name, at[name]) for name in read or self._read]
+        sources.append(self.numbers(table, self._parameters))
+        targets: list[Target] = [self.result(name, at[name]) for name in self._written]
+        targets += [Worst()] * (function.n_out() - len(targets))
+        self.call(self.kernel(key, function, "closures"), copies, sources, targets)
+
+    def keep(self, **kept: tuple[str, Index]) -> None:
+        """Copy entries of inputs: for each output the name of the input, "" for zeros, and the entries."""
+        given = {name: ca.SX.sym(name, len(index)) for _, (name, index) in kept.items() if name}
+        results = [given.get(name, ca.SX.zeros(len(index), 1)) for name, index in kept.values()]
+        kernel = self.kernel("kept", ca.Function("kept", [*given.values()], results), "closures")
+        sources: list[Source] = [self.from_given(name, index) for name, index in kept.values() if name]
+        self.call(kernel, 1, sources, [self.result(name, index) for name, (_, index) in kept.items()])

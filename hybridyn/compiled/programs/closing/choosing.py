@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,22 +92,21 @@ def posture_of(parts: Sequence[Part], q: Array) -> tuple[Array, Array, Array]:
     return q, p[0], g[0]
 
 
-def places_of(parts: Sequence[Part], numbers: Sequence[int]) -> dict[str, Index]:
-    """Return the indices of some modules' numbers of each kind, shape (modules, numbers) each."""
+def kinds_of(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, tuple[int, list[Index]]]:
+    """Return the numbers of each kind: how many there are, and those of each part."""
 
-    def after(sizes: list[int]) -> Index:
-        """Return the places of the chosen modules' entries, given the sizes of all."""
-        starts = np.cumsum([0, *sizes])
-        return np.array([np.arange(starts[k], starts[k + 1]) for k in numbers], dtype=int)
+    def after(sizes: list[int]) -> tuple[int, list[Index]]:
+        """Return entries that lie one part after the other, by their number in each."""
+        ends = np.cumsum([0, *sizes])
+        return int(ends[-1]), [np.arange(start, end) for start, end in pairwise(ends.tolist())]
 
-    modules = [parts[k].module for k in numbers]
     return {
-        "q": np.array([m.q_index for m in modules]),
-        "v": np.array([m.v_index for m in modules]),
+        "q": (robot.nq, [part.module.q_index for part in parts]),
+        "v": (robot.nv, [part.module.v_index for part in parts]),
         "p": after([part.platforms for part in parts]),
         "g": after([part.given.size for part in parts]),
         "rates": after([part.given.rates for part in parts]),
-        "each": np.array(numbers)[:, None],
+        "each": after([1] * len(parts)),
     }
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -14,12 +12,11 @@ from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, cross, dot, pack, symbols
 from ...equations.guards import GUARD_CLOSED
-from ...equations.loops import shape_of
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
-from ...program import Constants, Program, Source, Target, Worst
-from ..close import by_motors, freedoms_of, keep_base, motor_freedoms
-from ..writer import Writer
+from ...program import Program
+from ..close import CLOSED, Kernel, by_motors, freedoms_of, keep_base, loop_kernels, loop_writer
+from ..writer import alike
 from .choosing import CONTRADICTING_FILE, MOST_FREEDOMS, modules_of
 from .extended import extended
 from .given import POSE, Given
@@ -44,35 +41,20 @@ def close_platforms_program(request: Request) -> Program | None:
     posed = posed_modules(robot)
     if not posed:
         return None
-    count, driven = len(posed), freedoms_of(robot, robot.motors)
-    inputs = [("near", robot.nq), ("pose", 7 * count), ("twist", 6 * count), ("twist_dot", 6 * count)]
-    inputs += [("v", robot.nv), ("a", robot.nv)]
-    w = Writer("close_platforms", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
+    counted = [posed.index(k) if k in posed else -1 for k in range(len(robot.modules))]
+    pose, twist = ((n * len(posed), [n * i + np.arange(n) for i in counted]) for n in (7, 6))
+    motion = {"pose": "pose", "twist": "twist", "twist_dot": "twist"}
+    inputs = {"near": "q", **motion, "v": "v", "a": "v"}
+    w = loop_writer(request, "close_platforms", inputs, CLOSED, pose=pose, twist=twist)
     if robot.base != "fixed":
         keep_base(w)
-    shapes: dict[Any, list[int]] = {}
-    for k, module in modules_of(robot):
-        own = extended(module.mechanism).shape, module.mobility
-        key = own if k in posed else shape_of(module, motor_freedoms(module, driven))
-        shapes.setdefault((k in posed, key), []).append(k)
-    for shape, numbers in shapes.items():
-        modules, closed = [robot.modules[k] for k in numbers], GUARD_CLOSED[request.dtype]
-        if shape[0]:
-            function, table = _by_poses(modules, closed)
-        else:
-            function, table = by_motors(modules, motor_freedoms(modules[0], driven), closed)
-        q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
-        sources: list[Source] = [w.from_given("near", q), w.from_given("v", v), w.from_given("a", v)]
-        if shape[0]:
-            at = np.array([posed.index(k) for k in numbers])[:, None]
-            sources[1:] = [
-                w.from_given("pose", 7 * at + np.arange(7)),
-                w.from_given("twist", 6 * at + np.arange(6)),
-                w.from_given("twist_dot", 6 * at + np.arange(6)),
-            ]
-        targets: list[Target] = [w.result("q", q), w.result("v_closed", v), w.result("a_closed", v), Worst()]
-        kernel = w.kernel(shape, function, "closures")
-        w.call(kernel, len(modules), [*sources, Constants(table)], targets)
+    closed, modules = GUARD_CLOSED[request.dtype], robot.modules
+    shapes = alike(posed, lambda k: (extended(modules[k].mechanism).shape, modules[k].mobility))
+    for key, numbers in shapes.items():
+        w.add(("posed", key), numbers, _by_poses([modules[k] for k in numbers], closed), "near", *motion)
+    rest = [k for k, _ in modules_of(robot) if k not in posed]
+    for key, numbers, kernel in loop_kernels(request, freedoms_of(robot, robot.motors), rest):
+        w.add(key, numbers, by_motors(kernel, closed), "near", "v", "a")
     return w.program()
 
 
@@ -113,22 +95,20 @@ def _determined(module: Module, given: Given) -> bool:
     return bool(enough and np.median(s[:, -1] / s[:, 0]) > m.rank_tolerance)
 
 
-def _by_poses(modules: list[Module], closed: float) -> tuple[ca.Function, Array]:
+def _by_poses(modules: list[Module], closed: float) -> Kernel:
     """Return the kernel of modules of one shape with posed platforms, and the table of their numbers."""
     m = modules[0].mechanism
-    written = ModuleKernels(modules, Given(m.spec.platforms, (POSE,), ()), ()).write()
-    near, table = ca.SX.sym("near", m.spanning.nq), ca.SX.sym("numbers", written.table.shape[1])
+    settle, numbers = ModuleKernels(modules, Given(m.spec.platforms, (POSE,), ()), ()).write()["settle"]
+    near, table = ca.SX.sym("near", m.spanning.nq), ca.SX.sym("numbers", numbers.shape[1])
     columns = [symbols(name, size) for name, size in (("pose", 7), ("twist", 6), ("twist_dot", 6))]
     rates = _in_own_axes(*(values for _, values in columns))
     posed = [columns[0][0], *map(pack, rates)]
     unread = ca.SX.zeros(7, 1)  # the pose is given, not that of a last posture
     here = [near, unread]
-    moved, _, rate, acceleration, step, *_, guard = written.settle.call(
-        [*here, *here, posed[0], *posed, table]
-    )
+    moved, _, rate, acceleration, step, *_, guard = settle.call([*here, *here, posed[0], *posed, table])
     guard = ca.fmax(guard, step / closed)
     inputs = [near, *(column for column, _ in columns), table]
-    return ca.Function("close_platforms", inputs, [moved, rate, acceleration, guard]), written.table
+    return ca.Function("close_platforms", inputs, [moved, rate, acceleration, guard]), numbers
 
 
 def _in_own_axes(pose: Expression, twist: Expression, change: Expression) -> tuple[Expression, Expression]:

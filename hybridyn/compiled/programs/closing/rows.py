@@ -19,9 +19,9 @@ from ...equations.guards import largest
 from ...equations.legs import fold_links
 from ...equations.loops import Frames, SpanningRows, coupling_row
 from ...equations.rigid import links_of, quaternion_matrix
-from ...program import Program, Worst
-from ..writer import Writer
-from .choosing import CLOSED_TO_ROUNDING, Part, places_of
+from ...program import Program
+from ..writer import ModuleWriter, alike
+from .choosing import CLOSED_TO_ROUNDING, Part, kinds_of
 from .extended import Extended, extended
 from .given import ANGLE, Coordinates, Given
 
@@ -189,23 +189,16 @@ def place_program(robot: HybridRobot, parts: Sequence[Part]) -> Program:
     Args:
         parts: Its modules but a free base; only joints are prescribed.
     """
-    shapes: dict[Any, list[int]] = {}
-    for k, part in enumerate(parts):
-        m = part.module.mechanism
+    w = ModuleWriter("place", {"q_0": "q"}, {"p": "p", "g": "g"}, kinds_of(robot, parts))
+
+    def key(k: int) -> tuple[object, ...]:
+        """Return what parts with the same kernel have in common."""
+        m = parts[k].module.mechanism
         spanning = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in m.spanning.joints)
-        key = extended(m).shape, part.given, spanning, tuple(m.cut.bodies.tolist())
-        shapes.setdefault(key, []).append(k)
-    sizes = sum(part.platforms for part in parts), sum(part.given.size for part in parts)
-    w = Writer("place", [("q_0", robot.nq)], [("p", sizes[0]), ("g", sizes[1])])
-    for key, numbers in shapes.items():
-        function, table = _kernel([parts[k] for k in numbers])
-        at = places_of(parts, numbers)
-        w.call(
-            w.kernel(key, function, "closures"),
-            len(numbers),
-            [w.from_given("q_0", at["q"]), w.numbers(table, None)],
-            [w.result("p", at["p"]), w.result("g", at["g"]), Worst()],
-        )
+        return extended(m).shape, parts[k].given, spanning, tuple(m.cut.bodies.tolist())
+
+    for shape, numbers in alike(range(len(parts)), key).items():
+        w.add(shape, numbers, _kernel([parts[k] for k in numbers]))
     return w.program()
 
 
