@@ -96,7 +96,7 @@ def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any
     yield compiled_steps(robot, name, 2 * sizes[0])
     for dtype in ("float64", "float32"):
         batch = hybridyn.warp(robot, dtype=dtype, device=on)
-        threaded = hybridyn.compile(robot, threads=os.cpu_count() or 1, dtype=dtype)
+        threaded = hybridyn.compile(robot, threads=os.cpu_count() or 1, dtype=dtype, wait=True)
         copied, fused = limits(on, dtype)
         for count in sizes:
             q, v, a, tau = states(batch, count)
@@ -140,7 +140,7 @@ def closings(compiled: hybridyn.CompiledRobot, positions: np.ndarray) -> None:
 
 def compiled_steps(robot: hybridyn.HybridRobot, name: str, steps: int) -> dict[str, Any]:
     """Measure the steps of a compiled simulation, as those of a batch, of a robot that its motors hold."""
-    compiled, still, h = hybridyn.compile(robot), np.zeros(robot.nv), 1e-3
+    compiled, still, h = hybridyn.compile(robot, wait=True), np.zeros(robot.nv), 1e-3
     hold = compiled.idm(robot.home, still, still)
     given = {"effort": hold, "method": "rk4", "step": h, "compiled": compiled}
     seconds = best(hybridyn.simulate, robot, robot.home, still, (0.0, steps * h), **given)

@@ -142,7 +142,7 @@ def measure(case: str) -> list[Row]:
     """Return both models of a robot: operations of a sample, time in a batch on one thread, and the peak."""
     own = case_of(case)
     robot = own.load()
-    compiled, (most, together) = hybridyn.compile(robot), peak()
+    compiled, (most, together) = hybridyn.compile(robot, wait=True), peak()
     q, v, a = own.states(robot, SAMPLES)
     rows = []
     for model, given in (("ddm", hybridyn.idm(robot, q, v, a)), ("idm", a)):

@@ -69,7 +69,7 @@ import hybridyn
 robot = hybridyn.load(sys.argv[1])
 q, v = robot.home, [0.0] * robot.nv
 started = time.perf_counter()
-compiled = hybridyn.compile(robot, quick=True)
+compiled = hybridyn.compile(robot)
 compiled.idm(q, v, v)
 print(time.perf_counter() - started)
 """
@@ -82,7 +82,7 @@ def measure(case: str, count: int = closing.STEPS) -> list[Row]:
         case: Robot.
         count: Number of control steps from Python, of which percentiles are given.
     """
-    compiled = hybridyn.compile(case_of(case).load())
+    compiled = hybridyn.compile(case_of(case).load(), wait=True)
     rows = [*guard(case), *closing.measure(case, compiled, count), *controlled_steps(case, compiled)]
     return [*rows, *command_line(), *jobs(), *cold()] if case == "lx4" else rows
 

@@ -33,7 +33,7 @@ def measure(case: str, samples: int = SAMPLES, rounds: int = ROUNDS) -> list[Row
     Raises:
         NotComparableError: The general path had to compute a sample.
     """
-    compiled = hybridyn.compile(hybridyn.load(case))
+    compiled = hybridyn.compile(hybridyn.load(case), wait=True)
     row = Row(case, "quantities", batch=samples)
     calls = calls_of(compiled, samples).items()
     rows = measured([Candidate(row._replace(method=name), samples, call) for name, call in calls], rounds)

@@ -162,13 +162,13 @@ def scene(case: str, duration: float) -> tuple[Start, Any, Reference | None]:
     if case == GOVERNOR:
         ready = stage(ROOT / "models/benchmarks/flyball_governor/settle.toml")
         start = Start(ready.robot, ready.q0, ready.v0, duration, None, ready.effects, OUTPUTS)
-        return start, hybridyn.compile(ready.robot, ready.effects), None
+        return start, hybridyn.compile(ready.robot, ready.effects, wait=True), None
     robot = hybridyn.load(ROOT / "benchmarks/robots/excavator.urdf")
     points = [Point(0.0, {}, {}), *(Point(MOVE * (k + 1), goal, {}) for k, goal in enumerate(GOALS))]
     reference = from_points(robot, points, robot.home)
     law = ComputedTorque(robot, reference, KP, KD)
     start = Start(robot, robot.home, np.zeros(robot.nv), duration, law, "default", OUTPUTS)
-    return start, hybridyn.compile(robot), reference
+    return start, hybridyn.compile(robot, wait=True), reference
 
 
 def controlled(case: str, steps: Steps | None = None, duration: float = DURATION) -> list[Row]:

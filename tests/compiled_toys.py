@@ -1,11 +1,14 @@
 """Small programs with everything a program may have."""
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hybridyn.compiled.code.library_source import Source
+from hybridyn.compiled.library.artifact import Artifact
+from hybridyn.compiled.library.cache import Built
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.library.direct_calls import REFUSED
 from hybridyn.compiled.program import (
@@ -129,6 +132,13 @@ def single(library: Library, name: str, *given: Any) -> tuple[tuple[np.ndarray[A
     assert calls.at_once is not None
     assert calls.at_once(*(np.array(x, calls.dtype, ndmin=1) for x in given), out, guard) != REFUSED
     return calls.split(out), float(guard[0])
+
+
+def cached(
+    key: str, write: Callable[[], Source], check: Callable[[Built], None] | None = None, **options: Any
+) -> Built:
+    """Return the library of a key that belongs to no robot."""
+    return Artifact(None, key, write, check).built(**options)
 
 
 def numbered(number: int) -> Source:

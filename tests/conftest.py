@@ -85,9 +85,17 @@ def name_of_test(case: str) -> str:
 def quick_compiler(program: Path) -> None:
     """Build models without optimisation, which is for speed only; a CC in the environment wins."""
     if "CC" not in os.environ and shutil.which("cc"):
-        program.write_text('#!/bin/sh\ncase "$*" in *-O3*) exec cc "$@" -O0 ;; *) exec cc "$@" ;; esac\n')
+        program.write_text('#!/bin/sh\ncase "$*" in *-O[3g]*) exec cc "$@" -O0 ;; *) exec cc "$@" ;; esac\n')
         program.chmod(0o700)
         os.environ["CC"] = str(program)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def optimised() -> None:
+    """Let `compile` wait for the optimised library: building it beside other tests would slow them."""
+    from hybridyn.compiled.compiling import compile
+
+    vars(compile)["__wrapped__"].__kwdefaults__["wait"] = True
 
 
 @pytest.fixture(scope="session", autouse=True)

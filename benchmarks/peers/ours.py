@@ -34,7 +34,7 @@ def compiled(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> An
         NotComparableError: No C compiler is here, or this robot is refused.
     """
     try:
-        return hybridyn.compile(robot, threads=threads, dtype=dtype)
+        return hybridyn.compile(robot, threads=threads, dtype=dtype, wait=True)
     except (HybridynError, ImportError) as error:
         raise NotComparableError(f"hybridyn.compile: {str(error).splitlines()[0]}") from None
 

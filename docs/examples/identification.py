@@ -71,7 +71,7 @@ def recorded(
 def study(name: str, evaluations: int) -> Study:
     """Excite, log, identify, and predict a motion that was not used."""
     robot, rng = hybridyn.load(name), np.random.default_rng(7)
-    compiled = hybridyn.compile(robot, "model", quick="idm")
+    compiled = hybridyn.compile(robot, "model")
     true, values = perturbed(robot, rng)
     motions = [
         hybridyn.excitation(robot, **WORDS, period=PERIOD, evaluations=n, seed=seed, compiled=compiled)

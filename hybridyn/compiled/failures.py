@@ -16,7 +16,7 @@ from ..structure.robot import HybridRobot
 
 
 @contextmanager
-def as_compile_error(robot: HybridRobot) -> Iterator[None]:
+def as_compile_error(robot: HybridRobot | None) -> Iterator[None]:
     """Turn every exception inside that is no `HybridynError` into a `CompileError` with the robot's name.
 
     Raises:
@@ -28,9 +28,10 @@ def as_compile_error(robot: HybridRobot) -> Iterator[None]:
         raise
     except Exception as error:
         said = f"{type(error).__name__}: {error}".splitlines()[0]
+        whose = f" of the robot '{robot.description.name}'" if robot else ""
         raise CompileError(
-            f"the models of the robot '{robot.description.name}' cannot be compiled ({said}). This is a "
-            "bug: report it with the robot's files; the general path works without them"
+            f"the models{whose} cannot be compiled ({said}). This is a bug: report it with the robot's "
+            "files; the general path works without them"
         ) from error
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,12 +14,10 @@ from ..errors import ModelError
 from ..spatial import Array
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
-from .code.scalars import Scalar
 from .equations.coefficients import at_robot
-from .library.building import best_lanes
-from .library.cache import Built
+from .library.artifact import Artifact
 from .library.calls import Calls, Library, Numbers
-from .library.current import Current, Replacement
+from .library.current import Current
 from .library.direct_calls import refuse
 from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
@@ -33,7 +30,7 @@ from .programs.general import (
     named,
     reasons,
 )
-from .programs.sources import library_of, write_programs
+from .programs.sources import write_programs
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -64,10 +61,11 @@ class CompiledRobot(ControlSteps):
         effects: Effects,
         library: Library,
         threads: int,
-        parameters: Parameters | None = None,
+        parameters: Parameters,
+        whole: Artifact,
     ) -> None:
-        self.robot, self.effects, self.threads = robot, effects, threads
-        self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
+        """Use a library of all models, or a quick build of one, which `whole` then replaces."""
+        self.robot, self.effects, self.threads, self.parameters = robot, effects, threads, parameters
         self._designs = DesignsInSlots(robot, self.parameters)
         self.handed_over: Counter[str] = Counter()
         self._tables: set[str] = set()
@@ -75,12 +73,13 @@ class CompiledRobot(ControlSteps):
         self._begin_postures()
         self._moving = robot.base == "moving"
         self._motors, self._rates = len(robot.motors), robot.nv
-        self._current = Current(library, self._use)
+        self._current = Current(library, self._use, whole)
 
     def __repr__(self) -> str:
         """Describe the models: the robot and what is computed, its coordinates, and what was handed over."""
         robot, coordinates = repr(self.robot).split("\n")
-        text = f"Compiled models ({self.dtype}; {', '.join(self.effects.names)}) of {robot}\n{coordinates}"
+        kind = f"{self.dtype}; {', '.join(self.effects.names)}{'; a quick build' * self.quick}"
+        text = f"Compiled models ({kind}) of {robot}\n{coordinates}"
         handed = [f"{count} of {what}" for what, count in self.handed_over.most_common()]
         return text + (f"\nhanded to the general path: {', '.join(handed)}" if handed else "")
 
@@ -119,12 +118,6 @@ class CompiledRobot(ControlSteps):
         """The loaded library of all models. After a quick build of one model, this builds the others."""
         return self._current.whole()
 
-    def replace_later(
-        self, build_all: Callable[[], Library], replacing: Callable[[Callable[[Library], None]], Replacement]
-    ) -> None:
-        """Use the optimised library as soon as it is built, see `Current.replace_later`."""
-        self._current.replace_later(build_all, replacing)
-
     @property
     def quick(self) -> bool:
         """Whether the programs are of a quick build: they give the same bits in about half more time."""
@@ -135,8 +128,9 @@ class CompiledRobot(ControlSteps):
         self._current.wait()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the path of the library's file; the receiving process loads it again."""
-        return _restored, (self.robot, self.effects, self.library.built, self.threads, self.parameters)
+        """Pickle what leads to the optimised library, which the receiving process loads from the cache."""
+        self.wait_until_optimised()
+        return _restored, (self.robot, self.effects, self._current.artifact, self.threads, self.parameters)
 
     def idm(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
@@ -278,16 +272,7 @@ class CompiledRobot(ControlSteps):
 
 
 def _restored(
-    robot: HybridRobot, effects: Effects, built: Built, threads: int, parameters: Parameters
+    robot: HybridRobot, effects: Effects, whole: Artifact, threads: int, parameters: Parameters
 ) -> CompiledRobot:
-    """Restore a pickled compiled robot, and rebuild its library if the file is gone.
-
-    A rebuilt library is not verified again: the sending process has verified the same source.
-    """
-    try:
-        library = Library(built)
-    except OSError:
-        number = str(built.about["number"])
-        scalar = Scalar(number, best_lanes(number))
-        library = Library(library_of(robot, effects, scalar, parameters.slots).built())
-    return CompiledRobot(robot, effects, library, threads, parameters)
+    """Restore a pickled compiled robot; its library is in the cache, or is built again."""
+    return CompiledRobot(robot, effects, whole.loaded(Library, quick=True), threads, parameters, whole)

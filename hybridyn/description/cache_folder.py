@@ -32,7 +32,7 @@ LARGEST_ENTRY = 2**20
 #: Folder of texts.
 TEXTS = "texts"
 
-_INNER = ("keys", "models", "libraries", "texts")
+_INNER = ("keys", "libraries", "texts")
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 

@@ -19,9 +19,10 @@ from ..compiled.equations.arguments import ModuleArguments
 from ..compiled.equations.expressions import unpack
 from ..compiled.equations.request import Request, request
 from ..compiled.failures import as_compile_error, check_agreement
+from ..compiled.library.artifact import Artifact
 from ..compiled.library.building import best_lanes
-from ..compiled.library.cache import Built, cached
-from ..compiled.library.calls import Library, loaded
+from ..compiled.library.cache import Built
+from ..compiled.library.calls import Library
 from ..compiled.program import Constants, Program
 from ..compiled.programs.derivatives.columns import collect
 from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Sweep, nodes_of
@@ -144,7 +145,7 @@ class CompiledRows:
         bodies = [at.tolist() for at in parameters.bodies.values()]
         key = (NAME, robot_key(robot, on), best_lanes(), self.columns.tolist(), bodies)
         with as_compile_error(robot):
-            self._library = loaded(lambda: cached(repr(key), self._source, accept=self._accept))
+            self._library = Artifact(robot, repr(key), self._source, self._accept).loaded(Library)
 
     def _source(self) -> Source:
         """Write the program."""

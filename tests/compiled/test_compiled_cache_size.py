@@ -15,11 +15,13 @@ import hybridyn.compiled.library.cache as cache_file
 import hybridyn.compiled.library.cache as keeping
 from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library.cache import ABANDONED, IN_USE, Built, cached, remove_unused
-from hybridyn.compiled.library.calls import loaded
+from hybridyn.compiled.library.artifact import Artifact
+from hybridyn.compiled.library.cache import ABANDONED, IN_USE, Built, remove_unused
+from hybridyn.compiled.library.calls import Library
+from hybridyn.errors import CompileError
 from tests import ROOT
 from tests.clocks import Clock
-from tests.compiled_toys import never, numbered, toy
+from tests.compiled_toys import cached, never, numbered, toy
 from tests.waiting import PATIENCE
 
 HOUR = 3600.0
@@ -41,7 +43,7 @@ def known(number: int) -> bool:
     """Tell whether a library is found without building."""
     try:
         return cached(f"key {number}", never).about == {"number": number}
-    except AssertionError:
+    except CompileError:
         return False
 
 
@@ -56,22 +58,22 @@ def limit(monkeypatch: pytest.MonkeyPatch, libraries: float) -> None:
     monkeypatch.setattr(keeping, "LIMIT", int(size * (libraries + 0.5)))
 
 
-def count(at: Path) -> tuple[int, int, int]:
-    """Return how many keys, records and libraries there are."""
-    keys, models, libraries = (len(list((at / name).iterdir())) for name in ("keys", "models", "libraries"))
-    return keys, models, libraries
+def count(at: Path) -> tuple[int, int]:
+    """Return how many keys, two for each library, and libraries there are."""
+    keys, libraries = (len(list((at / name).iterdir())) for name in ("keys", "libraries"))
+    return keys, libraries
 
 
 def test_those_not_used_for_longest_go_first(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     limit(monkeypatch, 4)
     for number, ago in ((0, 20), (1, 40), (2, 30), (3, 10)):
         used(built(number), ago * HOUR)
-    assert count(at) == (4, 4, 4)
+    assert count(at) == (8, 4)
     assert known(1)  # which is use
     used(built(4), 5 * HOUR)
-    assert count(at) == (4, 4, 4)
+    assert count(at) == (8, 4)
     built(5)
-    assert count(at) == (4, 4, 4)
+    assert count(at) == (8, 4)
     assert [known(number) for number in range(6)] == [False, True, False, True, True, True]
 
 
@@ -79,7 +81,7 @@ def test_what_was_used_within_the_hour_stays(at: Path, monkeypatch: pytest.Monke
     limit(monkeypatch, 1)
     for number in range(4):
         used(built(number), IN_USE - 60)
-    assert count(at) == (4, 4, 4)
+    assert count(at) == (8, 4)
     used(built(1), IN_USE + 60)  # found, then left
     remove_unused(at)
     assert [known(number) for number in range(4)] == [True, False, True, True]
@@ -89,14 +91,14 @@ def test_a_large_library_may_stand_alone(at: Path, monkeypatch: pytest.MonkeyPat
     used(built(0), 2 * HOUR)
     monkeypatch.setattr(keeping, "LIMIT", 1)
     assert built(1).path.exists()
-    assert count(at) == (1, 1, 1)
+    assert count(at) == (2, 1)
 
 
 def test_below_the_limit_nothing_goes(at: Path) -> None:
     for number in range(3):
         used(built(number), 1e4 * HOUR)
     remove_unused(at)
-    assert count(at) == (3, 3, 3)
+    assert count(at) == (6, 3)
 
 
 def test_an_open_library_works_on(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,7 +114,7 @@ def test_an_open_library_works_on(at: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_only_what_was_abandoned_is_removed_of_what_is_being_built(at: Path) -> None:
     built(0)
-    drafts = [at / "building-old", at / "building-new", at / "keys" / "tmp_old", at / "models" / "tmp_new"]
+    drafts = [at / "building-old", at / "building-new", at / "keys" / ".old", at / "keys" / ".new"]
     for draft in drafts:
         if draft.name.startswith("building"):
             draft.mkdir()
@@ -128,15 +130,15 @@ def test_only_what_was_abandoned_is_removed_of_what_is_being_built(at: Path) -> 
 
 def test_foreign_and_damaged_files_do_no_harm(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     used(built(0), 2 * HOUR)
-    (at / "models" / "damaged.json").write_text('{"library": 3')
-    (at / "models" / "list.json").write_text("[]")
+    (at / "keys" / "da").write_text('{"library": 3')
+    (at / "keys" / "ed").write_text("[]")
     (at / "keys" / "abc").write_bytes(b"\xff\xfe")
-    (at / "keys" / "def").write_text("../models/list")
+    (at / "keys" / "def").write_text('{"library": "../keys/ed"}')
     (at / "libraries" / "folder.so").mkdir()
     (at / "mine.txt").write_text("mine")
     monkeypatch.setattr(keeping, "LIMIT", 0)
     remove_unused(at)
-    assert count(at) == (0, 0, 1)
+    assert count(at) == (0, 1)
     assert (at / "mine.txt").exists()
 
 
@@ -144,13 +146,14 @@ def test_a_library_that_goes_before_it_is_loaded_is_built_again() -> None:
     """Another process may have looked at its age just before it was handed out."""
     program, found = toy(4, 6), []
 
-    def find() -> Built:
-        found.append(cached("toy", lambda: library_source([program], Scalar())))
+    def load(built: Built) -> Library:
+        found.append(built)
         if len(found) == 1:
-            found[0].path.unlink()
-        return found[-1]
+            built.path.unlink()
+        return Library(built)
 
-    assert loaded(find).programs.keys() == {program.name}
+    artifact = Artifact(None, "toy", lambda: library_source([program], Scalar()))
+    assert artifact.loaded(load).programs.keys() == {program.name}
     assert len(found) == 2
 
 
@@ -184,11 +187,11 @@ def test_processes_may_build_use_and_remove_at_once(at: Path, monkeypatch: pytes
     monkeypatch.setattr(keeping, "IN_USE", -HOUR)
     monkeypatch.setattr(keeping, "LIMIT", room)
     remove_unused(at)
-    assert 1 <= count(at)[2] <= 3
+    assert 1 <= count(at)[1] <= 3
     for path in (at / "libraries").iterdir():
         assert hashlib.sha256(path.read_bytes()).hexdigest() == path.stem
-    for record in (at / "models").iterdir():
-        assert (at / "libraries" / f"{json.loads(record.read_text())['library']}.so").exists()
+    for key in (at / "keys").iterdir():
+        assert (at / "libraries" / f"{json.loads(key.read_text())['library']}.so").exists()
 
 
 def test_a_read_only_file_is_used_all_the_same(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,4 +203,4 @@ def test_a_read_only_file_is_used_all_the_same(at: Path, monkeypatch: pytest.Mon
 
     with monkeypatch.context() as patch:
         patch.setattr(cache_file.os, "utime", refuse)
-        assert cache_file._load(at, next((at / "models").iterdir()).stem) is not None
+        assert cache_file.kept(at, next((at / "keys").iterdir()).name) is not None

@@ -155,10 +155,6 @@ def test_what_cannot_be_written_out_says_so() -> None:
     for call, words in (
         (lambda: hybridyn.compile(robot, dtype="float16"), "dtype"),
         (lambda: hybridyn.compile(robot, threads=0), "threads"),
-        (
-            lambda: hybridyn.compile(robot, quick="lift"),
-            "quick must be True, False, 'idm' or 'ddm', not 'lift'",
-        ),
     ):
         refused(call, hybridyn.ModelError, words)
     refused(lambda: hybridyn.compile(robot, effects="none"), hybridyn.HybridynError, "")

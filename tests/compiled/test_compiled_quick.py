@@ -1,15 +1,17 @@
-"""A quick build gives the same bits, is replaced by the optimised one, and leaves no compiler behind."""
+"""A quick build gives the same bits, and the optimised one replaces it: for the next program, too."""
 
 import atexit
 import functools
 import os
+import pickle
+import shlex
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-import time
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -21,46 +23,25 @@ import hybridyn
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.library import current
+from hybridyn.compiled.library.artifact import Artifact
 from hybridyn.compiled.library.building import find_compiler
-from hybridyn.compiled.library.cache import Built, cached, folder_in_use, known
+from hybridyn.compiled.library.cache import Built, folder_in_use
 from hybridyn.compiled.library.calls import Library
-from hybridyn.compiled.library.current import (
-    Current,
-    Replacement,
-    check_bits,
-    different_programs,
-    receive,
-    run_in_turn,
-)
+from hybridyn.compiled.library.current import Current, build_beside, different_programs
 from tests import ROOT
 from tests.compiled_toys import inputs, toy
 from tests.waiting import PATIENCE, wait_until
 
 TOY = toy(4, 2)
 
-#: A compiler that writes its process into a file, and takes longer than any test waits.
-SLOW = "#!/bin/sh\nsleep 3600 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
-
 #: A program that ends while its optimised library is built.
-PROGRAM = """
-import os, signal, sys, time
-from hybridyn.compiled.library.building import run_one
-from hybridyn.compiled.library.current import Replacement, receive
-class Model:
-    def use(self, library):
-        print("used")
-def build():
-    run_one([receive()])
-build.__module__ = "builder"
-if __name__ == "__main__":
-    model = Model()
-    Replacement(build, sys.argv[1], lambda: None, model.use)
-    while not os.path.exists(sys.argv[2]):
-        time.sleep(0.01)
-    if "kill" in sys.argv:
-        os.kill(os.getpid(), signal.SIGKILL)
+PROGRAM = f"""
+import os, signal, sys
+from {__name__} import Model, find
+model = Model(find(quick=True))
+if "kill" in sys.argv:
+    os.kill(os.getpid(), signal.SIGKILL)
 """
-
 
 pytestmark = pytest.mark.usefixtures("empty_cache")
 
@@ -69,30 +50,23 @@ def source() -> Source:
     return library_source([TOY], Scalar("float64", 1))
 
 
-find = functools.partial(cached, "a toy", source)
-kept = functools.partial(known, "a toy")
+def artifact(check: Callable[[Built], None] | None = None) -> Artifact:
+    return Artifact(None, "a toy", source, check)
 
 
-def build_toy() -> None:
-    """Build the optimised library of the toy in a process of its own, or fail with other bits."""
-    quick, differing = receive()
-    current.different_programs = lambda *_: differing
-    try:
-        find(accept=functools.partial(check_bits, Library(quick)), run=run_in_turn)
-    except hybridyn.CompileError as error:
-        sys.exit(str(error))
+find, kept = artifact().built, artifact().known
 
 
 class Model:
     """An object that uses a library, and replaces it."""
 
-    def __init__(self, quick: Built, differing: Sequence[str] = ()) -> None:
-        self.library = Library(quick)
-        self.replacement = Replacement(build_toy, (quick, differing), kept, self.use)
+    def __init__(self, quick: Built, check: Callable[[Built], None] | None = None) -> None:
+        self.current = Current(Library(quick), lambda library: None, artifact(check))
 
-    def use(self, library: Library) -> None:
-        """Take the library."""
-        self.library = library
+    @property
+    def library(self) -> Library:
+        """The library in use."""
+        return self.current.library
 
 
 def answers(library: Library) -> list[np.ndarray]:
@@ -110,14 +84,17 @@ class Witness:
         self.threads.append(threading.current_thread().name)
         return Witness, ()
 
+    def __call__(self) -> Source:
+        """Write the source."""
+        return source()
+
 
 def test_what_is_asked_for_is_pickled_before_the_caller_goes_on() -> None:
     """A robot fills its caches while a thread would pickle it: its dictionary changes size."""
-    model = Model(find(quick=True))
-    replacement = Replacement(build_toy, Witness(), kept, model.use)
+    thread = build_beside(replace(artifact(), write=Witness()), lambda library: None)
+    assert thread is not None
+    thread.join()
     assert Witness.threads == [threading.current_thread().name]
-    replacement.stop()
-    model.replacement.stop()
 
 
 def test_the_optimised_library_takes_over_with_the_same_bits() -> None:
@@ -125,7 +102,7 @@ def test_the_optimised_library_takes_over_with_the_same_bits() -> None:
     assert quick.quick
     model = Model(quick)
     before = answers(model.library)
-    model.replacement.wait()
+    model.current.wait()
     assert not model.library.built.quick
     assert all(map(np.array_equal, before, answers(model.library)))
     assert find(quick=True) == model.library.built  # the next program begins with it
@@ -141,7 +118,7 @@ def test_the_process_uses_the_folder_that_replaces_the_cache(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     model = Model(find(quick=True))
-    model.replacement.wait()
+    model.current.wait()
     assert not caplog.text
     assert not model.library.built.quick
     assert len(list(tmp_path.glob("hybridyn-*"))) == 1
@@ -163,14 +140,28 @@ def test_the_folder_that_replaces_the_cache_is_removed_at_the_end(
     assert not made.exists()
 
 
-def test_a_library_with_other_bits_is_not_used(caplog: pytest.LogCaptureFixture) -> None:
-    quick = find(quick=True)
-    model = Model(quick, ["idm"])
+def test_a_library_with_other_bits_is_not_used(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(current, "different_programs", lambda *_: ["idm"])
+    model = Model(find(quick=True))
     first = model.library
-    model.replacement.wait()
+    model.current.wait()
     assert model.library is first
     assert "other bits in idm" in caplog.text
-    assert find(quick=True).quick
+
+
+def refuse(built: Built) -> None:
+    """Refuse every library."""
+    raise hybridyn.CompileError("it is wrong")
+
+
+def test_a_library_that_is_wrong_is_not_used(caplog: pytest.LogCaptureFixture) -> None:
+    model = Model(find(quick=True), refuse)
+    model.current.wait()
+    assert model.library.built.quick
+    assert "the quick build stays in use: it is wrong" in caplog.text
+    assert kept() is None
 
 
 class Shifted:
@@ -193,79 +184,77 @@ def test_other_bits_are_found() -> None:
 
 
 @pytest.mark.parametrize("ending", ["", "kill"])
-def test_no_compiler_outlives_the_program(tmp_path: Path, ending: str) -> None:
-    pid, compiler, program = tmp_path / "pid", tmp_path / "slow-cc", tmp_path / "builder.py"
-    compiler.write_text(SLOW.format(pid=pid))
-    compiler.chmod(0o700)
-    program.write_text(PROGRAM)
+def test_what_a_program_begins_the_next_one_finds(ending: str) -> None:
     done = subprocess.run(
-        [sys.executable, str(program), str(compiler), str(pid), ending],
+        [sys.executable, "-c", PROGRAM, ending],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=PATIENCE,
     )
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGKILL if ending else 0, "", "")
+    wait_until(lambda: kept() is not None, "the library that the program began")
+
+
+#: A compiler that writes its process into a file, and takes longer than any test waits.
+SLOW = "#!/bin/sh\nsleep 3600 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
+
+#: A process that builds for a program that has ended, and does not wait long.
+LATE = """
+import hybridyn.compiled.library.current as current
+current.LEFT = 0.0
+current.build_asked()
+"""
+
+
+def test_no_compiler_goes_on_for_long_after_the_program(tmp_path: Path) -> None:
+    pid, compiler, request = tmp_path / "pid", tmp_path / "slow-cc", tmp_path / "request"
+    compiler.write_text(SLOW.format(pid=pid))
+    compiler.chmod(0o700)
+    request.write_bytes(pickle.dumps(artifact()))
+    started = shlex.join([sys.executable, "-c", LATE])
+    command = f"{started} < {request} & until [ -e {pid} ]; do sleep 0.05; done"
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "CC": str(compiler)}
+    subprocess.run(["sh", "-c", command], env=environment, timeout=PATIENCE, check=True)
     number = int(pid.read_text())
     wait_until(lambda: not Path(f"/proc/{number}").exists(), "the end of what the compiler started")
 
 
-def wait_for_the_end() -> None:
-    """Be a build that ends with its program only."""
-    receive()
-    time.sleep(PATIENCE)
-
-
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of forks beside threads
-def test_a_fork_leaves_the_process_alone() -> None:
-    unused: Any = Shifted(SimpleNamespace(inputs=[]))
-    replacement = Replacement(wait_for_the_end, None, kept, unused.batch)
-    if (fork := os.fork()) == 0:
-        replacement.stop()
-        os._exit(0)
-    os.waitpid(fork, 0)
-    assert replacement._process.poll() is None
-    replacement.stop()
-    assert replacement._process.poll() is not None
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("first", ["idm", "ddm"])
-def test_the_first_model_is_built_alone(first: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first library has one model; a call of another builds all, and none waits for the optimised one."""
-    monkeypatch.setattr(Replacement, "__init__", lambda self, *_: None)
+def test_the_inverse_model_is_built_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call of another builds all, and none waits for the optimised ones."""
+    monkeypatch.setattr(current, "build_beside", lambda *_: None)
     robot = hybridyn.load("five_bar")
-    model = hybridyn.compile(robot, quick=first)
-    assert list(model._current.library.programs) == [first]
-    last = np.zeros(len(robot.motors) if first == "ddm" else robot.nv)
-    state = robot.home, np.zeros(robot.nv), last
-    assert np.allclose(getattr(model, first)(*state), getattr(hybridyn, first)(robot, *state))
-    assert list(model._current.library.programs) == [first]
+    model = hybridyn.compile(robot, wait=False)
+    state = robot.home, np.zeros(robot.nv), np.zeros(robot.nv)
+    assert np.allclose(model.idm(*state), hybridyn.idm(robot, *state))
+    assert list(model._current.library.programs) == ["idm"]
     assert {"idm", "ddm", "lift"} <= set(model.library.programs)
     assert model.quick
+    assert "a quick build" in repr(model)
 
 
-def test_a_program_that_is_missing_is_built_once() -> None:
-    first: Any = SimpleNamespace(programs={"idm": 1})
+def test_a_program_that_is_missing_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    first: Any = SimpleNamespace(programs={"idm": 1}, built=SimpleNamespace(quick=True))
     whole: Any = SimpleNamespace(programs={"idm": 2, "ddm": 3})
     later: Any = SimpleNamespace(programs={"idm": 4, "ddm": 5})
     used: list[Any] = []
     built: list[int] = []
-    take: list[Any] = []
-    current: Any = Current(first, used.append)
 
-    def build() -> Any:
+    def load(*_: object, **__: object) -> Any:
         """Build all."""
         built.append(1)
         return whole
 
-    current.replace_later(build, take.append)
-    assert current.program("idm") == 1
+    monkeypatch.setattr(current, "build_beside", lambda *_: None)
+    monkeypatch.setattr(current, "different_programs", lambda *_: [])
+    tried: Any = Current(first, used.append, SimpleNamespace(loaded=load))  # type: ignore[arg-type]
+    assert tried.program("idm") == 1
     assert not built
-    assert current.program("ddm") == 3
-    assert current.whole() is whole
-    take[0](later)
-    assert current.program("ddm") == 5
+    assert tried.program("ddm") == 3
+    assert tried.whole() is whole
+    tried._replace(later)
+    assert tried.program("ddm") == 5
     assert used == [first, whole, later]
     assert built == [1]
 
@@ -279,7 +268,7 @@ def test_robots_keep_their_bits(
     find_compiler.cache_clear()
     request.addfinalizer(find_compiler.cache_clear)
     robot = hybridyn.load(name)
-    compiled = hybridyn.compile(robot, quick=True)
+    compiled = hybridyn.compile(robot, wait=False)
     generator = np.random.default_rng(3)
     q = np.tile(robot.home, (5, 1))
     v, a = generator.normal(size=(2, 5, robot.nv))

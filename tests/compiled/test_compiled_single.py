@@ -13,10 +13,9 @@ from hybridyn.compiled.code.alone import plain_kernels
 from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar, text_of
 from hybridyn.compiled.library.building import find_compiler, run_one
-from hybridyn.compiled.library.cache import cached
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.program import Program
-from tests.compiled_toys import inputs, single, toy
+from tests.compiled_toys import cached, inputs, single, toy
 
 SAMPLES = 5
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.library.cache import known
 from hybridyn.description.reading import read
 from hybridyn.description.records import Description
 from hybridyn.structure.parameters.slots import differences
@@ -124,7 +123,7 @@ def test_models_in_the_cache_are_used_however_long_they_took_to_build(
     assert hybridyn.sweep(study, "built", jobs=1).compiled
     (models,) = compiled_chunks._kept.popitem()[1].of_structures
     for library in models.tasks[0].artifacts():  # few postures: quick builds serve
-        built = known(library.key, quick=True)
+        built = library.known(quick=True)
         assert built is not None
         assert built.quick
     compiling_takes(np.inf, monkeypatch)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import logging
 import os
 import platform
 import shlex
@@ -11,13 +12,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from ...errors import CompileError
+
+log = logging.getLogger("hybridyn.compiled")
 
 #: Compiler flags of every unit; `building.NATIVE` is added.
 FLAGS = (
@@ -133,27 +135,13 @@ NATIVE = ("-mcpu=native",) if platform.machine() in ("aarch64", "arm64") else ("
 ADVICE = "Name another compiler in the environment variable CC; the general path works without one"
 
 
-#: Runs commands of the compiler; raises CompileError if one fails.
-Runner = Callable[[list[list[str]]], None]
-
-
-def run_at_once(commands: list[list[str]]) -> None:
-    """Run commands of the compiler, one per core at once.
-
-    Raises:
-        CompileError: The compiler cannot be started, or it fails.
-    """
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(run_one, commands))
-
-
 def build(
     units: tuple[str, ...],
     compiler: Compiler,
     target: Path,
     libraries: tuple[str, ...] = (),
     flags: tuple[str, ...] = FLAGS,
-    run: Runner = run_at_once,
+    jobs: int | None = None,
 ) -> None:
     """Compile sources into a library.
 
@@ -162,25 +150,23 @@ def build(
         target: Path of the library; the sources are kept beside it during the build.
         libraries: Linker flags of further libraries; -lm is always linked.
         flags: Flags of every unit.
-        run: Runs the compiler.
+        jobs: Number of units that are compiled at once; None for that of the cores.
 
     Raises:
         CompileError: The compiler fails; the message quotes its output.
     """
     with tempfile.TemporaryDirectory(prefix="hybridyn-", dir=target.parent) as folder:
-        sources = [Path(folder, f"unit{i}.c") for i in range(len(units))]
-        for path, text in zip(sources, units, strict=True):
-            path.write_text(text)
-        longest_first = sorted(sources, key=lambda path: -path.stat().st_size)
-        objects = [f"{source}.o" for source in longest_first]
-        more = [HUGE_FLAGS if source.stat().st_size > HUGE else () for source in longest_first]
-        run(
-            [
-                [*compiler.command, *flags, *NATIVE, *own, "-c", str(source), "-o", made]
-                for source, own, made in zip(longest_first, more, objects, strict=True)
-            ]
-        )
-        run([[*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"]])
+        commands, objects = [], []
+        for i, text in sorted(enumerate(units), key=lambda unit: -len(unit[1])):  # the longest first
+            source = Path(folder, f"unit{i}.c")
+            source.write_text(text)
+            objects.append(f"{source}.o")
+            own = HUGE_FLAGS if len(text) > HUGE else ()
+            commands.append([*compiler.command, *flags, *NATIVE, *own, "-c", str(source), "-o", objects[-1]])
+        with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+            for done, _ in enumerate(pool.map(run_one, commands), 1):
+                log.info("the C compiler has done %d of %d files", done, len(commands))
+        run_one([*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"])
     if not target.exists():
         raise CompileError(
             f"the C compiler '{compiler.command[0]}' reported success, but there is no library. {ADVICE}"

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..code.scalars import GUARD_LIMIT, Scalar
 from ..program import stored
+from .artifact import Artifact
 from .building import best_lanes
-from .cache import Built, cached
+from .cache import Built
 from .direct_calls import function_of, knows_arrays
 from .steps import Steps
 
@@ -206,12 +207,4 @@ def load(
     scalar = Scalar(dtype, lanes)
     source = library_source(programs, scalar)
     libraries = ("-lquadmath",) if dtype == "float128" else ()
-    return loaded(lambda: cached(key or source.digest, lambda: source, libraries))
-
-
-def loaded(find: Callable[[], Built]) -> Library:
-    """Load a library; find or build it again if another process removed it after it was found."""
-    try:
-        return Library(find())
-    except OSError:
-        return Library(find())
+    return Artifact(None, key or source.digest, lambda: source, libraries=libraries).loaded(Library)

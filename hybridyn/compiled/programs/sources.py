@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
-import logging
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
 from ...effects.choice import Choice, Effects, choose
-from ...errors import HybridynError, ModelError
+from ...errors import ModelError
 from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import REAL, Scalar
 from ..equations.coefficients import check_coefficients, with_stated_springs
 from ..failures import as_compile_error, needs_casadi
-from ..library.cache import Built, cached
+from ..library.artifact import Artifact
+from ..library.cache import Built
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
     from ..program import Program
 
-
-log = logging.getLogger("hybridyn.compiled")
 Key = TypeVar("Key")
 Value = TypeVar("Value")
-Used = TypeVar("Used")
 
 #: Models of a library.
 MODELS = ("idm", "ddm", "kinematics", "lift")
@@ -55,85 +52,27 @@ def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
     return hashlib.sha256(pickle.dumps(facts)).hexdigest()
 
 
-@dataclass(frozen=True, eq=False)
-class Artifact:
-    """A library of one robot: found in the cache, or written, built and checked.
-
-    Attributes:
-        robot: The robot.
-        key: Text that determines the source and is cheap to compute.
-        write: Generates the source, where CasADi is installed.
-        check: Compares a new library with the general path and raises an error if it is wrong; or None.
-    """
-
-    robot: HybridRobot
-    key: str
-    write: Callable[[], Source]
-    check: Callable[[Built], None] | None = None
-
-    def built(self, **options: Any) -> Built:
-        """Find or build the library; `options` are those of `cache.cached`.
-
-        Raises:
-            CompileError: As `cache.cached` and `check`, or the source cannot be generated.
-        """
-        return cached(self.key, self._source, accept=self._accept, **options)
-
-    def tried(self, use: Callable[[Built], Used], otherwise: str, *, quick: bool = False) -> Used | None:
-        """Return what uses the library; None, and a warning of what is done `otherwise`, if there is none.
-
-        Args:
-            use: Loads the library.
-            otherwise: What is done without it, for the warning.
-            quick: Whether a quick build serves, as for `cache.cached`.
-        """
-        try:
-            try:
-                return use(self.built(quick=quick))
-            except OSError:  # another process removed it after it was found
-                return use(self.built(quick=quick))
-        except (HybridynError, OSError) as error:
-            log.warning("%s (%s)", otherwise, error)
-            return None
-
-    def _source(self) -> Source:
-        needs_casadi()
-        with as_compile_error(self.robot):
-            return self.write()
-
-    def _accept(self, built: Built) -> None:
-        if self.check is not None:
-            with as_compile_error(self.robot):
-                self.check(built)
-
-
 def library_of(
     robot: HybridRobot,
     effects: Effects,
     scalar: Scalar,
+    check: Callable[[Built], None] | None,
     parameters: Sequence[Slot] = (),
     models: tuple[str, ...] = MODELS,
-    key: str = "",
-    check: Callable[[Built], None] | None = None,
 ) -> Artifact:
-    """Return the library of a robot's models; its source is generated once.
+    """Return the library of a robot's models.
 
     Args:
         effects: Effects in the models.
         scalar: Scalar type and number of lanes.
+        check: As in `Artifact`.
         parameters: Numbers of the description that are arguments of the models.
         models: Names of the models.
-        key: Key of all models in the cache; empty to compute it.
-        check: As in `Artifact`.
     """
-    key = key or library_key(robot, effects, scalar, parameters)
-    write = functools.cache(lambda: source_of(robot, effects, scalar, parameters, models))
-    return Artifact(robot, key if models == MODELS else " ".join([key, *models]), write, check)
-
-
-def library_key(robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()) -> str:
-    """Return the key of a robot's models in the cache; the arguments are those of `library_of`."""
-    return robot_key(robot, effects) + repr(scalar) + (repr(parameters) if parameters else "")
+    key = [robot_key(robot, effects), repr(scalar), *map(repr, parameters), *models]
+    return Artifact(
+        robot, " ".join(key), partial(source_of, robot, effects, scalar, parameters, models), check
+    )
 
 
 def source_of(

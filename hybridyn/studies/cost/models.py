@@ -145,7 +145,9 @@ def solver(quantity: str, robot: HybridRobot, effects: Effects, model: CompiledR
 def set_up(quantity: str, effects: Effects, dtype: str, robot: HybridRobot, threads: int = 1) -> Any:
     """Prepare a compiled model of some type of numbers, or the general path without one."""
     free = tuple(design_of(robot)) if quantity == "designs" else ()
-    model = compile(robot, effects, dtype=dtype, threads=threads, parameters=free) if dtype else None
+    model = (
+        compile(robot, effects, dtype=dtype, threads=threads, parameters=free, wait=True) if dtype else None
+    )
     solve = solver(quantity, robot, effects, model)
     return lambda setting: solve
 
@@ -170,7 +172,7 @@ def _closed(close: Any, robot: HybridRobot, q: Array, v: Array, a: Array) -> Sta
 
 def differences(quantity: str, effects: Effects, robot: HybridRobot) -> Any:
     """Prepare central differences of the compiled model over the motors."""
-    model, n = compile(robot, effects), len(robot.motors)
+    model, n = compile(robot, effects, wait=True), len(robot.motors)
     inverse = quantity == "idm_jacobian"
 
     def at_setting(setting: Setting) -> Any:
@@ -413,7 +415,7 @@ class Measured:
         """Time closing, the model, and both in one, in turn; remark if the stages do not add up."""
         assert self.trajectory.motion is not None
         part = self.trajectory.motion.part(0, CLOSED_SLOWLY if stage == GENERAL else CLOSED)
-        model = None if stage == GENERAL else compile(self.robot, self.effects)
+        model = None if stage == GENERAL else compile(self.robot, self.effects, wait=True)
         close: Any = model.assemble if model else partial(assemble, self.robot)
         call = partial(close, motors=part.joints, platforms=part.platforms, guess=self.trajectory.q[0])
         state = call()
@@ -434,7 +436,7 @@ class Measured:
     def by_ticks(self) -> Iterator[Point]:
         """Measure calls from the motors, tick after tick, as a controller makes them."""
         model, name = (
-            compile(self.robot, self.effects),
+            compile(self.robot, self.effects, wait=True),
             {"idm": "idm_from_motors"}.get(self.quantity, "close"),
         )
         motors = motors_of(self.robot, *(x[:CLOSED] for x in self.trajectory[:3]))
@@ -509,7 +511,7 @@ def by_rates(run: Measured) -> Iterator[Point]:
             "prismatic joints"
         )
     x, inner = q[:, robot.motor_q], slice(EDGE, len(time) - EDGE)
-    efforts, model = solver("idm", robot, run.effects), compile(robot, run.effects)
+    efforts, model = solver("idm", robot, run.effects), compile(robot, run.effects, wait=True)
     (wanted,) = blocks(efforts(q[inner], v[inner], a[inner]))
     after = next(point.seconds for point in run.study.points if point.line == IN_C)
     rules = {

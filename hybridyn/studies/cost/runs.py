@@ -141,7 +141,7 @@ class Runner:
             HybridynError: The run fails.
         """
         ready, on = self.ready, self.ready.effects if effects is None else effects
-        model = compile(ready.robot, on) if setting.compiled else None
+        model = compile(ready.robot, on, wait=True) if setting.compiled else None
         start = clock.process_time()
 
         def after_step(t: float, end: float) -> None:
@@ -229,7 +229,7 @@ def states_of(ready: Stage, duration: float, effects: Effects) -> Trajectory:
     """Return the states of a scene, and the accelerations there under its efforts with some effects."""
     run = simulate(
         ready.robot, ready.q0, ready.v0, (0.0, duration), effort=ready.effort, effects=ready.effects,
-        compiled=compile(ready.robot, ready.effects), events=ready.events, rtol=OF_EFFECTS,
+        compiled=compile(ready.robot, ready.effects, wait=True), events=ready.events, rtol=OF_EFFECTS,
     )  # fmt: skip
     return Trajectory(run.q, run.v, ddm(ready.robot, run.q, run.v, run.tau, effects=effects), run.t)
 
@@ -262,7 +262,7 @@ def study_runs(
     study.subject = "the last posture"
     runner, limit = Runner(ready, duration), seconds * ONE_FAMILY
     try:
-        compile(ready.robot, ready.effects)
+        compile(ready.robot, ready.effects, wait=True)
     except HybridynError as error:  # effects of time and of contact cannot be compiled
         runner.compiled = False
         study.remarks.append(f"no compiled models: {error}")

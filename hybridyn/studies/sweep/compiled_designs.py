@@ -23,12 +23,11 @@ import numpy as np
 from ...assembly.requests import gather_requests
 from ...compiled.compiling import inverse_model
 from ...compiled.failures import needs_casadi
+from ...compiled.library.artifact import Artifact
 from ...compiled.library.building import QUICK_FLAGS, build, find_compiler
-from ...compiled.library.cache import known
-from ...compiled.library.calls import loaded
+from ...compiled.library.calls import Library
 from ...compiled.programs.designs import DesignsInSlots
 from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
-from ...compiled.programs.sources import Artifact
 from ...dynamics.state_checks import largest_rates, natural_force
 from ...effects import choose
 from ...errors import HybridynError, ModelError
@@ -142,19 +141,19 @@ class CompiledDesigns:
         chosen = effects_of(self.robot, task)
         artifact, parameters = inverse_model(self.robot, chosen, self.structure.slots)
         quick = motion.size * self.count <= FEW
-        inverse = cache(lambda: loaded(lambda: artifact.built(quick=quick)).programs["idm"])
+        inverse = cache(lambda: artifact.loaded(Library, quick=quick).programs["idm"])
         evaluator = DesignEvaluator(DesignsInSlots(self.robot, parameters), chosen, inverse, quick=quick)
         return _Task(name, task, motion, artifact, evaluator)
 
     def seconds_to_build(self) -> float:
         """Return about the processor time of building the models, none where they are in the cache [s]."""
-        new = [one for task in self.tasks for one in task.artifacts() if known(one.key, quick=True) is None]
+        new = [one for task in self.tasks for one in task.artifacts() if one.known(quick=True) is None]
         if not new:
             return 0.0
         needs_casadi()
         import_module("hybridyn.compiled.programs.whole_robot")  # its time is not that of this robot
         started = time.process_time()
-        units = [unit for one in new for unit in one.write().units]
+        units = [unit for one in new for unit in one.source.units]
         return time.process_time() - started + seconds_to_compile(units)
 
     def measured(

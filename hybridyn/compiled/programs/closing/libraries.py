@@ -14,11 +14,12 @@ from ....errors import HybridynError
 from ....structure.parameters.entries import Parameters
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
+from ...library.artifact import Artifact
 from ...library.building import best_lanes
 from ...library.cache import Built
 from ...library.closed_rows import ClosedRows, Rows
 from ..designs import designs_to_verify
-from ..sources import Artifact, kept, robot_key
+from ..sources import kept, robot_key
 from .checking import check_rows
 from .choosing import Part, lanes_for, module_requests, numbers, parts_of, structure_of
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 from collections.abc import Callable
-from copy import copy
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from math import prod
-from typing import ClassVar
+from threading import Thread
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -26,14 +25,15 @@ from ...equations.request import Request, request
 from ...equations.states import any_accelerations, moving_states
 from ...equations.static_elimination import TRUSTED_PIVOT
 from ...failures import as_compile_error, check_agreement, part_of_all
+from ...library.artifact import Artifact
 from ...library.building import best_lanes, find_compiler
-from ...library.cache import Built, known
-from ...library.calls import Library, loaded
-from ...library.current import Replacement, receive, run_in_turn
+from ...library.cache import Built
+from ...library.calls import Library
+from ...library.current import build_beside
 from ...library.direct_calls import refuse
 from ...program import Program
 from ..general import GENERAL, as_batches, general, named
-from ..sources import Artifact, robot_key
+from ..sources import robot_key
 from ..whole_robot import function_of
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
@@ -145,7 +145,7 @@ class Derivatives:
         check_coordinates(robot, model, coordinates)
         self.robot, self._model = robot, model
         self._motors = coordinates == "motors"
-        self._replacement: Replacement | None = None
+        self._building: Thread | None = None
         self._at_once: Callable[..., int] = refuse
         self.library: Library | None = None
         with as_compile_error(robot):
@@ -171,24 +171,25 @@ class Derivatives:
             find_compiler()
         except CompileError:
             return
-        self._scalar = Scalar("float64", best_lanes())
-        self._key = f"{self._name} {robot_key(self.robot, self._effects)} {self._scalar!r}"
-        artifact = self._artifact()
-        if known(self._key) is not None or (seconds := _seconds_of(artifact.write())) <= self.patience:
-            self._use(loaded(artifact.built))
+        scalar = Scalar("float64", best_lanes())
+        key = f"{self._name} {robot_key(self.robot, self._effects)} {scalar!r}"
+        artifact = Artifact(self.robot, key, partial(self._written, scalar), self._check)
+        if artifact.known() is not None or (seconds := _seconds_of(artifact.source)) <= self.patience:
+            self._use(artifact.loaded(Library))
             return
         log.warning(
             "robot '%s': the C compiler takes about %.0f s for '%s'; CasADi computes it meanwhile, slowly",
             self.robot.description.name, seconds, self._name,
         )  # fmt: skip
-        asked = copy(self)
-        vars(asked).pop("program", None)
-        self._replacement = Replacement(build_asked, asked, lambda: known(self._key), self._use)
+        self._building = build_beside(artifact, self._use)
 
-    def _artifact(self) -> Artifact:
-        """Return the library, which may be in the cache."""
-        write = cache(lambda: library_source([self.program], self._scalar))
-        return Artifact(self.robot, self._key, write, self._check)
+    def _written(self, scalar: Scalar) -> Source:
+        """Generate the C source."""
+        return library_source([self.program], scalar)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what another process that builds the library does not need."""
+        return {name: x for name, x in vars(self).items() if name != "program"}
 
     def _use(self, library: Library) -> None:
         """Use a library from now on."""
@@ -196,8 +197,8 @@ class Derivatives:
 
     def wait_until_compiled(self) -> None:
         """Wait until another process has built the library, if there is one."""
-        if self._replacement is not None:
-            self._replacement.wait()
+        if self._building is not None:
+            self._building.join()
 
     def _check(self, built: Built) -> None:
         """Compare a new library with the general path at random states whose rates grow.
@@ -292,15 +293,6 @@ class Derivatives:
                     f"(limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
-
-
-def build_asked() -> None:
-    """Build the library of derivatives that another process asks for."""
-    asked = receive()
-    try:
-        asked._artifact().built(run=run_in_turn)
-    except HybridynError as error:
-        sys.exit(str(error))
 
 
 def _seconds_of(source: Source) -> float:

@@ -34,11 +34,12 @@ from ....spatial import Array, Index, Mask
 from ....structure.robot import HybridRobot
 from ...code.scalars import GUARD_LIMIT, Scalar
 from ...failures import check_agreement, part_of_all
+from ...library.artifact import Artifact
 from ...library.building import best_lanes
 from ...library.cache import Built
 from ...library.calls import Library, Numbers
 from ..general import WIDTH
-from ..sources import Artifact, library_of, robot_key
+from ..sources import library_of, robot_key
 
 if TYPE_CHECKING:
     from ...code.library_source import Source
