@@ -155,6 +155,10 @@ class Each(_Block):
 
     memory, apart = "shared", True
 
+    def part(self, first: int) -> Each:
+        """Return the numbers of the copies from a number on."""
+        return Each(self.start + first * self.size, self.size)
+
 
 class Own(_Block):
     """Read or write the copies' own numbers, those of copy i from start + i * size of `own` on."""

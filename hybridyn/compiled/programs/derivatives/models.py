@@ -29,7 +29,7 @@ import numpy as np
 from ....spatial import Index
 from ...code.rules import compacted
 from ...equations.request import Request
-from ...program import Call, Constants, Each, Program, Shared, Target
+from ...program import Constants, Each, Own, Program, Shared, Target
 from ..direct import direct_inputs, write_direct_sweeps
 from ..inverse import inverse_inputs, write_balance, write_inverse_sweeps
 from ..module_calls import ModuleCalls
@@ -43,8 +43,8 @@ from .columns import (
     coordinates_of,
     coordinates_of_freedoms,
 )
-from .motor_motion import Motions, MotorMotion
-from .relations import JOINED, Cause, Group, Place, Relations, groups_of
+from .motor_motion import MotorMotion, motion_nodes
+from .relations import JOINED, Group, Place, Relations, groups_of
 from .sweeps import DENSE, Graph, Reading, Sweep, nodes_of
 
 
@@ -86,10 +86,9 @@ class Responses:
         """Add the responses of a group and all that it carries to the motion of its base."""
         x = self.relations[child]
         first, count = x.moved
-        n = child.mobility
-        self.to_motion[place][child] = Each(x.motions.start + first * n, n)
+        self.to_motion[place][child] = x.of_units["motions"].part(first)
         for output in child.children:
-            A, V = (Each(end.start + first * end.size, end.size) for end in x.through[output])
+            A, V = (end.part(first) for end in x.through(output))
             for group, known in self.to_motion[output].items():
                 terms = [(by_columns(known, 0, A.size), A), (by_columns(known, A.size, V.size), V)]
                 self.to_motion[place][group] = self._product(count, terms, [], group.mobility)
@@ -97,18 +96,16 @@ class Responses:
     def _to_wrench(self, group: Group, place: Place) -> None:
         """Add the responses of all groups to a wrench on an output."""
         x, at, n = self.relations[group], self.relations[group].wrench_at(place), group.mobility
-        out = {group: Each(x.motions.start + at * n, n)}
-        passed = None
-        if x.wrenches is not None:
-            passed = Each(x.wrenches.start + at * 6, 6)
+        out = {group: x.of_units["motions"].part(at)}
+        passed = x.of_units["wrench"].part(at) if group.parent else None
+        if passed is not None:
             for other, known in self.to_wrench[group.base].items():
                 if other not in group.subtree():
                     out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], other.mobility)
         if passed is not None and group in self.own:
             out[group] = self._product(6, [(by_columns(self.own[group], 0, 6), passed)], [out[group]], n)
         for output in group.children if not x.held else ():
-            A = x.through[output][0]
-            moved = Each(A.start + at * 6, 6)
+            moved = x.through(output)[0].part(at)
             if passed is not None:
                 moved = self._product(6, [(by_columns(self.onwards[output], 0, 6), passed)], [moved], 6)
             if output == place:
@@ -124,10 +121,10 @@ class Responses:
         if below is None:
             return
         first = x.moved[0]
-        K = by_columns(x.motions, first, 6)
+        K = by_columns(x.of_units["motions"], first, 6)
         self.own[group] = self._product(6, [(K, below)], [], group.mobility)
         for place in group.children:
-            over_A = by_columns(x.through[place][0], first, 6)
+            over_A = by_columns(x.through(place)[0], first, 6)
             self.onwards[place] = self._product(6, [(over_A, below)], [], 6)
 
     def _product(self, count: int, terms: Sequence[Term], more: list[Each], size: int) -> Each:
@@ -135,48 +132,6 @@ class Responses:
         out = self.writer.each(count, size)
         add_terms(self.writer, count, size, terms, more, out)
         return out
-
-
-def relations_of(
-    w: Writer,
-    groups: Sequence[Group],
-    steps: Sequence[Call],
-    motions: Motions,
-    *,
-    motors: bool,
-    held: bool = False,
-) -> dict[Group, Relations]:
-    """Add the relations of all groups, and return them outwards.
-
-    Args:
-        w: The program under construction.
-        groups: The groups, outwards.
-        steps: Calls that compute what is left of the forces.
-        motions: Nodes of the modules' motions.
-        motors: Whether the motors are the coordinates.
-        held: Whether accelerations are given, as `Relations`.
-    """
-    out: dict[Group, Relations] = {}
-    given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
-    for group in reversed(groups):
-        own = group.modules
-        a, outputs = w.from_given("a", group.at.v), [group.output(place) for place in group.children]
-        u_dot = [calls.ports["u_dot"] for calls in own]
-        leaves = [w.from_given("q", group.at.q), w.from_given("v", group.at.v), *u_dot]
-        motion = Graph.between(motions.nodes(own), leaves, [a])
-        calls = {id(call) for member in group.modules for call in member.calls}
-        nodes = nodes_of(w, (call for call in steps if id(call) in calls))
-        inputs = [*given, a, *group.moved(), *(W for *_, W in outputs)]
-        balance = Graph.between(nodes, inputs, group.results)
-        moving, parts = _runs(own), []
-        for run in moving if motors else ():
-            at = coordinates_of_freedoms(
-                run[0].request.robot, {int(k) for calls in run for k in calls.module.v_index}
-            )
-            parts.append(MotorMotion(w, run, at, w.from_given("a", at.v)))
-        carried = {place: [out[child].H for child in children] for place, children in group.children.items()}
-        out[group] = Relations(w, group, (motion, balance), moving, a, carried, parts, held=held)
-    return dict(reversed(out.items()))
 
 
 def _runs(modules: Sequence[ModuleCalls]) -> list[list[ModuleCalls]]:
@@ -216,30 +171,28 @@ class Results:
         w, known, onwards = self._w, self._responses, list[Shared]()
         if x.group in known.own:
             onwards = [by_columns(known.onwards[place], 0, 6) for place in x.group.children]
-        cause = x.caused(reading, len(index), onwards)
+        ends = x.caused(reading, len(index), onwards)
         for y in self._relations.values():
             place = w.result(f"d_{name}", y.rows * self._widths[name] + index[:, None])
-            terms = self._terms(cause, y.group) if y.group.mobility else []
-            motions = [cause.motions] if y is x and cause.motions and y.group.mobility else []
-            more = [cause.more] if y is x and cause.more else []
+            terms = self._terms(x.group, ends, y.group) if y.group.mobility else []
+            motions = [ends["motions"]] if y is x and y.group.mobility else []
+            more = [ends["more"]] if y is x and "more" in ends else []
             mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
             add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
 
-    def _terms(self, cause: Cause, group: Group) -> list[Term]:
-        """Return the motions of a group that a cause in another, or at its own base, brings about."""
+    def _terms(self, source: Group, ends: dict[str, Own], group: Group) -> list[Term]:
+        """Return the motions of a group that changes in another, or at its own base, bring about."""
         responses = self._responses
-        for output, (A, V) in cause.outputs.items():
-            if A and group in responses.to_motion[output]:
-                known = responses.to_motion[output][group]
+        for k, output in enumerate(source.children):
+            if group in responses.to_motion[output]:
+                known, V = responses.to_motion[output][group], ends.get(f"V {k}")
                 twist = [(by_columns(known, 6, V.size), V)] if V else []
-                return [(by_columns(known, 0, 6), A), *twist]
-        if cause.wrench is None:
+                return [(by_columns(known, 0, 6), ends[f"A {k}"]), *twist]
+        if "wrench" not in ends:
             return []
-        if cause.group is group:
-            found = responses.own.get(group)
-        else:
-            found = responses.to_wrench.get(cause.group.base, {}).get(group)
-        return [(by_columns(found, 0, 6), cause.wrench)] if found else []
+        known_of = responses.own if source is group else responses.to_wrench.get(source.base, {})
+        found = known_of.get(group)
+        return [(by_columns(found, 0, 6), ends["wrench"])] if found else []
 
 
 def inverse_derivatives(request: Request, *, order: Index | None = None) -> Program:
@@ -284,16 +237,7 @@ def motor_inverse_derivatives(request: Request) -> Program:
     outputs = [("tau", motors)] + [(f"d_{name}", motors * motors) for name in ("q", "v", "a")]
     w = Writer("idm_motor_jacobian", inverse_inputs(request), outputs, computed=("tau",))
     write_inverse_sweeps(request, w)
-    start = len(w.steps)
-    balance = write_balance(request, w)
-    steps = w.calls_from(start)
-    groups = [group for group in groups_of(request, balance) if group.mobility]
-    relations = relations_of(w, groups, steps, Motions(w, balance), motors=True, held=True)
-    results = Results(w, dict.fromkeys(("q", "v", "a"), motors), relations)
-    for x in relations.values():
-        for name, index, reading in x.over_motors():
-            results.add(x, name, index, reading)
-    return compacted(w.program())
+    return _by_groups(request, w, dict.fromkeys(("q", "v", "a"), motors), motors=True, held=True)
 
 
 def direct_derivatives(request: Request, *, motors: bool = False) -> Program:
@@ -307,11 +251,41 @@ def direct_derivatives(request: Request, *, motors: bool = False) -> Program:
     outputs = [("a", robot.nv)] + [(f"d_{name}", rows * width) for name, width in widths.items()]
     w = Writer("ddm_motor_jacobian" if motors else "ddm_jacobian", inputs, outputs, computed=("a",))
     write_direct_sweeps(request, w)
+    return _by_groups(request, w, widths, motors=motors, held=False)
+
+
+def _by_groups(request: Request, w: Writer, widths: dict[str, int], *, motors: bool, held: bool) -> Program:
+    """Add the derivatives of the balance of forces, group by group, and return the program.
+
+    Args:
+        request: The robot and its effects.
+        w: The program under construction, with the model.
+        widths: Number of columns of each input.
+        motors: Whether the motors are the coordinates.
+        held: Whether accelerations are given, as `Relations`.
+    """
     start = len(w.steps)
     balance = write_balance(request, w)
     steps = w.calls_from(start)
-    groups = [group for group in groups_of(request, balance) if group.mobility or not motors]
-    relations = relations_of(w, groups, steps, Motions(w, balance), motors=motors)
+    motions = {calls.k: motion_nodes(w, calls) for calls in balance}
+    given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
+    known: dict[Group, Relations] = {}
+    for group in reversed(groups_of(request, balance)):
+        if motors and not group.mobility:
+            continue
+        a, outputs = w.from_given("a", group.at.v), [group.output(place) for place in group.children]
+        u_dot = [calls.ports["u_dot"] for calls in group.modules]
+        leaves = [w.from_given("q", group.at.q), w.from_given("v", group.at.v), *u_dot]
+        moving = [node for calls in group.modules for node in motions[calls.k]]
+        own = {id(call) for member in group.modules for call in member.calls}
+        inputs = [*given, a, *group.moved(), *(W for *_, W in outputs)]
+        nodes = nodes_of(w, (call for call in steps if id(call) in own))
+        graphs = Graph.between(moving, leaves, [a]), Graph.between(nodes, inputs, group.results)
+        runs = _runs(group.modules)
+        parts = [MotorMotion(w, run) for run in runs] if motors else []
+        carried = {place: [known[x].H for x in children] for place, children in group.children.items()}
+        known[group] = Relations(w, group, graphs, runs, a, carried, parts, held=held)
+    relations = dict(reversed(known.items()))
     results = Results(w, widths, relations)
     for x in relations.values():
         for name, index, reading in x.over_motors() if motors else _over_joints(x):

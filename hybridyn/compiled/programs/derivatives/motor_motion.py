@@ -15,69 +15,52 @@ from itertools import chain
 import casadi as ca
 import numpy as np
 
+from ....dynamics.quantities.engine import TURNING
 from ....errors import SingularityError
 from ....linkage.joints import NV
 from ...equations.actuation import motor_pivots
 from ...equations.direct import write_direct, write_direct_legs
-from ...equations.expressions import Expression, cross, dot, eye, pack, symbols
+from ...equations.expressions import Expression, cross, dot, eye, pack, symbols, zeros
 from ...equations.guards import trusted
-from ...equations.stages import WrittenModule
 from ...equations.static_elimination import Pivots, solve
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer
-from .columns import Coordinates, changes_of_coordinates, collect, matrix
+from .columns import changes_of_coordinates, collect, coordinates_of_freedoms, matrix
 from .sweeps import PART, Block, Graph, Node, Sweep, nodes_of
 
 
-class Motions:
-    """Provide the nodes of modules' motions, a = Psi u_dot + a_0; equal modules share their code."""
+def motion_nodes(w: Writer, calls: ModuleCalls) -> list[Node]:
+    """Return the nodes that lead from u_dot of a module to its accelerations, a = Psi u_dot + a_0.
 
-    def __init__(self, w: Writer, modules: list[ModuleCalls]) -> None:
-        """Add the calls that compute the motion of platforms, which the legs read.
+    The motion of platforms, which the legs read, is computed. Equal modules share their code.
 
-        Args:
-            w: The program under construction.
-            modules: Calls of a balance of forces.
-        """
-        self._w = w
-        self._known: dict[int, tuple[WrittenModule, Stages, Ports]] = {}
-        for calls in modules:
-            plan = calls.request.plans[calls.k]
-            key = ("motion", id(plan), calls.options)
-            written = w.once(key, write_direct, plan, calls.options, motion=True)
-            stages = Stages(w, key, written.stages, ["motion"] * 4)
-            ports = {name: x for name, x in calls.ports.items() if not name.startswith("platform ")}
-            stages.call(0, ports)
-            stages.call(2, ports)
-            self._known[calls.k] = written, stages, ports
-
-    def nodes(self, modules: list[ModuleCalls]) -> list[Node]:
-        """Return the nodes that lead from u_dot of connected modules to the accelerations."""
-        start = len(self._w.steps)
-        for calls in modules:
-            self._add(calls)
-        made = self._w.calls_from(start)
-        del self._w.steps[start:]
-        return nodes_of(self._w, made, limit=0.0)
-
-    def _add(self, calls: ModuleCalls) -> None:
-        """Add the calls from u_dot to the accelerations."""
-        w, plan, v_index = self._w, calls.request.plans[calls.k], calls.module.v_index
-        written, stages, ports = self._known[calls.k]
-        ports = ports | {
-            name: w.from_given("a", v_index[own]) for name, own in written.at.items() if name != "tau"
-        }
-        stages.call(0, ports)
-        stages.call(2, ports)
-        for n, group in enumerate(calls.groups):
-            key = ("motion of legs", id(plan), n, calls.options)
-            code, table = w.once(key, write_direct_legs, plan, n, calls.options, motion=True)
-            own: Ports = {name: ports[f"{name} {group[0].platform}"] for name in ("platform", "delta")}
-            own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group)
-            own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
-            Stages(w, key, code, ["motion"], len(group)).call(0, ports | own)
-        stages.call(3, ports)
+    Args:
+        w: The program under construction.
+        calls: Calls of the module in a balance of forces.
+    """
+    plan, v_index = calls.request.plans[calls.k], calls.module.v_index
+    key = ("motion", id(plan), calls.options)
+    written = w.once(key, write_direct, plan, calls.options, motion=True)
+    stages = Stages(w, key, written.stages, ["motion"] * 4)
+    ports = {name: x for name, x in calls.ports.items() if not name.startswith("platform ")}
+    stages.call(0, ports)
+    stages.call(2, ports)
+    start = len(w.steps)
+    ports |= {name: w.from_given("a", v_index[own]) for name, own in written.at.items() if name != "tau"}
+    stages.call(0, ports)
+    stages.call(2, ports)
+    for n, group in enumerate(calls.groups):
+        of_legs = ("motion of legs", id(plan), n, calls.options)
+        code, table = w.once(of_legs, write_direct_legs, plan, n, calls.options, motion=True)
+        own: Ports = {name: ports[f"{name} {group[0].platform}"] for name in ("platform", "delta")}
+        own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group)
+        own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
+        Stages(w, of_legs, code, ["motion"], len(group)).call(0, ports | own)
+    stages.call(3, ports)
+    made = w.calls_from(start)
+    del w.steps[start:]
+    return nodes_of(w, made, limit=0.0)
 
 
 class MotorMotion:
@@ -92,22 +75,21 @@ class MotorMotion:
         over_v: Changes over the motors' rates.
     """
 
-    def __init__(self, w: Writer, modules: list[ModuleCalls], at: Coordinates, a: Source) -> None:
+    def __init__(self, w: Writer, modules: list[ModuleCalls]) -> None:
         """Order the motors; where each joint has one, as the motions are.
 
         Args:
             w: The program under construction.
             modules: Calls of the modules.
-            at: Their coordinates.
-            a: Their accelerations, in the order of the freedoms of `at`.
         """
-        self._w, self._at, self._numbers, self._module = w, at, a.numbers(0), modules[0]
-        freedoms, driven = at.v.tolist(), modules[0].request.robot.motor_v.tolist()
-        if modules[0].module.mobility < len(modules[0].module.v_index):
-            self.motors = modules[0].module.motor_index
-        else:
-            along = [calls.joints.tolist() for calls in modules]
-            self.motors = np.array([driven.index(k) for k in chain(*along)], dtype=int)
+        robot, v_index = modules[0].request.robot, [calls.module.v_index.tolist() for calls in modules]
+        self._w, self._module = w, modules[0]
+        self._at = coordinates_of_freedoms(robot, {*chain(*v_index)})
+        self._numbers = w.from_given("a", self._at.v).numbers(0)
+        freedoms, driven = self._at.v.tolist(), robot.motor_v.tolist()
+        self.motors = modules[0].module.motor_index
+        if modules[0].module.mobility == len(v_index[0]):
+            self.motors = np.array([driven.index(k) for x in modules for k in x.joints.tolist()], dtype=int)
         n = len(self.motors)
         self._rows = [freedoms.index(driven[k]) for k in self.motors]
         self._rest = [k for k in range(len(freedoms)) if k not in self._rows]
@@ -210,16 +192,13 @@ def _inverted(n: int, pivots: Pivots) -> ca.Function:
 
 def brackets(kinds: tuple[str, ...], v: Expression, e: Expression) -> Expression:
     """Return the Lie brackets of rates with a column of E, joint by joint; zero for one freedom."""
-    out, at = np.zeros(len(v)).astype(object), 0
+    out, at = zeros(len(v)), 0
     for kind in kinds:
-        x, y = v[at : at + NV[kind]], e[at : at + NV[kind]]
-        if kind == "spherical":
-            out[at : at + 3] = cross(x, y)
-        elif kind == "planar":
-            out[at] = x[1] * y[2] - x[2] * y[1]
-            out[at + 1] = x[2] * y[0] - x[0] * y[2]
-        elif kind == "floating":
-            out[at : at + 3] = cross(x[3:], y[:3]) + cross(x[:3], y[3:])
-            out[at + 3 : at + 6] = cross(x[3:], y[3:])
-        at += NV[kind]
+        own, S = slice(at, at + NV[kind]), TURNING.get(kind, [])
+        at = own.stop
+        if S:
+            x, y = zeros(2, 6)
+            x[S], y[S] = v[own], e[own]
+            linear = cross(x[3:], y[:3]) + cross(x[:3], y[3:])
+            out[own] = np.concatenate([linear, cross(x[3:], y[3:])])[S]
     return out

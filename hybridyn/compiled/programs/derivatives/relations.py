@@ -89,11 +89,7 @@ class Group:
 
     def subtree(self) -> list[Group]:
         """Return the group and all groups that it carries."""
-        return [self, *(x for place in self.children for x in self.on(place))]
-
-    def on(self, place: Place) -> list[Group]:
-        """Return all groups that one of its outputs carries."""
-        return [x for child in self.children[place] for x in child.subtree()]
+        return [self, *(x for child in chain(*self.children.values()) for x in child.subtree())]
 
 
 def groups_of(request: Request, balance: list[ModuleCalls]) -> list[Group]:
@@ -121,25 +117,6 @@ def groups_of(request: Request, balance: list[ModuleCalls]) -> list[Group]:
     return groups
 
 
-@dataclass
-class Cause:
-    """What columns of changes cause, one in each lane.
-
-    Attributes:
-        group: The group whose inputs they change.
-        motions: Motions of the group, without those that the wrench on its base causes.
-        wrench: Change of the wrench on its base; None if there is none.
-        outputs: Changes of acceleration and twist of its outputs; the twist is None where it stays.
-        more: Further changes of the group's accelerations.
-    """
-
-    group: Group
-    motions: Own | None = None
-    wrench: Own | None = None
-    outputs: dict[Place, tuple[Own | None, Own | None]] = field(default_factory=dict)
-    more: Own | None = None
-
-
 class Relations:
     """Relations of one group, its motions eliminated.
 
@@ -148,9 +125,8 @@ class Relations:
 
     Attributes:
         unit: Number of unit columns: wrenches on its outputs, then accelerations and twists of its base.
-        motions: The motions that they cause, one column after the other, as all that they cause.
-        wrenches: The wrenches on the base that they cause.
-        through: Accelerations and twists of each output that they cause.
+        of_units: What they cause, one column after the other: "motions", "wrench" on the base if the group
+            has one, and "A 0", "V 0", ... of its outputs.
         Psi: Accelerations over the motions.
     """
 
@@ -183,6 +159,9 @@ class Relations:
         outputs = [group.output(place) for place in group.children]
         self._sizes = [size for A, V, _ in outputs for size in (A.size, V.size)]
         self._rows = group.mobility + (6 if group.parent else 0)
+        names = [f"{x} {k}" for k in range(len(outputs)) for x in "AV"]
+        self._caused = {"motions": group.mobility} | ({"wrench": 6} if group.parent else {})
+        self._caused |= dict(zip(names, self._sizes, strict=True))
         self.rows = np.concatenate([part.motors for part in parts]) if parts else group.at.v
         at = [x for part in parts for x in part.accelerations] or a.numbers(0)
         self._ends = [x for end in group.results for x in end.numbers(0)] + at
@@ -194,21 +173,11 @@ class Relations:
         self._eliminate()
         columns = [(reading, 6) for reading in wrenches]
         columns += [(self.unit_changes(end), len(end.numbers(0))) for end in group.moved()]
-        self._add_units(columns)
-
-    def _add_units(self, columns: Sequence[tuple[Reading, int]]) -> None:
-        """Add what unit columns cause."""
-        w, children = self.writer, self.group.children
-        self.unit = sum(count for _, count in columns)
-        self.motions = w.each(self.unit, self.group.mobility)
-        self.wrenches = w.each(self.unit, 6) if self.group.parent else None
-        each = [w.each(self.unit, size) for size in self._sizes]
-        self.through = dict(zip(children, zip(each[::2], each[1::2], strict=True), strict=True))
-        first = 0
+        self.unit, first = sum(count for _, count in columns), 0
+        self.of_units = {name: writer.each(self.unit, size) for name, size in self._caused.items()}
         for reading, count in columns:
-            blocks = (self.motions, self.wrenches, *each)
-            places = [x and Each(x.start + first * x.size, x.size) for x in blocks]
-            self._add(reading, count, self._named(places))
+            places = {name: x.part(first) for name, x in self.of_units.items()}
+            self._add(reading, count, dict(places))
             first += count
 
     @property
@@ -240,8 +209,12 @@ class Relations:
     @property
     def H(self) -> Shared:
         """The wrench on the base over the base's motion, column by column."""
-        assert self.wrenches is not None
-        return by_columns(self.wrenches, *self.moved)
+        return by_columns(self.of_units["wrench"], *self.moved)
+
+    def through(self, place: Place) -> tuple[Each, Each]:
+        """Return the acceleration and the twist of an output that unit columns cause."""
+        k = list(self.group.children).index(place)
+        return self.of_units[f"A {k}"], self.of_units[f"V {k}"]
 
     def reading(self, seeds: Sequence[tuple[Source, Block]], count: int) -> Reading:
         """Add the changes that columns cause at given motions, and return what reads them."""
@@ -273,33 +246,26 @@ class Relations:
             yield "a" if self.held else "tau", part.motors, efforts.reading(self._ends)
             first += n
 
-    def caused(self, reading: Reading, count: int, onwards: Sequence[Shared] = ()) -> Cause:
-        """Add what columns cause.
+    def caused(self, reading: Reading, count: int, onwards: Sequence[Shared]) -> dict[str, Own]:
+        """Add what columns cause, one in each lane, and return it by the names of `of_units`.
+
+        Motions are those without what the wrench on the base causes. Twists that stay are left out; "more"
+        are further changes of the accelerations.
 
         Args:
             reading: What reads the changes that they cause at given motions.
             count: Number of columns.
             onwards: For each output its acceleration over a wrench on the base, which moves the base.
         """
-        w, first = self.writer, self._rows + sum(self._sizes)
         changed = np.array([bool(parts) for parts in reading.pattern])
-        outputs = np.split(changed[self._rows :], np.cumsum(self._sizes))[:-1]
-        moves = [k % 2 == 0 or part.any() for k, part in enumerate(outputs)]
-        ends = [w.own(count, self.group.mobility), w.own(count, 6) if self.group.parent else None]
-        ends += [w.own(count, size) if x else None for size, x in zip(self._sizes, moves, strict=True)]
-        more = not self.parts and changed[first:].any()
-        ends.append(w.own(count, len(self.rows)) if more else None)
-        self._add(reading, count, self._named(ends), onwards)
-        pairs = zip(ends[2:-1:2], ends[3:-1:2], strict=True)
-        return Cause(
-            self.group, ends[0], ends[1], dict(zip(self.group.children, pairs, strict=True)), ends[-1]
-        )
-
-    def _named(self, ends: Sequence[Each | Own | None]) -> dict[str, Target]:
-        """Return those ends that there are by name."""
-        outputs = [f"{x} {k}" for k in range(len(self.group.children)) for x in "AV"]
-        names = ["motions", "wrench", *outputs, "more"]
-        return {name: end for name, end in zip(names, ends, strict=False) if end}
+        *outputs, a = np.split(changed[self._rows :], np.cumsum(self._sizes, dtype=int))
+        stay = {f"V {k}" for k, part in enumerate(outputs[1::2]) if not part.any()}
+        wanted = {name: size for name, size in self._caused.items() if name not in stay}
+        if not self.parts and a.any():
+            wanted["more"] = len(self.rows)
+        ends = {name: self.writer.own(count, size) for name, size in wanted.items()}
+        self._add(reading, count, dict(ends), onwards)
+        return ends
 
     def _eliminate(self) -> None:
         """Add the relations over the motions, module by module, and their factors."""
@@ -318,8 +284,7 @@ class Relations:
             if self.parts:
                 self.parts[i].close(over_u, self._graphs[0])
             over_u.through(self._graphs[1])
-            places = [Each(x.start + first * x.size, x.size) for x in blocks]
-            targets = dict(zip(("forces", "S", "more"), places, strict=True))
+            targets = dict(zip(("forces", "S", "more"), [x.part(first) for x in blocks], strict=True))
             self._add(over_u.reading(self._ends), count, dict(targets))
             first += count
         if n and not self.held:
@@ -337,7 +302,9 @@ class Relations:
             """Return one column."""
             columns, values = reading.symbols()
             read = {name: matrix("given", *shape) for name, (_, *shape) in given.items()}
-            stored = self._column(filled(values), {name: entries for name, (_, entries) in read.items()})
+            stored = self._column(
+                np.array(values, dtype=object), {name: entries for name, (_, entries) in read.items()}
+            )
             columns += [column for column, _ in read.values()]
             return ca.Function("relations", columns, [pack(stored[name]) for name in targets])
 
@@ -413,11 +380,3 @@ class Relations:
                 block = given[f"{name} {k}"]
                 out[own] = dot(block.T if turned else block, x[own])
         return out
-
-
-def filled(values: list[Any]) -> Expression:
-    """Return scalars as an array of expressions."""
-    out = np.empty(len(values), dtype=object)
-    for i, value in enumerate(values):
-        out[i] = value
-    return out
