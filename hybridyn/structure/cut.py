@@ -20,6 +20,8 @@ class Cut:
         spanning: Tree of every joint of the module, wrists included, as in the user's q, v, a.
         tree: Tree after the cuts: joints of the legs, and platforms as `floating` joints from the base.
         bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
+        q_from, v_from: Coordinates and freedoms of `spanning` that `tree` has, too.
+        q_to, v_to: The same in `tree`.
     """
 
     def __init__(self, spec: ModuleSpec) -> None:
@@ -27,10 +29,10 @@ class Cut:
         self.bodies = np.array(spec.tree_body)
         self._spec = spec
         joints = {i: source for i, source in enumerate(spec.tree_joint) if source is not None}
-        self._q_from = indices(self.spanning.q_slices[source] for source in joints.values())
-        self._v_from = indices(self.spanning.v_slices[source] for source in joints.values())
-        self._q_to = indices(self.tree.q_slices[i] for i in joints)
-        self._v_to = indices(self.tree.v_slices[i] for i in joints)
+        self.q_from = indices(self.spanning.q_slices[source] for source in joints.values())
+        self.v_from = indices(self.spanning.v_slices[source] for source in joints.values())
+        self.q_to = indices(self.tree.q_slices[i] for i in joints)
+        self.v_to = indices(self.tree.v_slices[i] for i in joints)
 
     def coordinates(
         self, q: Array, v: Array | None, a: Array | None, motion: Motion
@@ -47,7 +49,7 @@ class Cut:
             Positions, rates and accelerations of `tree`: shapes (T, its nq), (T, its nv), (T, its nv).
         """
         out_q = np.zeros((len(q), self.tree.nq))
-        out_q[:, self._q_to] = q[:, self._q_from]
+        out_q[:, self.q_to] = q[:, self.q_from]
         out_v, out_a = (
             self.to_tree(np.zeros((len(q), self.spanning.nv)) if x is None else x) for x in (v, a)
         )
@@ -79,7 +81,7 @@ class Cut:
             Rates of the spanning tree, shape (T, nv) or (T, nv, k).
         """
         out = np.zeros((len(x), self.spanning.nv, *x.shape[2:]))
-        out[:, self._v_from] = x[:, self._v_to]
+        out[:, self.v_from] = x[:, self.v_to]
         return out
 
     def to_tree(self, x: Array) -> Array:
@@ -92,12 +94,12 @@ class Cut:
             Rates of `tree`, zero for platforms, shape (T, its nv).
         """
         out = np.zeros((len(x), self.tree.nv))
-        out[:, self._v_to] = x[:, self._v_from]
+        out[:, self.v_to] = x[:, self.v_from]
         return out
 
     def positions_to_spanning(self, x: Array, out: Array) -> None:
         """Copy positions of the legs from `tree`, shape (T, its nq), to the spanning tree, in place."""
-        out[:, self._q_from] = x[:, self._q_to]
+        out[:, self.q_from] = x[:, self.q_to]
 
     def tree_body(self, body: int) -> int:
         """Return the number in `tree` of a body of the spanning tree; a wrist's end maps to its target."""

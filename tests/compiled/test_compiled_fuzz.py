@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.equations.actuation import motor_efforts
 from hybridyn.compiled.equations.expressions import symbols
 from hybridyn.compiled.equations.guards import Scale as Limits
+from hybridyn.compiled.equations.inverse import motor_efforts
 from hybridyn.compiled.equations.static_elimination import Pivots, solve_definite
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.description import read

@@ -9,7 +9,7 @@ parameters may decide it otherwise.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property, partialmethod
 from typing import Any, Protocol
@@ -40,6 +40,20 @@ class Decision:
     left: Any
     right: Any
     outcome: bool
+
+
+#: Guard where arguments decide the structure otherwise.
+OTHER_STRUCTURE = 2.0
+
+
+def decided_alike(decisions: Sequence[Decision]) -> ca.SX:
+    """Return a guard above 1 where some comparison has another outcome than at the nominal arguments."""
+    guard = ca.SX(0.0)
+    for one in decisions:
+        holds = one.compare(ca.SX(one.left), ca.SX(one.right))
+        alike = holds if one.outcome else ca.logic_not(holds)
+        guard = ca.fmax(guard, ca.if_else(alike, 0.0, OTHER_STRUCTURE))
+    return guard
 
 
 class Traced:
@@ -183,45 +197,29 @@ class ModuleArguments:
     free: bool
 
 
-def numbers_of(value: Any) -> Any:
+def numbers_of(value: Any, found: list[ca.SX]) -> Any:
     """Return a record with its traced numbers as expressions.
 
     Args:
         value: A record, a tuple, an array or a number, whose parts may be `Traced` with CasADi expressions.
             Arrays without any become plain numbers.
+        found: The expressions that are not constant are appended.
     """
     if isinstance(value, Traced):
         expression = ca.SX(value.expression)
+        found += [] if expression.is_constant() else [expression]
         return float(expression) if expression.is_constant() else expression
     if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{x.name: numbers_of(getattr(value, x.name)) for x in fields(value)})
+        return replace(value, **{x.name: numbers_of(getattr(value, x.name), found) for x in fields(value)})
     if isinstance(value, tuple):
-        parts = map(numbers_of, value)
+        parts = [numbers_of(x, found) for x in value]
         return value._make(parts) if hasattr(value, "_make") else tuple(parts)
     if not isinstance(value, np.ndarray) or value.dtype != object:
         return value
     out = np.empty(value.shape, dtype=object)
     for at in np.ndindex(*value.shape):
-        out[at] = numbers_of(value[at])
+        out[at] = numbers_of(value[at], found)
     return out if any(isinstance(x, ca.SX) for x in out.ravel()) else out.astype(float)
-
-
-def depends(value: Any) -> bool:
-    """Return whether some number of a record is an expression."""
-    return any(
-        isinstance(x, ca.SX) or (isinstance(x, np.ndarray) and x.dtype.hasobject) for x in _parts(value)
-    )
-
-
-def _parts(value: Any) -> Iterator[Any]:
-    """Yield the numbers, arrays and words of a record."""
-    if is_dataclass(value):
-        value = tuple(getattr(value, x.name) for x in fields(value))
-    if not isinstance(value, tuple):
-        yield value
-        return
-    for part in value:
-        yield from _parts(part)
 
 
 class Inertias(Protocol):
@@ -266,7 +264,7 @@ class ChosenNumbers:
     @cached_property
     def places(self) -> dict[str, tuple[int, Expression, Expression]]:
         """Frames of the links in their bodies as functions of them (`Bodies.place`)."""
-        return {link: numbers_of(at) for link, at in self.traced.place.items()}
+        return {link: numbers_of(at, []) for link, at in self.traced.place.items()}
 
     @cached_property
     def of_modules(self) -> tuple[ModuleArguments | None, ...]:
@@ -275,8 +273,9 @@ class ChosenNumbers:
 
     def _of(self, k: int) -> ModuleArguments | None:
         """Return the arguments of module k, or None."""
-        spec = numbers_of(self.traced.specs[k])
-        if not depends(spec):
+        found: list[ca.SX] = []
+        spec = numbers_of(self.traced.specs[k], found)
+        if not found:
             return None
         outputs = dict(zip(spec.outputs, spec.outputs_inertia, strict=True))
         bodies = [body or outputs[i] for i, body in enumerate(spec.leg_bodies, 1)]

@@ -16,13 +16,13 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
 from .chains import Chain, Placed, own_columns, split_positions, sweep
 from .expressions import Expression, dot, plain, sampled, symbols, zeros
-from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, dependence, size_of, weighed
+from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, largest, size_of, weighed
 from .legs import PlatformMotion, leg_pivots
 from .loops import Rows, write_rows
 from .parts import Parts, first_moment
 from .rigid import Link, links_of, motion_to_parent, to_child, units_of
 from .states import seen_postures
-from .static_elimination import Pivots, Trust, choose_pivots, solve
+from .static_elimination import Pivots, choose_pivots, solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,23 +31,16 @@ class Path:
 
     Attributes:
         wrist: The wrist.
-        joints: Indices of its joints in the spanning tree.
         links: Its joints as a chain of links.
-        wrist_from: Index of the wrist's first joint in the path.
+        wrist_v: Freedoms of the wrist in the path.
         q, v: Coordinates in the module's spanning tree.
     """
 
     wrist: Wrist
-    joints: tuple[int, ...]
     links: tuple[Link, ...]
-    wrist_from: int
+    wrist_v: slice
     q: Index
     v: Index
-
-    @property
-    def wrist_v(self) -> slice:
-        """Freedoms of the wrist in the path."""
-        return slice(sum(link.nv for link in self.links[: self.wrist_from]), len(self.v))
 
 
 def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: Wrist) -> Path:
@@ -62,7 +55,8 @@ def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: Wrist) -> Path:
         np.concatenate([np.arange(slices[j].start, slices[j].stop) for j in joints])
         for slices in (mechanism.spanning.q_slices, mechanism.spanning.v_slices)
     )
-    return Path(wrist, tuple(joints), links, joints.index(wrist.joints[0]), q, v)
+    before = sum(link.nv for link in links[: joints.index(wrist.joints[0])])
+    return Path(wrist, links, slice(before, len(v)), q, v)
 
 
 def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
@@ -81,24 +75,6 @@ def wrist_jacobian(path: Path, chain: Chain) -> Expression:
     """Compute the Jacobian of a wrist's end over the wrist's rates, end frame, shape (6, wrist nv)."""
     columns = own_columns(chain, len(path.links))
     return np.stack([columns[k] for k in range(path.wrist_v.start, path.wrist_v.stop)], axis=1)
-
-
-def wrist_accelerations(
-    path: Path, chain: Chain, target: Expression, pivots: Pivots
-) -> tuple[Expression, Trust]:
-    """Solve for the wrist's accelerations that give its end a required acceleration.
-
-    Args:
-        chain: Its motion, with the accelerations of the joints before the wrist and zeros for the wrist.
-        target: Required acceleration of the end, end frame, shape (6,).
-        pivots: Pivots of the wrist's Jacobian.
-
-    Returns:
-        Accelerations, shape (wrist nv,), and the trust in the pivots.
-    """
-    miss = target - chain.c[-1]
-    X, trust = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
-    return dot(X, np.ones(1).astype(object)), trust
 
 
 @dataclass(frozen=True)
@@ -293,15 +269,15 @@ def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Sca
     return PlatformMotion(at.R, at.p, V, scale.weight(speed), A, scale.weight(haste))
 
 
-def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression, Trust]:
+def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression, Expression]:
     """Solve a core's closures K y = right by the chosen pivots.
 
     Returns:
         X: y over [right-hand sides, spins, other motions], shape (n, k + motions); all but the spins are
             orthogonal to these.
-        trust: Trust in the pivots.
+        doubts: As of `solve`.
     """
-    X, trust = solve(K, right, plan.loop_pivots)
+    X, doubts = solve(K, right, plan.loop_pivots)
     k = right.shape[1]
     free = plan.free
     X = X[:, [*range(k), *(k + free.index(col) for col in plan.motions)]]
@@ -309,7 +285,7 @@ def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression
         spin.taken_out(X)
         X[:, k + i] = 0.0
         X[list(spin.cols), k + i] = spin.axis
-    return X, trust
+    return X, doubts
 
 
 def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
@@ -329,7 +305,9 @@ def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
         return guard
     r, unit = plan.mechanism.reduction, plan.mechanism.reduction.col_scale[plan.parts.tree_v]
     K = rows.K[:, 6:] * r.row_scale[list(plan.parts.closure_rows)][:, None] * unit
-    return ca.fmax(guard, dependence(K, Psi / unit[:, None], plan.scale.closed))
+    without_units = Psi / unit[:, None]
+    left = largest(dot(K, without_units)) / (plan.scale.closed * (1.0 + largest(without_units)))
+    return ca.fmax(guard, left)
 
 
 def core_body(plan: Plan, body: int) -> int:

@@ -24,26 +24,26 @@ from .core import (
     own_inertia,
     rank_guard,
     whole,
-    wrist_accelerations,
+    wrist_jacobian,
 )
 from .expressions import (
     Expression,
-    along,
     congruence,
     dot,
     hat,
     numbers,
     pack,
     symmetric,
+    symmetric_product,
     upper,
     zeros,
 )
-from .guards import size_of, trusted, weighed
+from .guards import size_of, squares, weighed
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .request import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
-from .static_elimination import solve_definite
+from .static_elimination import solve, solve_definite
 
 #: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
 LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
@@ -136,14 +136,14 @@ def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> Writt
     core, (q, v, _), (V, _) = begun(plan, options, outwards)
     A, forced = back.base_acceleration(options), []
     right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    X, trust = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
+    X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
     outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
     if motion:
         u_dot = back.take("u_dot", X.shape[1] - 7)
     else:
         forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
         form = quadratic_form(core, plan, options, forced, inwards)
-        u_0, G, outputs[1] = _solve(core, plan, options, X, core.rows.guard + trusted(trust), form)
+        u_0, G, outputs[1] = _solve(core, plan, options, X, core.rows.guard + squares(doubts), form)
         u_dot = u_0 - dot(G, A)
     s = np.concatenate([A, dot(X[:, 7:], u_dot) + dot(X[:, :6], A) + X[:, 6]])  # Eq. (51)
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
@@ -200,7 +200,7 @@ def _solve(
     out = {"guard": ca.SX(guard)}
     if options.base is None:  # Eqs. (45)-(48) as congruences
         across = dot(M_yb.T, Psi_b)
-        inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - _product(E, G)
+        inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - symmetric_product(E, G)
         bias = b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)
         out |= {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
     return u_0, G, out
@@ -243,15 +243,6 @@ def _accelerations_outwards(
     return out
 
 
-def _product(E: Expression, G: Expression) -> Expression:
-    """Compute E^T G, which is symmetric, from one triangle."""
-    out = zeros(6, 6)
-    for i in range(6):
-        for j in range(i, 6):
-            out[i, j] = out[j, i] = along(E[:, i], G[:, j]) if len(E) else 0.0
-    return out
-
-
 def _legs_on_paths(plan: Plan) -> Index:
     """Return the freedoms of grouped legs on paths to wrists."""
     own = {int(col) for col in plan.parts.v if col >= 0}
@@ -280,9 +271,10 @@ def _add_wrists(
         body = core_body(plan, path.wrist.target)
         target = whole(core.chain, body, s, motion_map(core.chain, body))
         target = to_child(numbers(path.wrist.R), numbers(path.wrist.p), target)
-        solved, trust = wrist_accelerations(path, chain, target, pivots)
-        out |= {int(col): value for col, value in zip(path.v[path.wrist_v], solved, strict=True)}
-        guard = ca.fmax(guard, trusted(trust))
+        miss = target - chain.c[-1]
+        X, doubts = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
+        out |= {int(col): value for col, value in zip(path.v[path.wrist_v], X[:, 0], strict=True)}
+        guard = ca.fmax(guard, squares(doubts))
     return out, guard
 
 

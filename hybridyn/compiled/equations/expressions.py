@@ -149,11 +149,15 @@ def _sum(terms: list[Any]) -> Any:
 
 def congruence(B: Expression, M: Expression) -> Expression:
     """Compute B^T M B for symmetric M from one triangle."""
-    MB = dot(M, B)
-    out = np.empty((B.shape[1], B.shape[1]), dtype=object)
-    for i in range(B.shape[1]):
-        for j in range(i, B.shape[1]):
-            out[i, j] = out[j, i] = along(B[:, i], MB[:, j])
+    return symmetric_product(B, dot(M, B))
+
+
+def symmetric_product(A: Expression, B: Expression) -> Expression:
+    """Compute A^T B, which is symmetric, from one triangle."""
+    out = np.empty((A.shape[1], A.shape[1]), dtype=object)
+    for i in range(len(out)):
+        for j in range(i, len(out)):
+            out[i, j] = out[j, i] = along(A[:, i], B[:, j])
     return out
 
 

@@ -10,15 +10,12 @@ its limit, it is NaN if one number is, and it needs two operations a number and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
-from .arguments import Decision
-from .expressions import Expression, dot, is_zero, plus, times
-from .static_elimination import TRUSTED_PIVOT, Trust
+from .expressions import Expression, is_zero, plus, times
 
 #: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
 #: size: ten thousand roundings of the model's arithmetic.
@@ -57,16 +54,6 @@ class Scale:
     def weight_of_positions(self) -> float:
         """Weight of squared residuals of positions."""
         return 1.0 / self.closed**2
-
-
-def trusted(trust: Trust) -> Any:
-    """Return the guard of pivots: above 1 if one is below `TRUSTED_PIVOT` times its usual size."""
-    return squares(trust.doubts)
-
-
-def least_trusted(ratio: ca.SX) -> Any:
-    """Return the guard of the smallest of some pivots over the largest."""
-    return 2.0 - ratio / TRUSTED_PIVOT
 
 
 def squares(values: Expression) -> Any:
@@ -111,28 +98,3 @@ def largest(values: Expression) -> Any:
         if not is_zero(value):
             out = ca.fmax(out, ca.fabs(value))
     return out
-
-
-#: Guard where arguments decide the structure otherwise.
-OTHER_STRUCTURE = 2.0
-
-
-def decided_alike(decisions: Sequence[Decision]) -> ca.SX:
-    """Return a guard above 1 where some comparison has another outcome than at the nominal arguments."""
-    guard = ca.SX(0.0)
-    for one in decisions:
-        holds = one.compare(ca.SX(one.left), ca.SX(one.right))
-        alike = holds if one.outcome else ca.logic_not(holds)
-        guard = ca.fmax(guard, ca.if_else(alike, 0.0, OTHER_STRUCTURE))
-    return guard
-
-
-def dependence(K: Expression, Psi: Expression, closed: float) -> Any:
-    """Return the guard that closure rows without a pivot still depend on the others.
-
-    Args:
-        K: Closure rows without units, shape (rows, n).
-        Psi: Motions without units that the rows with pivots allow, shape (n, motions).
-        closed: Largest relative residual, one of `guards.GUARD_CLOSED`.
-    """
-    return largest(dot(K, Psi)) / (closed * (1.0 + largest(Psi)))

@@ -1,27 +1,29 @@
 """Write the inverse model of one module: Eqs. (30)-(33) in the form of `hybridyn.idm`.
 
 It has two stages: outwards (motion and the forces of the core) and inwards (motor efforts and the base's
-wrench).
+wrench). Motor efforts solve B tau = Q, with the generalised force along each motion.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ...dynamics.guards import SINGULAR_MOTOR_MAP, UNDRIVEN
 from ...spatial import Array
-from .actuation import motor_efforts
+from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, motions_of, own_inertia, rank_guard
-from .expressions import Expression, along, dot, pack, zeros
-from .guards import trusted
+from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
+from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
+from .guards import Scale, squares, weighed
 from .legs import PlatformMotion, write_leg
 from .request import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
-from .static_elimination import Pivots
+from .static_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 
 
 def write_inverse(
@@ -49,8 +51,8 @@ def write_inverse(
     laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
     at = 6 + np.array(laws, dtype=int)
     b[at] = b[at] - received.take("laws", len(laws))
-    X, trust = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
-    guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust), X[:, 1:])
+    X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
+    guard = rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
     if balance:
         left = dot(X[:, 1:].T, b[6:])
         left[list(options.thin)] = _along_motions(core, plan, a)[list(options.thin)]
@@ -233,3 +235,129 @@ def write_inverse_legs(plan: Plan, n: int, options: Options) -> tuple[list[Stage
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     inputs = known | {"numbers": written.folding.symbol()} | given
     return cut([inputs], [outputs]), written.folding.table(len(group))
+
+
+def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivots | None:
+    """Choose the pivots of a module's motor map at generic positions of its spanning tree.
+
+    Args:
+        positions: Positions of its spanning tree, shape (samples, nq).
+        motors: Freedoms of the tree after the cuts that are driven and can move.
+
+    Returns:
+        The pivots; none if there are more motors than motions; None if the map is singular at most of the
+        positions, and so everywhere.
+    """
+    if not motors or len(motors) > plan.mechanism.mobility - len(plan.parts.spins):
+        return Pivots((), (), ())
+    m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
+    column, q = symbols("q", m.spanning.nq)
+    core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
+    X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
+    Psi, guard = X[:, 1 + len(parts.spins) :], squares(doubts)
+    columns: dict[int, Expression] = {}
+    for k, col in enumerate(parts.tree_v):
+        columns[int(col)] = Psi[k]
+    for n, group in enumerate(parts.groups):
+        for leg in group:
+            platform = core.platforms[leg.platform]
+            written = write_leg(
+                (leg,), q[leg.q], zeros(len(leg.v)), (zeros(6), zeros(6)), platform, loose, plan.leg_pivots[n]
+            )
+            guard = ca.fmax(guard, written.guard)
+            at = core.chain.columns_of(leg.platform + 1)
+            P = motion_map(core.chain, leg.platform + 1)[:, at]
+            for k, col in enumerate(leg.tree_v):
+                wrench = dot(P.T, written.wrench(written.X[k]))
+                columns[int(col)] = dot(Psi[np.array(at) - 6].T, wrench)
+    B = np.stack([columns[c] for c in motors], axis=1)
+    function = ca.Function("B", [column], [pack(B), guard])
+    maps = [function(x) for x in positions]
+    good = np.array(
+        [float(worst) <= GUARD_LIMIT for _, worst in maps]
+    )  # B is no better than what it comes from
+    samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
+    samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
+    size = np.abs(samples).max(axis=(0, 2))
+    size = np.where(
+        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
+    )  # motions without a motor: rounding
+    unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
+    size = np.where(
+        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
+    )  # of a motion that no motor drives: rounding
+    rows, cols = 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
+    s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
+    regular = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0)  # dead centres: zero maps
+    if np.median(regular) < SINGULAR_MOTOR_MAP:
+        return None
+    return choose_pivots(samples, len(motors), rows, cols)
+
+
+def motor_efforts(
+    B: Expression, Q: Expression, terms: tuple[Any, Array, Scale], share: Array, pivots: Pivots | None
+) -> tuple[Expression, Any]:
+    """Compute the efforts of a module's motors and the guard of the motor map.
+
+    Args:
+        B: Work of each motor along each motion, shape (N, motors).
+        Q: Required generalised force, shape (N,).
+        terms: The size of the terms of Q as work per scaled coordinate [N m], the unit of each motion,
+            shape (N,), and the scales of closure residuals.
+        share: Each motor's share of the load if there are more motors than motions, shape (motors,).
+        pivots: Pivots of B (`motor_pivots`); not read if there are more motors than motions.
+    """
+    N, motors = B.shape
+    if not motors:
+        return zeros(0), _undriven(Q, *terms)
+    if motors > N:
+        return _least_norm(B, Q, share)
+    if pivots is None:  # B is singular at every posture: the general path raises the error
+        return zeros(motors), ca.SX(np.inf)
+    X, doubts = solve(B, Q[:, None], pivots)
+    guard = squares(doubts)
+    if motors < N:
+        guard = guard + _undriven(Q - dot(B, X[:, 0]), *terms)
+    return X[:, 0], guard
+
+
+def _undriven(left: Expression, size: Any, units: Array, scale: Scale) -> Any:
+    """Return the guard of generalised forces that no motor can produce."""
+    if all(is_zero(x) for x in left):
+        return ca.SX(0.0)
+    limits = replace(scale, closed=min(scale.closed, UNDRIVEN))
+    return weighed([(left * units, 1.0)], limits.weight(size))
+
+
+def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
+    """Compute tau of least |tau / share| with B tau = Q by a Householder LQ factorisation of B share."""
+    N, motors = B.shape
+    A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
+    reflections: list[tuple[Expression, Any]] = []
+    R = zeros(N, N)
+    for k in range(N):
+        norm = ca.sqrt(ca.SX(along(A[k:, k], A[k:, k])))  # of plain numbers, too, where B is constant
+        signed = ca.if_else(A[k, k] < 0, norm, -norm)
+        h = A[k:, k].copy()
+        h[0] = h[0] - signed
+        scale = -1.0 / (signed * h[0])  # 2 / h'h, h'h = -2 signed h_0
+        reflections.append((h, scale))
+        R[k, k] = signed
+        for j in range(k + 1, N):
+            factor = times(scale, along(h, A[k:, j]))
+            A[k:, j] = A[k:, j] - [times(factor, x) for x in h]
+            R[k, j] = A[k, j]
+    y = zeros(motors)
+    for i in range(N):  # R^T y = Q
+        y[i] = (Q[i] - (along(R[:i, i], y[:i]) if i else 0.0)) / R[i, i]
+    for k in reversed(range(N)):
+        h, scale = reflections[k]
+        factor = times(scale, along(h, y[k:]))
+        y[k:] = y[k:] - [times(factor, x) for x in h]
+    small: Any = ca.SX(np.inf)
+    big: Any = ca.SX(0.0)
+    for k in range(N):
+        small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
+    tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
+    ratio = ca.if_else(big > 0, small / big, 0.0)  # fmax would ignore the NaN of 0 / 0
+    return tau, 2.0 - ratio / TRUSTED_PIVOT

@@ -35,7 +35,7 @@ from .expressions import (
     upper,
     zeros,
 )  # fmt: skip
-from .guards import Scale, trusted, weighed
+from .guards import Scale, squares, weighed
 from .parts import Leg, width_of
 from .rigid import Link, matrix_moved, to_parent
 from .static_elimination import Pivots, choose_pivots, solve
@@ -176,7 +176,7 @@ def write_leg(
     if rotation == "parallel":
         k[3:] = k[3:] + [along(cross(V[3:], R_s[:, i]), turning) for i in range(2)]
     right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
-    X, trust = solve(J, right, pivots)
+    X, doubts = solve(J, right, pivots)
     other = plus(platform.p, dot(platform.R, p_o))
     open_by = [
         (minus(other, point), scale.length),
@@ -186,7 +186,7 @@ def write_leg(
     opened = weighed(open_by, scale.weight_of_positions) + weighed(slipping, platform.rate_weight)
     if a is not None:
         opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
-    guard = trusted(trust) + (opened if scale.compared else 0.0)
+    guard = squares(doubts) + (opened if scale.compared else 0.0)
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], guard)
 
 

@@ -387,7 +387,9 @@ def _renumbered(links: list[Link], joints: list[int], number: dict[int, int]) ->
 def _columns(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
     """Return coordinates and freedoms of joints of the tree: `tree_q`, `tree_v`, and `q`, `v` (`Parts`)."""
     nothing = np.zeros(0, dtype=int)
-    tree, (q_of, v_of) = mechanism.tree, _spanning_columns(mechanism)
+    tree, cut = mechanism.tree, mechanism.cut
+    q_of, v_of = np.full(tree.nq, -1), np.full(tree.nv, -1)
+    q_of[cut.q_to], v_of[cut.v_to] = cut.q_from, cut.v_from
     tree_q = np.concatenate([nothing, *(np.arange(tree.nq)[tree.q_slices[j]] for j in joints)])
     tree_v = np.concatenate([nothing, *(np.arange(tree.nv)[tree.v_slices[j]] for j in joints)])
     return {"tree_q": tree_q, "tree_v": tree_v, "q": q_of[tree_q], "v": v_of[tree_v]}
@@ -405,19 +407,6 @@ def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
     """Return a closure's frames in the aligned axes of its bodies."""
     Ta, Tb = turns[c.body_a].T, turns[c.body_b].T
     return replace(c, R_a=Ta @ c.R_a, p_a=Ta @ c.p_a, R_b=Tb @ c.R_b, p_b=Tb @ c.p_b)
-
-
-def _spanning_columns(mechanism: Mechanism) -> tuple[Index, Index]:
-    """Return the index in the spanning tree of each coordinate and freedom of the tree, -1 for platforms."""
-    q, v = np.full(mechanism.tree.nq, -1), np.full(mechanism.tree.nv, -1)
-    for i, source in enumerate(mechanism.spec.tree_joint):
-        if source is not None:
-            for out, to, here in (
-                (q, mechanism.spanning.q_slices, mechanism.tree.q_slices),
-                (v, mechanism.spanning.v_slices, mechanism.tree.v_slices),
-            ):
-                out[here[i]] = np.arange(to[source].start, to[source].stop)
-    return q, v
 
 
 def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None:

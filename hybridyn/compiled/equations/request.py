@@ -335,17 +335,11 @@ def _usual(request: Request, k: int) -> tuple[float, ...]:
     carries = any(request.children(k, o) for o in range(len(m.spec.outputs)))
     if len(m.closures.row_slices) or m.spec.wrists or not carries:
         return ()
-    return tuple(_locked(request.robot)[module.v_index].tolist())
-
-
-def _locked(robot: HybridRobot) -> Array:
-    """Compute the largest inertia of each freedom, other joints locked, over some postures, shape (nv,)."""
-    data, rng = robot.unchanged_model.createData(), np.random.default_rng(0)
-    postures = [robot.home] + [
-        pin.integrate(robot.unchanged_model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
-    ]
-    out: Array = np.max([np.diag(pin.crba(robot.unchanged_model, data, q)) for q in postures], axis=0)
-    return out
+    model, home, rng = request.robot.unchanged_model, request.robot.home, np.random.default_rng(0)
+    data, nv = model.createData(), request.robot.nv
+    postures = [home] + [pin.integrate(model, home, rng.normal(size=nv)) for _ in range(7)]
+    locked = np.max([np.diag(pin.crba(model, data, q)) for q in postures], axis=0)
+    return tuple(locked[module.v_index].tolist())
 
 
 def _share(robot: HybridRobot, module: Module) -> Array:

@@ -34,27 +34,6 @@ class Pivots:
     sizes: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Trust:
-    """How far the pivots of an elimination can be trusted.
-
-    Attributes:
-        ratios: Absolute value of each pivot over its usual size.
-        doubts: Least trusted absolute value of each pivot over the pivot.
-    """
-
-    ratios: Expression
-    doubts: Expression
-
-    @property
-    def least(self) -> ca.SX:
-        """The smallest pivot over its usual size (1 if there is no pivot)."""
-        least = ca.SX(1.0)
-        for ratio in self.ratios:
-            least = ca.fmin(least, ratio)
-        return least
-
-
 def choose_pivots(
     samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE_PIVOT
 ) -> Pivots:
@@ -115,7 +94,7 @@ def _score(size: Array) -> Array:
     return np.asarray(score)
 
 
-def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Trust]:
+def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Expression]:
     """Solve K x = right for the pivots' unknowns in terms of the others.
 
     Args:
@@ -124,16 +103,15 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
 
     Returns:
         X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
-        trust: Trust in the pivots.
+        doubts: Least trusted size of each pivot over the pivot, of either sign (`guards.squares`).
     """
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols]
     W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
     rank = len(pivots.rows)
     inverses, _ = _eliminate(W)
-    ratios, doubts = zeros(rank), zeros(rank)
+    doubts = zeros(rank)
     for i in range(rank):
-        ratios[i] = ca.fabs(W[i, i]) / pivots.sizes[i]
         doubts[i] = times(TRUSTED_PIVOT * pivots.sizes[i], inverses[i])
     X = zeros(n, k + len(free))
     solved = _substitute(W, inverses)
@@ -141,7 +119,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
         X[c] = solved[i]
     for i, c in enumerate(free):
         X[c, k + i] = 1.0
-    return X, Trust(ratios, doubts)
+    return X, doubts
 
 
 def _eliminate(W: Expression) -> tuple[list[Any], Expression]:

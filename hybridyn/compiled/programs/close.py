@@ -28,13 +28,13 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
-from ..equations.arguments import ChosenNumbers
+from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
 from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
 from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack, zeros
-from ..equations.guards import GUARD_CLOSED, OTHER_STRUCTURE, largest, trusted
+from ..equations.guards import GUARD_CLOSED, largest, squares
 from ..equations.loops import dependent_pivots, shape_of, spanning_closures
 from ..equations.request import Request
-from ..equations.static_elimination import Pivots, Trust, solve
+from ..equations.static_elimination import TRUSTED_PIVOT, Pivots, solve
 from ..program import Program
 from .writer import ModuleWriter, alike
 
@@ -81,12 +81,12 @@ class LoopKernel:
 
     def step(
         self, K: Expression, residual: Expression, v: Expression
-    ) -> tuple[Expression, Expression, Trust]:
+    ) -> tuple[Expression, Expression, Expression]:
         """Compute a Newton step, and the rates that the independent ones of v cause, shapes (nv,)."""
         rates = self.independent(v)
-        X, trust = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), self.pivots)
+        X, doubts = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), self.pivots)
         rates[self.dependent] = X[self.dependent, 1]
-        return X[:, 0], rates, trust
+        return X[:, 0], rates, doubts
 
     def independent(self, v: Expression) -> Expression:
         """Return independent rates, zero for the others."""
@@ -210,10 +210,10 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
     m, tree = kernel.m, kernel.tree
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
     K, residual = kernel.rows(q)
-    step, v, trust = kernel.step(K, residual, v)
+    step, v, doubts = kernel.step(K, residual, v)
     drift, a = _drift(K, q_col, v, tree), kernel.independent(a)
     a[kernel.dependent] = solve(K, (-dot(K, a) - drift)[:, None], kernel.pivots)[0][kernel.dependent, 0]
-    guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
+    guard = ca.fmax(squares(doubts), largest(step / m.spanning_col_scale) / closed)
     if len(K) and (kernel.specs or len(K) > len(kernel.pivots.rows)):
         scale, unit = m.spanning_row_scale, m.spanning_col_scale
         speed = largest(v / unit)
@@ -279,7 +279,7 @@ def _lift(kernel: LoopKernel) -> Kernel:
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
     K, residual = kernel.rows(by_joint(tree, moved_joint, q_0, xi, positions=1))
-    step, rates, trust = kernel.step(K, residual, v)
+    step, rates, doubts = kernel.step(K, residual, v)
     independent[kernel.dependent] = 0.0
     outputs = [
         pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
@@ -288,7 +288,7 @@ def _lift(kernel: LoopKernel) -> Kernel:
         pack(by_joint(tree, displacement_rate, xi, rates)),
         pack(independent),
         largest(step / m.spanning_col_scale),
-        trust.least,
+        ca.fmin(1.0, TRUSTED_PIVOT / largest(doubts)),
         largest(residual * m.spanning_row_scale),
     ]
     return kernel.kernel("lift", [q_col, xi_col, v_col], outputs)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..equations.actuation import motor_pivots
-from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
+from ..equations.inverse import LEG_WRENCHES, motor_pivots, write_inverse, write_inverse_legs
 from ..equations.request import Options, Request, balance_options, inverse_options
 from ..equations.static_elimination import Pivots
 from ..program import Program, Shared

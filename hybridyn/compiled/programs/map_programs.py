@@ -24,7 +24,7 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
 from ..equations.expressions import Expression, pack, symbols
-from ..equations.guards import GUARD_CLOSED, largest, trusted
+from ..equations.guards import GUARD_CLOSED, largest, squares
 from ..equations.request import Request
 from ..equations.states import moving_states
 from ..equations.static_elimination import solve
@@ -167,9 +167,9 @@ def _followed(
     kernel: LoopKernel, K: Expression, residual: Expression, wanted: list[int]
 ) -> tuple[Expression, Any, Expression]:
     """Return a Newton step, the guard of its pivots, and rates of wanted freedoms over the given ones."""
-    X, trust = solve(K, -residual[:, None], kernel.pivots)
+    X, doubts = solve(K, -residual[:, None], kernel.pivots)
     free = [c for c in range(K.shape[1]) if c not in kernel.dependent]
-    return X[:, 0], trusted(trust), X[np.ix_(wanted, [1 + free.index(a) for a in kernel.given])]
+    return X[:, 0], squares(doubts), X[np.ix_(wanted, [1 + free.index(a) for a in kernel.given])]
 
 
 def _freedoms(module: Module, side: Side) -> list[int]:

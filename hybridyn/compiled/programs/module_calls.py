@@ -16,10 +16,9 @@ from ...errors import ModelError
 from ...spatial import Index
 from ...structure.module import Module
 from ...structure.samples import UNIT
-from ..equations.arguments import ChosenNumbers
+from ..equations.arguments import ChosenNumbers, decided_alike
 from ..equations.coefficients import slots_of
 from ..equations.expressions import dot, pack, plain, symbols
-from ..equations.guards import decided_alike
 from ..equations.parts import Leg
 from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix

@@ -26,10 +26,10 @@ from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
 from ...equations.displacement import by_joint, joint_difference, moved_joint, position_rate
 from ...equations.expressions import Expression, Folding, dot, is_zero, pack, plus, symbols, unpack, zeros
-from ...equations.guards import GUARD_CLOSED, Scale, largest, trusted, weighed
+from ...equations.guards import GUARD_CLOSED, Scale, largest, squares, weighed
 from ...equations.parts import Spin
 from ...equations.states import generic_positions, seen_postures
-from ...equations.static_elimination import Pivots, Trust, choose_pivots, largest_solutions, solve
+from ...equations.static_elimination import Pivots, choose_pivots, largest_solutions, solve
 from ..close import Kernel
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
@@ -220,9 +220,9 @@ class ModuleKernels:
         trees, places = self.u.with_arguments, self.u.places_with_arguments
         return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v)
 
-    def _guard(self, trust: Trust, rows: Rows) -> Any:
+    def _guard(self, doubts: Expression, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
-        guard = trusted(trust)
+        guard = squares(doubts)
         for cosine in rows.upright:
             guard = ca.fmax(guard, ca.if_else(cosine > 0.0, 0.0, 2.0))
         return guard
@@ -232,14 +232,14 @@ class ModuleKernels:
         size = step[self.u.free] / self.e.unit[self.u.free]
         return ca.SX(largest(size[: self.u.own])), ca.SX(largest(size[self.u.own :]))
 
-    def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Trust]:
+    def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Expression]:
         """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k).
 
         Spins, which the rows leave open, are added with what they move until x is orthogonal to them.
         """
         k, spins = right.shape[1], [spin.col for spin in self.u.spins]
         out = zeros(self.e.tree.nv, k)
-        solved, trust = solve(rows.K[:, [*self.u.free, *spins]], right, self.pivots)
+        solved, doubts = solve(rows.K[:, [*self.u.free, *spins]], right, self.pivots)
         out[self.u.free] = solved[: len(self.u.free), :k]
         for i, spin in enumerate(self.u.spins):
             share = -spin.axis[spin.main] * dot(spin.share, out[list(spin.cols)])
@@ -247,11 +247,11 @@ class ModuleKernels:
             out[self.u.free] = plus(
                 out[self.u.free], dot(solved[: len(self.u.free), k + i][:, None], share[None])
             )
-        return out, trust
+        return out, doubts
 
     def _newton(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a Newton step, no longer than `LONGEST_STEP`."""
-        step, trust = self._solved(rows, -rows.residual[:, None])
+        step, doubts = self._solved(rows, -rows.residual[:, None])
         size, wrist = self._sizes(step[:, 0])
         factor = ca.fmin(1.0, LONGEST_STEP / ca.fmax(ca.fmax(size, wrist), 1e-300))
         limited = np.array([0.0 if is_zero(x) else factor * x for x in step[:, 0]], dtype=object)
@@ -260,7 +260,7 @@ class ModuleKernels:
         far = ca.SX(sum((x * x for x in own if not is_zero(x)), ca.SX(0.0)))
         outputs = [*self.u.outside([moved[at] for at in self.e.tree.q_slices]), size, wrist, far]
         inputs = [*self.u.symbols("q_0", "p_0", "g"), folding.symbol()]
-        return ca.Function("newton", inputs, [*outputs, ca.SX(trusted(trust))])
+        return ca.Function("newton", inputs, [*outputs, ca.SX(squares(doubts))])
 
     def _settle(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a last step and of the rates before it."""
@@ -270,14 +270,14 @@ class ModuleKernels:
         rate[given], acceleration[given] = g_dot[: len(given)], g_ddot[: len(given)]
         wanted = self._wanted(rows, g_dot[len(given) :])
         right = np.stack([-rows.residual, wanted - dot(rows.K, rate)], axis=1)
-        solved, trust = self._solved(rows, right)
+        solved, doubts = self._solved(rows, right)
         step, rate = solved[:, 0], rate + solved[:, 1]
         drift = self._drift(rows.rates, z, rate)
         wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift
         solved, _ = self._solved(rows, (wanted_dot - dot(rows.K, acceleration))[:, None])
         acceleration = acceleration + solved[:, 0]
         moved = by_joint(self.e.tree, moved_joint, np.concatenate([zeros(0), *z]), step, positions=1)
-        guard = ca.fmax(self._guard(trust, rows), self._bounded(rate, given, wanted))
+        guard = ca.fmax(self._guard(doubts, rows), self._bounded(rate, given, wanted))
         left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - wanted_dot
         guard = ca.fmax(guard, self._kept(left, (rate, acceleration)))
         outputs = [
@@ -353,10 +353,10 @@ class ModuleKernels:
         off = by_joint(tree, joint_difference, *both, positions=2)
         own = self.u.free[: self.u.own]
         J, J_there = (K[: self.u.loops, own] for K in (here.K, there.K))
-        solved, trust = solve(J, J_there - J, self._own_pivots)
+        solved, doubts = solve(J, J_there - J, self._own_pivots)
         unit = self.e.unit[own]
         turned = solved[:, : len(own)] * unit / unit[:, None]
-        outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(trusted(trust))]
+        outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(squares(doubts))]
         names = ("q_0", "p_0", "g_0", "q_1", "p_1", "q_2", "p_2", "g")
         return ca.Function("branch", [*self.u.symbols(*names), folding.symbol()], outputs)
 

@@ -18,10 +18,10 @@ import numpy as np
 from ....dynamics.quantities.engine import TURNING
 from ....errors import SingularityError
 from ....linkage.joints import NV
-from ...equations.actuation import motor_pivots
 from ...equations.direct import write_direct, write_direct_legs
 from ...equations.expressions import Expression, cross, dot, eye, pack, symbols, zeros
-from ...equations.guards import trusted
+from ...equations.guards import squares
+from ...equations.inverse import motor_pivots
 from ...equations.static_elimination import Pivots, solve
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
@@ -186,8 +186,8 @@ class MotorMotion:
 def _inverted(n: int, pivots: Pivots) -> ca.Function:
     """Return the inverse of Psi_m, which is given column by column, and its guard."""
     column, B = matrix("B", n, n)
-    inverse, trust = solve(B, eye(n), pivots)
-    return ca.Function("inverted", [column], [pack(inverse.ravel()), pack(-B.T.ravel()), trusted(trust)])
+    inverse, doubts = solve(B, eye(n), pivots)
+    return ca.Function("inverted", [column], [pack(inverse.ravel()), pack(-B.T.ravel()), squares(doubts)])
 
 
 def brackets(kinds: tuple[str, ...], v: Expression, e: Expression) -> Expression:
