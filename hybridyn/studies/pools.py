@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -80,6 +80,11 @@ class Pool:
                     result = future.result()
                     given.remove(tasks.pop(future))
                     yield result
+        except CancelledError:
+            raise HybridynError(
+                "the executor cancelled its tasks, as Dask does when its scheduler has gone: start it again, "
+                "and continue with resume=True"
+            ) from None
         except Exception as error:
             if not isinstance(error, BrokenExecutor) and type(error).__name__ != OF_DASK:
                 raise

@@ -233,6 +233,28 @@ def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) ->
     assert state.restarts > 0
 
 
+def test_a_scheduler_that_goes_away_is_one_line_and_loses_nothing(folder: Path, here: Any) -> None:
+    """Dask's executor cancels what it was given then."""
+
+    class Gone(Here):
+        def submit(self, function: Callable[..., Any], /, *task: Any, **words: Any) -> Future[Any]:
+            future = super().submit(function, *task, **words)
+            if task[1].start < 3:
+                return future
+            gone: Future[Any] = Future()
+            gone.cancel()
+            gone.set_running_or_notify_cancel()
+            return gone
+
+    here(Pool(2, lambda: Gone(lambda *_: False)))
+    study = written("method = 'grid'")
+    said = "the executor cancelled its tasks, as Dask does when its scheduler has gone"
+    refused(lambda: hybridyn.sweep(study, "out"), hybridyn.HybridynError, said)
+    done = len(rows_of("out")["design"])
+    here(pool_here())
+    assert hybridyn.sweep(study, "out", resume=True).now == 6 - done
+
+
 def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     study = written("method = 'grid'")
     hybridyn.sweep(study, "out")
